@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from lingjing.analysis.messages import AdmittedMessage, admitted
-from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
+from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from PIL import Image, ImageDraw
 
 from lingjing.analysis.played_city import city_of, credit
-from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, Entity, Instance
+from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Box, FrameInfo, Snapshot
 

@@ -23,12 +23,12 @@ from msgspec.structs import replace
 from lingjing.analysis.messages import admitted_at, categories_of
 from lingjing.kernel.assignments import point
 from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
-from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
 from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
 from lingjing.plugins.decisions import PHOTO
+from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
 Emitted = tuple[str, tuple[str, ...]]

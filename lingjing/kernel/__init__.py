@@ -16,7 +16,7 @@ In the order of control:
   the start;
 - `stocks` reads declared states from an engine's resources (`p.demand`);
 - `visibility` projects what an agent may see (ProjectVisible) and may know (the brief); `event_visibility` decides
-  which events are told to whom;
+  which events are told to whom, `rule_sentences` says what the rules are;
 - `context` is what expressions are evaluated on, `facts` the functions that only a running mission answers, `rules`
   the evaluation of expressions;
 - `adjudication` latches rules as events (Adjudicate), `constraints` checks what must always hold, `stages` times

@@ -9,7 +9,6 @@ so a dead entity's are refused here.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 
 import msgspec
@@ -21,7 +20,7 @@ from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
-from lingjing.plugins.decisions import PHOTO
+from lingjing.plugins.decisions import PHOTO, altitude_band, argument_bounds
 from lingjing.trace.records import Action, Command, Receipt
 
 PREEMPTING = "stop"
@@ -200,6 +199,12 @@ class CommandValidator:
         )
 
 
+def reachable(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Where a command may send somebody: the city's bounds with `MARGIN_M` around."""
+    west, south, east, north = bounds
+    return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M
+
+
 def camera_of(entity: Entity, arguments: Mapping[str, Datum]) -> str:
     """The camera a `takePhoto` means: the one it names, else the first mount."""
     name = arguments.get("camera")
@@ -268,17 +273,14 @@ def _clip(
 
 
 def _limits(verb: VerbSpec, spec: ArgumentSpec, entity: Entity, registry: Registry) -> tuple[float, float]:
-    """Bounds of one argument: the declared ones, tightened by the altitude band where the verb changes elevation."""
-    low = -math.inf if spec.minimum is None else spec.minimum
-    high = math.inf if spec.maximum is None else spec.maximum
-    floor, ceiling = entity.properties.get("band_low_m"), entity.properties.get("band_high_m")
-    if not isinstance(floor, int | float) or not isinstance(ceiling, int | float):
+    """Bounds of one argument at its entity's present elevation: `up` and `down` end at the altitude band."""
+    low, high = argument_bounds(spec, entity.properties)
+    band = altitude_band(entity.properties)
+    if band is None:
         return low, high
-    if spec.name in ("z", "altitude"):
-        return max(low, float(floor)), min(high, float(ceiling))
     height = registry.states[entity.id].position[2]
     if verb.name == "up":
-        return low, max(0.0, min(high, ceiling - height))
+        return low, max(0.0, min(high, band[1] - height))
     if verb.name == "down":
-        return low, max(0.0, min(high, height - floor))
+        return low, max(0.0, min(high, height - band[0]))
     return low, high

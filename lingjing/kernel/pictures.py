@@ -78,6 +78,7 @@ def seen(frame: StoredFrame, *, blank: bool = False) -> Picture:
         rgb=rgb,
         depth=depth,
         semantic=semantic,
+        jpeg=b"" if blank else frame.jpeg,
     )
 
 

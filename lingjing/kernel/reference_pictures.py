@@ -16,11 +16,8 @@ import msgspec
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.plugins.engine import CaptureRequest
-from lingjing.plugins.policy import Picture
+from lingjing.plugins.policy import REFERENCE, Picture
 from lingjing.trace.records import Absent, CameraPose
-
-CAMERA = "reference"
-"""The camera's name in frames that are reference pictures."""
 
 DISTANCE_M, HEIGHT_M, TILT_DEG, HFOV_DEG = 24.0, 4.0, 0.0, 75.0
 WIDTH, HEIGHT = 1280, 720
@@ -49,7 +46,7 @@ class ReferencePictures:
             CaptureRequest(
                 frame=f"r{tick}-{name}",
                 entity=name,
-                camera=CAMERA,
+                camera=REFERENCE,
                 tick=tick,
                 time_s=time_s,
                 pose=_in_front_of(self._entities[name]),
@@ -62,17 +59,17 @@ class ReferencePictures:
         return tuple(
             replace(picture, pose=_NOWHERE)
             for picture in pictures
-            if picture.camera == CAMERA and agent.role in self._roles.get(picture.entity, ())
+            if picture.camera == REFERENCE and agent.role in self._roles.get(picture.entity, ())
         )
 
     def missed_by(self, agent: AgentSpec, absent: Sequence[Absent]) -> tuple[Absent, ...]:
         """Reference pictures that the agent's role should have been shown and that did not come."""
-        return tuple(one for one in absent if one.camera == CAMERA and agent.role in self._roles.get(one.entity, ()))
+        return tuple(one for one in absent if one.camera == REFERENCE and agent.role in self._roles.get(one.entity, ()))
 
 
 def is_reference(frame: StoredFrame) -> bool:
     """Whether a frame is a reference picture."""
-    return frame.info.camera == CAMERA
+    return frame.info.camera == REFERENCE
 
 
 def _in_front_of(entity: Entity) -> CameraPose:

@@ -123,7 +123,7 @@ class Kernel:
         self._router = MessageRouter(instance)
         self._validator = CommandValidator(instance, city.bounds)
         self._adjudicator = Adjudicator(instance)
-        self._projector = Projector(instance, policy_seed)
+        self._projector = Projector(instance, policy_seed, city)
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)

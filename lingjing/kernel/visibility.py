@@ -9,11 +9,14 @@ sensor or an admitted message makes the difference.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import msgspec
 
+from lingjing.kernel.commands import reachable
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.registry import Registry
+from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
@@ -41,10 +44,12 @@ RESOURCES, ROUTE, BUSY, ALL = "resources", "route", "busy", "*"
 
 
 class Projector:
-    """The projection of one instance; holds no run-time state. Policies' random streams start from `policy_seed`."""
+    """The projection of one instance; holds no run-time state. Policies' random streams start from `policy_seed`;
+    without a `city` nothing is said of its bounds and roads."""
 
-    def __init__(self, instance: Instance, policy_seed: int = 0) -> None:
+    def __init__(self, instance: Instance, policy_seed: int = 0, city: City | None = None) -> None:
         self._instance = instance
+        self._city = city
         self._policy_seed = policy_seed
         self._entities = {entity.id: entity for entity in instance.entities}
         self._event_visibility = EventVisibility(instance)
@@ -78,7 +83,18 @@ class Projector:
             weather=self._schedule.weather(0.0),
             water_level_m=instance.scene.datum_m,
             settings=dict(instance.settings),
+            rules=self._rules,
+            bounds=None if self._city is None else reachable(self._city.bounds),
+            payload_bytes=instance.comms.payload_bytes,
+            delay_ticks=instance.comms.delay_ticks,
+            range_m=instance.comms.range_m,
+            loss=instance.comms.loss,
+            road_network="" if self._city is None else self._city.network,
         )
+
+    @cached_property
+    def _rules(self) -> tuple[str, ...]:
+        return rule_sentences(self._instance)
 
     def observe(
         self,

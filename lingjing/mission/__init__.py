@@ -6,7 +6,8 @@ Modules in the order a mission passes them:
 - `expression`, `model`: the typed graph `Mission`, a template that still holds parameters, modes and seeded draws.
 - `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
-  `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
+  `feasibility.needs` (what must have happened), the kernel's rules and `condition_words` (conditions in plain
+  words, and the bounds they set).
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
   data; `kinds_file`: a plug-in's file of it, checked.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
@@ -23,7 +24,7 @@ Modules in the order a mission passes them:
   and limits, its texts. `trial`: what playing would refuse, found without playing.
 - `settings`: values of parameters as people write them. `schedule`: the weather at a time, and who is there.
 - `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
-- `wording`: holes in texts, and values in words.
+- `wording`: holes in texts, and values in words. `instance_text`: expressions of an instance as text.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.

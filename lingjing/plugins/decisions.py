@@ -11,7 +11,8 @@ Numbers beyond the bounds of an argument are clipped by the kernel and so no fau
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from typing import Any
 
@@ -19,7 +20,7 @@ import msgspec
 
 from lingjing.mission.faults import faults_of
 from lingjing.mission.model import Field
-from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
+from lingjing.plugins.policy import ArgumentSpec, Brief, Datum, Decision, MessageSpec, Resource, VerbSpec
 
 REACH_M = 1.0e7
 """No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
@@ -33,6 +34,9 @@ PHOTO = "takePhoto"
 
 FAULTS_TOLD = 20
 """So many faults of one answer are told at most."""
+
+ELEVATIONS = ("z", "altitude")
+"""Arguments that are an elevation, which the altitude band bounds."""
 
 JsonSchema = dict[str, object]
 
@@ -119,6 +123,25 @@ def recipients(brief: Brief, message: MessageSpec) -> tuple[str, ...]:
     return tuple(peer.id for peer in brief.peers if everyone or peer.role in message.recipients)
 
 
+def altitude_band(properties: Mapping[str, Datum]) -> tuple[float, float] | None:
+    """The lowest and the highest elevation of what has such a band, metres."""
+    low, high = properties.get("band_low_m"), properties.get("band_high_m")
+    if not isinstance(low, int | float) or not isinstance(high, int | float):
+        return None
+    return float(low), float(high)
+
+
+def argument_bounds(spec: ArgumentSpec, properties: Mapping[str, Datum]) -> tuple[float, float]:
+    """Within what the kernel clips an argument: its declared bounds, an elevation also to the altitude band.
+
+    What `up` and `down` may still rise and sink to the band depends on where the resource is.
+    """
+    low = -math.inf if spec.minimum is None else spec.minimum
+    high = math.inf if spec.maximum is None else spec.maximum
+    band = altitude_band(properties) if spec.name in ELEVATIONS else None
+    return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
+
+
 def _heard(brief: Brief, message: MessageSpec) -> bool:
     if brief.hub == brief.agent:
         return bool(recipients(brief, message))
@@ -145,15 +168,15 @@ def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec) -> JsonSch
     if spec.unit == "name":
         photo = verb.name == PHOTO and spec.name == "camera"
         return {"type": "string", "enum": [camera.name for camera in resource.cameras]} if photo else {"type": "string"}
-    bounds = f"clipped to {_bound(spec.minimum)}..{_bound(spec.maximum)}"
-    bounded = spec.minimum is not None or spec.maximum is not None
-    words = ", ".join(part for part in (spec.unit, bounds if bounded else "") if part)
+    low, high = argument_bounds(spec, resource.properties)
+    bounds = f"clipped to {_bound(low)}..{_bound(high)}" if math.isfinite(low) or math.isfinite(high) else ""
+    words = ", ".join(part for part in (spec.unit, bounds) if part)
     schema: JsonSchema = {"type": "number", "minimum": -REACH_M, "maximum": REACH_M}
     return {**schema, "description": words} if words else schema
 
 
-def _bound(value: float | None) -> str:
-    return "" if value is None else f"{value:g}"
+def _bound(value: float) -> str:
+    return f"{value:g}" if math.isfinite(value) else ""
 
 
 def _message(brief: Brief, message: MessageSpec) -> JsonSchema:
@@ -169,9 +192,52 @@ def _message(brief: Brief, message: MessageSpec) -> JsonSchema:
     return _object(properties, tuple(properties))
 
 
+def field_values(brief: Brief, field: Field) -> str:
+    """In words, what a field of a message may hold and who understands what; every kind of field has such words.
+
+    The kernel admits any name: that these are the ones that mean something is for whoever reads the message.
+    """
+    if field.type == "number":
+        low, high = field.minimum, field.maximum
+        bounds = [f"at least {low:g}"] * (low is not None) + [f"at most {high:g}"] * (high is not None)
+        return ", ".join(part for part in ("a number", *bounds, field.unit) if part)
+    if field.type in ("name", "names"):
+        told = _NAMED.get(field.name.removesuffix("s") if field.type == "names" else field.name)
+        known = told(brief) if told else ()
+        many = "a list, each " if field.type == "names" else ""
+        return f"{many}one of {', '.join(known)}" if known else f"{many}{_FREE.get(field.name, 'a short word')}"
+    return _MEANT[field.type]
+
+
+def _bodies(brief: Brief) -> tuple[str, ...]:
+    """Whoever something can be assigned to: the agents, then what they command."""
+    agents = (brief.agent, *(peer.id for peer in brief.peers))
+    held = (*(one.id for one in brief.resources), *(name for peer in brief.peers for name in peer.resources))
+    return tuple(dict.fromkeys((*agents, *held)))
+
+
+_NAMED: dict[str, Callable[[Brief], tuple[str, ...]]] = {
+    "class": lambda brief: brief.classes,
+    "assignee": _bodies,
+    "cell": lambda brief: tuple(cell.name for cell in brief.cells),
+}
+_FREE = {
+    "stop": "id of a place among the entities you observe",
+    "stops": "id of a place among the entities you observe, in the order of the tour",
+    "step": "verb of the assignee's next command, such as forward, left, right or stop",
+}
+_MEANT = {
+    "text": "a text",
+    "frame": "id of a picture that was taken, such as you were given it",
+    "flag": "true or false",
+    "position": "[east, north] or [east, north, elevation], m",
+    "box": "[x_min, y_min, x_max, y_max] of the whole picture, each 0 to 1, x to the right, y down, min < max",
+}
+
+
 def _field(brief: Brief, field: Field) -> JsonSchema:
-    if field.name == "class" and field.type == "name" and brief.classes:
-        return {**_FIELDS["name"], "description": f"one of {', '.join(brief.classes)}"}
+    if field.name in _NAMED and field.type == "name" and _NAMED[field.name](brief):
+        return {**_FIELDS["name"], "description": field_values(brief, field)}
     if field.type == "number":
         bounds = {"minimum": field.minimum, "maximum": field.maximum, "description": field.unit or None}
         return {"type": "number", **{key: value for key, value in bounds.items() if value is not None}}
@@ -221,4 +287,7 @@ def _message_completed(message: object) -> object:
     return {**whole, "body": _without_null(whole["body"])}
 
 
-__all__ = ["DecisionFormat", "JsonSchema", "decision_schema", "recipients", "sendable"]
+__all__ = [
+    "DecisionFormat", "JsonSchema", "altitude_band", "argument_bounds", "decision_schema", "field_values", "recipients",
+    "sendable",
+]  # fmt: skip

@@ -53,6 +53,10 @@ if TYPE_CHECKING:
     from lingjing.plugins.options import PluginOptions
 
 
+REFERENCE = "reference"
+"""The camera's name in reference pictures (`reveal image(target) to role`), which are shown once, at boundary 0."""
+
+
 class Resource(msgspec.Struct, frozen=True, kw_only=True):
     """Something the agent may command: its type, action schema and camera mounts. `embodied` if it controls it;
     `properties` are the public ones (SI units), such as `speed_mps` and `band_low_m`, `band_high_m`."""
@@ -77,7 +81,13 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """All an agent is told at reset. `seed` starts the policy's own random stream and
     says nothing about the instance's; `classes` are the names a
     report's `class` may have; `water_level_m` is the elevation of the scene's water surface; `weather` is that of
-    boundary 0."""
+    boundary 0.
+
+    `rules` says in sentences how the mission is won and what counts, without a hidden value. A command may send a body
+    to places within `bounds` (west, south, east, north in metres; None: anywhere). A message of at most `payload_bytes`
+    arrives `delay_ticks` after it was sent, at agents whose bodies are within `range_m` (None: at any distance), and is
+    lost with probability `loss`. `road_network` is the file of the roads (`lingjing.plugins.roads` reads it) or "".
+    """
 
     agent: str
     role: str
@@ -98,11 +108,18 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     weather: Weather
     water_level_m: float
     settings: dict[str, float] = {}
+    rules: tuple[str, ...] = ()
+    bounds: tuple[float, float, float, float] | None = None
+    payload_bytes: int = 4000
+    delay_ticks: int = 1
+    range_m: float | None = None
+    loss: float = 0.0
+    road_network: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A stored picture as the policy receives it: `rgb` is the decoded JPEG, (height, width, 3) uint8; `depth`
+    """A stored picture as the policy receives it: `rgb` is the decoded `jpeg`, (height, width, 3) uint8; `depth`
     (height, width) float32 metres along the optical axis in whole centimetres, inf where nothing is hit; `semantic`
     (height, width) uint8 class ids, without what is hidden. No ground truth."""
 
@@ -115,6 +132,7 @@ class Picture:
     rgb: npt.NDArray[np.uint8]
     depth: npt.NDArray[np.float32] | None = None
     semantic: npt.NDArray[np.uint8] | None = None
+    jpeg: bytes = b""
 
 
 class Privileged(msgspec.Struct, frozen=True, kw_only=True):
@@ -208,9 +226,9 @@ class PolicyPlugin:
 
 
 __all__ = [
-    "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec", "Cell", "CellView", "City",
-    "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo", "Inbox",
-    "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation", "Outgoing",
-    "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "TaskEvent",
-    "Usage", "UsageError", "Vector", "VerbSpec", "Weather",
+    "REFERENCE", "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec", "Cell",
+    "CellView", "City", "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo",
+    "Inbox", "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation",
+    "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route",
+    "TaskEvent", "Usage", "UsageError", "Vector", "VerbSpec", "Weather",
 ]  # fmt: skip

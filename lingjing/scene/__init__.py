@@ -7,6 +7,7 @@ In the order in which an episode meets them:
 - `districts`   procedural towns by seed and options, one district or all of them as a wide city
 - `osm`         OpenStreetMap data → a city in a folder (`lingjing scene build`; scene kind `map`)
 - `network`     nodes and edges, or a map, → SUMO's road network in world metres, and its roads back as pieces
+- `road_map`    the same as a graph, for policies that plan ways
 - `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → read near a place, lazily
 - `atomic_folder` where writers write, so that a city or network appears whole or not at all
 - `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`

@@ -158,7 +158,7 @@ def read_roads(path: str | Path) -> tuple[tuple[Road, ...], tuple[Junction, ...]
     roads: list[Road] = []
     junctions: list[Junction] = []
     try:
-        for element in _elements(Path(path)):
+        for element in elements_of(Path(path), ("edge", "junction")):
             if element.tag == "edge" and element.get("function", "normal") == "normal":
                 roads.append(_road(element))
             elif element.tag == "junction" and element.get("type") != "internal":
@@ -317,15 +317,16 @@ def _edge_lines(edge: StreetEdge, places: Mapping[str, Vector]) -> Iterator[str]
     yield "</edge>"
 
 
-def _elements(path: Path) -> Iterator[Element]:
-    """Edges and junctions one by one; what has been read is dropped, so that a large net needs no memory."""
+def elements_of(path: Path, tags: Sequence[str]) -> Iterator[Element]:
+    """A net's elements with these tags one by one; what has been read is dropped, so that a large net needs no
+    memory."""
     with path.open("rb") as file:
         events = iterparse(file, events=("start", "end"))  # noqa: S314 - written by netconvert
         _, root = next(events)
         if root.tag != "net":
             raise ValueError(f"it begins with <{root.tag}>")
         for event, element in events:
-            if event == "end" and element.tag in ("edge", "junction"):
+            if event == "end" and element.tag in tags:
                 yield element
                 root.clear()
 
@@ -351,6 +352,15 @@ def _lane(element: Element) -> Lane:
         width_m=float(element.get("width", SUMO_LANE_WIDTH_M)),
         kind=_lane_kind(element.get("allow"), element.get("disallow", "")),
     )
+
+
+def car_lanes(edge: Element) -> list[tuple[tuple[Vector, ...], float, float]]:
+    """Shape, length (m) and permitted speed (m/s) of an edge's lanes that cars may use, from right to left."""
+    return [
+        (_points(lane.get("shape", "")), float(lane.get("length", "0")), float(lane.get("speed", "13.9")))
+        for lane in edge.findall("lane")
+        if _lane_kind(lane.get("allow"), lane.get("disallow", "")) == "car"
+    ]
 
 
 def _lane_kind(allow: str | None, disallow: str) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lingjing.dsl.pages.words import ConditionWords
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.certain import Nothing, truth
+from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.values import Value
 
@@ -20,7 +20,7 @@ HEADS = ("Event", "Made true by", "Bounds", "In words")
 def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
     """A row for each rule, then for what the missions' targets offer: what an engine performs once it is allowed."""
     printer = Printer(mission)
-    words = ConditionWords(printer.phrases)
+    words = ConditionWords(printer.phrases.text, printer.phrases.declared())
     for rule in mission.rules:
         over = ", ".join(parameter.domain for parameter in rule.parameters)
         by = "a report" if rule.matching else "the kernel"

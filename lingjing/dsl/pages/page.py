@@ -10,10 +10,10 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from lingjing.dsl.pages.judging import interactions
-from lingjing.dsl.pages.words import ConditionWords
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.draw.mermaid import mermaid
 from lingjing.mission.graph import graph
 
@@ -47,7 +47,7 @@ class _Page:
         self.mission = mission
         self.graph_picture = graph_picture
         self.printer = Printer(mission)
-        self.words = ConditionWords(self.printer.phrases)
+        self.words = ConditionWords(self.printer.phrases.text, self.printer.phrases.declared())
 
     def glance(self) -> Iterator[str]:
         """What a reader wants to know first."""

@@ -93,6 +93,11 @@ class Phrases:
         """The expression; in brackets if it binds looser than `rank`."""
         return self._writers[type(node)](node, rank, names or {})
 
+    def declared(self) -> dict[tuple[str, str], str]:
+        """The declared properties as they are written, by (group, property)."""
+        groups = self.groups.values()
+        return {(group.name, prop.name): self.text(prop.value) for group in groups for prop in group.properties}
+
     def dimension(self, node: ex.Expr, names: LocalNames | None = None) -> Dimension | None:
         """The dimension of a quantity; None if it is none, or cannot be told."""
         if isinstance(node, ex.Number):

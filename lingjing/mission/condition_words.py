@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import msgspec
 
-from lingjing.dsl.printing.phrases import Phrases
 from lingjing.mission import expression as ex
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
 from lingjing.mission.functions import Operation, operation
@@ -25,13 +24,16 @@ class _Said(msgspec.Struct, frozen=True):
 
 
 class ConditionWords:
-    """Puts the conditions of one mission into words: a reading whose world is the list of the bounds met so far, and
-    whose bound names are the groups they range over."""
+    """Puts conditions into words: a reading whose world is the list of the bounds met so far, and whose bound names are
+    the groups they range over.
 
-    def __init__(self, phrases: Phrases) -> None:
-        self.phrases = phrases
-        groups = phrases.groups.values()
-        self._declared = {(group.name, prop.name): prop.value for group in groups for prop in group.properties}
+    `text` writes what has no words of its own; `declared` are the values, as they are written, of the properties of
+    groups, by (group, property).
+    """
+
+    def __init__(self, text: Callable[[ex.Expr], str], declared: Mapping[tuple[str, str], str]) -> None:
+        self._text = text
+        self._declared = declared
 
     def sentence(self, condition: ex.Expr) -> str:
         """The condition as a sentence without a full stop, in the order in which it is written."""
@@ -55,7 +57,7 @@ class ConditionWords:
 
     def field(self, node: ex.Attr, base: Meaning) -> Meaning:
         """As it is written; of what has words of its own, those."""
-        text, owner = self.phrases.text(node), node.base
+        text, owner = self._text(node), node.base
 
         def said(names: Mapping[str, str], found: list[str]) -> _Said:
             told: _Said = base(names, found)
@@ -63,13 +65,13 @@ class ConditionWords:
                 return _Said(told.words, text)
             group = names.get(owner.name, owner.name) if isinstance(owner, ex.Ref) else ""
             value = self._declared.get((group, node.name))
-            return _Said(f"`{text}`", text if value is None else self.phrases.text(value))
+            return _Said(f"`{text}`", text if value is None else value)
 
         return said
 
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         """By the table of functions; what has no words there as it is written."""
-        text, done, shape = self.phrases.text(node), operation(node), _shape(node, len(operands))
+        text, done, shape = self._text(node), operation(node), _shape(node, len(operands))
 
         def said(names: Mapping[str, str], found: list[str]) -> _Said:
             parts = [operand(names, found) for operand in operands]
@@ -82,7 +84,7 @@ class ConditionWords:
 
     def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
         """For every, for some, the number of."""
-        text, whom = self.phrases.text(node), f"{node.domain} `{node.variable}`"
+        text, whom = self._text(node), f"{node.domain} `{node.variable}`"
 
         def said(names: Mapping[str, str], found: list[str]) -> _Said:
             inner = body({**names, node.variable: node.domain}, found).words
@@ -95,7 +97,7 @@ class ConditionWords:
         return said
 
     def _written(self, node: ex.Expr) -> Meaning:
-        text = self.phrases.text(node)
+        text = self._text(node)
         return lambda names, found: _Said(f"`{text}`", text)
 
 

@@ -1,0 +1,205 @@
+"""What a model is told once of its interface: what it may command and say, and what is known from the start.
+
+Everything is read from the brief, and numbers are those that the kernel enforces. These facts stand behind every
+prompt, whatever its text says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import msgspec
+
+from lingjing.plugins.decisions import altitude_band, argument_bounds, field_values, recipients, sendable
+from lingjing.plugins.policy import (
+    ArgumentSpec,
+    Brief,
+    CameraSpec,
+    Cell,
+    MessageSpec,
+    Resource,
+    VerbSpec,
+    Weather,
+)
+
+_VIEWS = {"nadir": "straight down", "front": "ahead", "oblique": "ahead and down"}
+_UNITS = {"m": "m", "deg": "degrees", "s": "s", "kg": "kg", "mps": "m/s"}
+_TOLD = ("length_m", "width_m", "height_m")
+"""Measures of a body that no decision needs."""
+
+
+def interface(brief: Brief) -> str:
+    """The facts of a brief, a section each."""
+    sections = (
+        ("YOU MAY COMMAND", _commands(brief) or ["nothing: you only send messages; answer with command null."]),
+        ("YOU MAY SEND", [*_messages(brief), *_speech(brief)]),
+        ("KNOWN FROM THE START", [compact(known(brief))]),
+    )
+    return "\n\n".join(f"{head}\n" + "\n".join(lines) for head, lines in sections)
+
+
+def rules(brief: Brief) -> str:
+    """The mission's rules, a line each."""
+    return "\n".join(f"- {sentence}." for sentence in brief.rules) or "- none are told."
+
+
+def known(brief: Brief) -> dict[str, object]:
+    """Who and what is there, where things lie, the weather and the mission's numbers."""
+    west, south, east, north = brief.bounds or (-math.inf, -math.inf, math.inf, math.inf)
+    fields: dict[str, object] = {
+        "ticks": brief.ticks,
+        "tick_s": brief.tick_s,
+        "agents": [{"id": peer.id, "role": peer.role, "resources": peer.resources} for peer in brief.peers],
+        "regions_east_north_m": {region.name: [_metres(point) for point in region.polygon] for region in brief.regions},
+        "cells": [_cell(cell) for cell in brief.cells],
+        "classes": brief.classes,
+        "water_level_m": brief.water_level_m,
+        "settings": brief.settings,
+        "weather": weather(brief.weather),
+        "commanded_places_must_lie_within_m": {"east": [west, east], "north": [south, north]} if brief.bounds else None,
+    }
+    return {key: value for key, value in fields.items() if value not in (None, [], (), {})}
+
+
+def weather(now: Weather) -> dict[str, float]:
+    """The weather by names that hold their units."""
+    return dict(msgspec.structs.asdict(now))
+
+
+def compact(value: object) -> str:
+    """JSON without white space."""
+    return msgspec.json.encode(value).decode()
+
+
+def _cell(cell: Cell) -> dict[str, object]:
+    xs, ys = [x for x, _ in cell.polygon], [y for _, y in cell.polygon]
+    return {
+        "name": cell.name,
+        "centre_m": _metres(cell.centre),
+        "east_m": _metres((min(xs), max(xs))),
+        "north_m": _metres((min(ys), max(ys))),
+    }
+
+
+def _metres(values: tuple[float, ...]) -> list[float]:
+    return [round(value, 1) for value in values]
+
+
+# -- commands
+
+
+def _commands(brief: Brief) -> list[str]:
+    return [line for resource in brief.resources for line in _resource(resource)]
+
+
+def _resource(resource: Resource) -> Iterator[str]:
+    own = "yours" if resource.embodied else "not yours, but you may command it; others may too, and the first wins"
+    yield f"- `{resource.id}`: {resource.type}, {own}{_properties(resource)}"
+    yield from (f"  camera `{camera.name}`: {_camera(camera)}" for camera in resource.cameras)
+    band = altitude_band(resource.properties)
+    for verb in resource.verbs:
+        if verb.name != "takePhoto" or resource.cameras:
+            arguments = ", ".join(_argument(resource, verb, spec) for spec in verb.arguments)
+            yield f"  {verb.name}({arguments}): {_meaning(resource, verb, band)}"
+
+
+def _properties(resource: Resource) -> str:
+    said = [
+        f"{name} {value:g}"
+        for name, value in resource.properties.items()
+        if isinstance(value, int | float) and not isinstance(value, bool) and name not in _TOLD
+    ]
+    return f" ({', '.join(said)})" if said else ""
+
+
+def _camera(camera: CameraSpec) -> str:
+    each = ", a picture comes at every tick by itself" if camera.capture == "each_tick" else ""
+    size = f"{camera.width}x{camera.height} px, {camera.hfov_deg:g} degrees wide"
+    return f"looks {_VIEWS[camera.view]}, {size}{each}"
+
+
+def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec) -> str:
+    if spec.unit == "name":
+        mounts = "|".join(camera.name for camera in resource.cameras)
+        return f"{spec.name}: {mounts if verb.name == 'takePhoto' else 'name'}{_left_out(spec)}"
+    low, high = argument_bounds(spec, resource.properties)
+    bounds = f" {low:g} to {high:g}" if math.isfinite(low) and math.isfinite(high) else ""
+    unit = _UNITS.get(spec.unit, spec.unit)
+    return f"{spec.name}:{bounds}{f' {unit}' if unit else ''}{_left_out(spec)}"
+
+
+def _left_out(spec: ArgumentSpec) -> str:
+    if spec.default is not None:
+        return f", {spec.default:g} if left out"
+    return ", may be left out" if spec.optional else ""
+
+
+def _meaning(resource: Resource, verb: VerbSpec, band: tuple[float, float] | None) -> str:
+    """What a verb does, told by its name in the paper's action table and by what it takes."""
+    unit = verb.arguments[0].unit if verb.arguments else ""
+    kind = "turn" if unit == "deg" else "move" if unit == "m" else ""
+    said = _VERBS.get((verb.name, kind)) or _VERBS.get((verb.name, "")) or ""
+    if verb.name in ("up", "down") and band is not None:
+        said += f"; ends at the band's {'upper' if verb.name == 'up' else 'lower'} limit, elevation {_limit(verb, band)}"
+    if verb.name in ("setDestination", "moveTo") and any(one.name == "x" for one in verb.arguments):
+        said = "goes to the place x east, y north" + (", elevation z" if len(verb.arguments) > 2 else "")
+    return verb.doc or said or "see its arguments"
+
+
+def _limit(verb: VerbSpec, band: tuple[float, float]) -> str:
+    return f"{band[1] if verb.name == 'up' else band[0]:g} m"
+
+
+_VERBS: Mapping[tuple[str, str], str] = {
+    ("takeoff", ""): "climbs so many metres above where it stands (10 if left out)",
+    ("forward", "move"): "moves straight ahead along its heading",
+    ("backward", "move"): "moves straight back, keeping its heading",
+    ("left", "move"): "moves sideways to its left, keeping its heading",
+    ("right", "move"): "moves sideways to its right, keeping its heading",
+    ("left", "turn"): "turns left on the spot (its heading falls by so much)",
+    ("right", "turn"): "turns right on the spot (its heading grows by so much)",
+    ("left", ""): "turns left at the next junction",
+    ("right", ""): "turns right at the next junction",
+    ("up", "move"): "rises",
+    ("down", "move"): "sinks",
+    ("stop", ""): "ends what it is doing; is taken while it is busy",
+    ("takePhoto", ""): "takes a picture, which comes with the next observation (the first camera if none is named)",
+}
+
+
+# -- messages
+
+
+def _messages(brief: Brief) -> Iterator[str]:
+    for message in sendable(brief):
+        fields = "; ".join(
+            f"{field.name}{' (may be left out)' if field.optional else ''}: {field_values(brief, field)}"
+            for field in message.fields
+        )
+        yield f"- {message.kind} ({message.category}): {{{fields}}}{_to(brief, message)}"
+
+
+def _to(brief: Brief, message: MessageSpec) -> str:
+    if brief.hub != brief.agent:
+        return ""
+    names = recipients(brief, message)
+    return f"; `to`: some of {', '.join(names)}" if names else "; nobody hears it but the adjudicator"
+
+
+def _speech(brief: Brief) -> Iterator[str]:
+    if not sendable(brief):
+        yield "nothing: answer with an empty list of messages."
+        return
+    late = f"{brief.delay_ticks} tick{'s' * (brief.delay_ticks != 1)} later"
+    if not brief.peers:
+        yield "Nobody else is there; reports reach the adjudicator."
+    elif brief.hub is None:
+        yield f"Every message reaches all other agents {late}; leave `to` empty."
+    elif brief.hub == brief.agent:
+        yield f"You are the hub: others hear only you, {late}. Name the recipients of each message in `to`."
+    else:
+        yield f"Every message goes to `{brief.hub}` ({late}), which decides what others hear; leave `to` empty."
+    far = f", and reaches only bodies within {brief.range_m:g} m" if brief.range_m is not None else ""
+    lost = f", and is lost with probability {brief.loss:g}" if brief.loss else ""
+    yield f"A message holds at most {brief.payload_bytes} bytes{far}{lost}."

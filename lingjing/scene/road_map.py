@@ -1,0 +1,164 @@
+"""`RoadMap`: the public roads of a city as a graph of road segments, for policies and analyses that plan ways.
+
+It is read from the same network file that the traffic engine loads, without that engine. Ways follow the network's
+connections, so a turn that is not allowed is in no way. Costs are those of empty roads: metres, and seconds at the
+permitted speed. Traffic and congestion are not in it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError
+
+import msgspec
+
+from lingjing.errors import UsageError
+from lingjing.mission.geometry2d import Vector2
+from lingjing.scene.network import car_lanes, elements_of
+
+
+class RoadSegment(msgspec.Struct, frozen=True, kw_only=True):
+    """One direction of a street from junction `start` to junction `end`; `following` are the segments one may go on."""
+
+    id: str
+    start: str
+    end: str
+    shape: tuple[Vector2, ...]
+    length_m: float
+    speed_mps: float
+    following: tuple[str, ...] = ()
+
+    @property
+    def time_s(self) -> float:
+        """How long it takes to drive along at the permitted speed."""
+        return self.length_m / max(self.speed_mps, 0.1)
+
+
+class RoadWay(msgspec.Struct, frozen=True, kw_only=True):
+    """The shortest way between two places: metres, seconds, its segments, its points at junctions, ends included."""
+
+    length_m: float
+    time_s: float
+    segments: tuple[str, ...]
+    points: tuple[Vector2, ...]
+
+
+class RoadPlace(msgspec.Struct, frozen=True, kw_only=True):
+    """The point of a segment that is nearest to a place: metres from the segment's start, and how far it lies off."""
+
+    segment: str
+    at_m: float
+    off_m: float
+    point: Vector2
+
+
+class RoadMap:
+    """The segments of a network by id, in the order of its file."""
+
+    def __init__(self, segments: Sequence[RoadSegment]) -> None:
+        self.segments = {segment.id: segment for segment in segments}
+        self._known: dict[Vector2, RoadPlace | None] = {}
+
+    def nearest(self, place: Vector2) -> RoadPlace | None:
+        """Where a place is reached by road; None where there are no roads."""
+        if place not in self._known:
+            found = (_on(segment, place) for segment in self.segments.values())
+            self._known[place] = min(found, key=lambda one: one.off_m, default=None)
+        return self._known[place]
+
+    def way(self, start: Vector2, end: Vector2) -> RoadWay | None:
+        """The shortest way from place to place (A* over segments); None where there is none."""
+        first, last = self.nearest(start), self.nearest(end)
+        if first is None or last is None:
+            return None
+        if first.segment == last.segment and last.at_m >= first.at_m:
+            ids: tuple[str, ...] | None = (first.segment,)
+        else:
+            ids = self._path(first.segment, last.segment, end)
+        return None if ids is None else self._way(ids, first, last)
+
+    def _path(self, start: str, goal: str, end: Vector2) -> tuple[str, ...] | None:
+        """Segments from one to another, at least one step."""
+        done: set[str] = set()
+        waiting: list[tuple[float, float, tuple[str, ...]]] = [(0.0, 0.0, (start,))]
+        while waiting:
+            _, cost, path = heapq.heappop(waiting)
+            if path[-1] == goal and len(path) > 1:
+                return path
+            if path[-1] in done and len(path) > 1:
+                continue
+            done.add(path[-1])
+            for name in self.segments[path[-1]].following:
+                if name in self.segments and (name not in done or name == goal):
+                    segment = self.segments[name]
+                    step = cost + segment.length_m + math.dist(self.segments[path[-1]].shape[-1], segment.shape[0])
+                    ahead = math.dist(segment.shape[-1], end) if name != goal else 0.0
+                    heapq.heappush(waiting, (step + ahead, step, (*path, name)))
+        return None
+
+    def _way(self, ids: tuple[str, ...], first: RoadPlace, last: RoadPlace) -> RoadWay:
+        length, time, points = 0.0, 0.0, [first.point]
+        for number, name in enumerate(ids):
+            segment = self.segments[name]
+            begin = first.at_m if number == 0 else 0.0
+            end = last.at_m if number == len(ids) - 1 else segment.length_m
+            driven = max(0.0, end - begin)
+            if number:
+                gap = math.dist(self.segments[ids[number - 1]].shape[-1], segment.shape[0])
+                driven += gap
+                points.append(segment.shape[0])
+            length += driven
+            time += driven / max(segment.speed_mps, 0.1)
+        return RoadWay(length_m=length, time_s=time, segments=ids, points=(*points, last.point))
+
+
+@lru_cache(maxsize=4)
+def read_road_map(path: str) -> RoadMap:
+    """The roads that cars may use of a `.net.xml`. Raises `UsageError` for a file that is none."""
+    segments: dict[str, RoadSegment] = {}
+    following: dict[str, dict[str, None]] = {}
+    try:
+        for element in elements_of(Path(path), ("edge", "connection")):
+            if element.tag == "connection":
+                following.setdefault(element.get("from", ""), {})[element.get("to", "")] = None
+            elif element.get("function", "normal") == "normal":
+                segments.update((one.id, one) for one in _segments(element))
+    except (OSError, ParseError, ValueError) as error:
+        raise UsageError(f"{path} is no road network: {error}") from error
+    return RoadMap(
+        [
+            msgspec.structs.replace(one, following=tuple(to for to in following.get(name, ()) if to in segments))
+            for name, one in segments.items()
+        ]
+    )
+
+
+def _segments(edge: Element) -> Iterator[RoadSegment]:
+    lanes = car_lanes(edge)
+    if lanes:
+        shape, length, speed = lanes[0]
+        yield RoadSegment(
+            id=edge.get("id", ""), start=edge.get("from", ""), end=edge.get("to", ""),
+            shape=tuple((x, y) for x, y, _ in shape), length_m=length, speed_mps=speed,
+        )  # fmt: skip
+
+
+def _on(segment: RoadSegment, place: Vector2) -> RoadPlace:
+    off, at, nearest, before = math.inf, 0.0, segment.shape[0], 0.0
+    for (ax, ay), (bx, by) in pairwise(segment.shape):
+        length = math.dist((ax, ay), (bx, by))
+        if length == 0.0:
+            continue
+        along = ((place[0] - ax) * (bx - ax) + (place[1] - ay) * (by - ay)) / (length * length)
+        share = min(max(along, 0.0), 1.0)
+        point = (ax + share * (bx - ax), ay + share * (by - ay))
+        away = math.dist(point, place)
+        if away < off:
+            off, at, nearest = away, before + share * length, point
+        before += length
+    return RoadPlace(segment=segment.id, at_m=min(at, segment.length_m), off_m=off, point=nearest)
