@@ -33,7 +33,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
         ),
         PolicyPlugin(
             name="react",
-            factory=Factory("react.policy", "ReactPolicy"),
+            factory=Factory("react.policy", "react_policy"),
             options="lingjing_agents.react.options:ReactOptions",
             calls=True,
             summary="perceives, reasons and acts over a chat model",

@@ -1,19 +1,43 @@
 """`react` over real HTTP: what it asks, what it accepts, how it repairs, what it bills, how it gives up."""
 
+import base64
+import hashlib
 import json
+from dataclasses import replace
 from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
 
+import cv2
 import jsonschema
 import msgspec
 import numpy as np
 import pytest
 from lingjing_agents.react.answer import StepError, read_step, step_text
+from lingjing_agents.react.facts import interface
 from lingjing_agents.react.policy import ReactError, ReactPolicy
-from lingjing_agents.react.prompt import observation_text, system_prompt
+from lingjing_agents.react.state import observation_text
+from lingjing_agents.react.step import StepFormat
 
-from agents.tests.agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, react, view
+from agents.tests.agent_kit import (
+    EYE,
+    NADIR,
+    REPORT,
+    WEATHER,
+    CellView,
+    Inbox,
+    brief,
+    envelope,
+    observe,
+    picture,
+    quadrotor,
+    react,
+    view,
+)
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing.plugins.decisions import DecisionFormat, decision_schema
+from lingjing.plugins.decisions import decision_schema
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import UsageError
 
 STEP = {
@@ -66,18 +90,14 @@ async def test_the_model_is_told_goal_actions_state_messages_and_pictures():
         await policy.act(seen, Inbox(messages=(heard,)))
     system, user = server.requests[0]["messages"]
     assert "Find every person in the water." in system["content"]
-    assert "setDestination(x [m], y [m], z [m])" in system["content"]
+    assert "setDestination(x: m, y: m, z: 20 to 160 m)" in system["content"]
     text, image = user["content"]
     state = json.loads(text["text"])
     assert state["tick"] == 1
     assert state["entities"][0]["id"] == "uav[1]"
     assert state["received"][0]["from"] == "scout[2]"
     assert state["pictures"][0]["frame"] == "f1-uav[1]-nadir"
-    assert len(state["pictures"][0]["ground"]) == 4
-    import base64
-
-    import cv2
-
+    assert len(state["pictures"][0]["ground"]["east_north_elevation_m"]) == 3
     data = base64.b64decode(image["image_url"]["url"].split(",", 1)[1])
     assert cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape == (360, 640, 3)
 
@@ -133,7 +153,7 @@ async def test_an_answer_that_cannot_be_used_is_sent_back_with_the_reason(bad: R
 
 async def test_repairs_are_bounded_and_their_tokens_are_billed_at_once():
     with serve([Reply("no"), Reply("no"), Reply("no"), Reply()]) as server:
-        policy = await mind(server.url)
+        policy = await mind(server.url, repairs="2")
         with pytest.raises(ReactError, match="no valid step after 2 repairs") as failure:
             await policy.act(observe("scout[1]", 1, HERE), Inbox())
         decision = await policy.act(observe("scout[1]", 2, HERE), Inbox())
@@ -157,15 +177,134 @@ async def test_a_refused_request_names_the_arguments_to_try():
             await policy.act(observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)),)), Inbox())
 
 
-async def test_history_is_bounded_and_holds_no_old_pictures():
+async def test_history_is_bounded_in_tokens_and_its_beginning_stays_for_many_ticks():
     with serve([Reply()]) as server:
-        policy = await mind(server.url, history="2")
-        for tick in range(5):
+        policy = await mind(server.url, history_tokens="3000")
+        for tick in range(40):
             await policy.act(observe("scout[1]", tick, HERE, pictures=(picture((0, 0, 96), tick=tick),)), Inbox())
-    last = server.requests[-1]["messages"]
-    assert [turn["role"] for turn in last] == ["system", "user", "assistant", "user", "assistant", "user"]
-    assert [isinstance(turn["content"], str) for turn in last] == [True] * 5 + [False]
-    assert json.loads(last[1]["content"])["tick"] == 2
+    asked = [request["messages"] for request in server.requests]
+    sizes = [sum(len(json.dumps(turn)) for turn in turns[1:-1]) for turns in asked]
+    assert max(sizes) < 3000 * 3 * 1.2
+    kept = [len(turns) for turns in asked]
+    assert max(kept) > 6
+    again = sum(before[:-1] == after[: len(before) - 1] for before, after in pairwise(asked))
+    assert again >= 30  # all but a few requests begin with all that the one before began with
+    assert all(isinstance(turn["content"], str) for turn in asked[-1][:-1])
+    assert json.loads(asked[-1][-3]["content"])["tick"] == 38
+
+
+async def test_a_picture_that_was_reported_stays_in_the_history():
+    with serve([Reply(STEP), Reply()]) as server:
+        policy = await mind(server.url)
+        await policy.act(observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)),)), Inbox())
+        await policy.act(observe("scout[1]", 2, HERE), Inbox())
+    first = server.requests[-1]["messages"][1]["content"]
+    assert [part["type"] for part in first] == ["text", "image_url"]
+
+
+async def test_no_history_and_no_memory_if_they_are_switched_off():
+    with serve([Reply({**NOOP, "plan": ["go east"]})]) as server:
+        policy = await mind(server.url, history_tokens="0", memory="no")
+        for tick in range(3):
+            await policy.act(observe("scout[1]", tick, HERE), Inbox())
+    assert [len(request["messages"]) for request in server.requests] == [2, 2, 2]
+    assert "go east" not in json.dumps(server.requests)
+    assert "plan" not in server.requests[0]["response_format"]["json_schema"]["schema"]["properties"]
+
+
+async def test_commitments_and_plan_are_given_back_until_they_are_rewritten():
+    answers = [{**NOOP, "plan": ["go east", "look"], "commitments": ["cells-1-1 is mine"]}, {**NOOP, "plan": ["look"]}]
+    with serve([*map(Reply, answers), Reply()]) as server:
+        policy = await mind(server.url, history_tokens="0")
+        for tick in range(4):
+            await policy.act(observe("scout[1]", tick, HERE), Inbox())
+    states = [json.loads(request["messages"][-1]["content"]) for request in server.requests]
+    assert "plan" not in states[0]
+    assert (states[1]["plan"], states[1]["commitments"]) == (["go east", "look"], ["cells-1-1 is mine"])
+    assert (states[2]["plan"], states[2]["commitments"]) == (["look"], ["cells-1-1 is mine"])
+    assert states[3]["plan"] == ["look"]
+
+
+async def test_a_crop_is_shown_enlarged_and_costs_no_repair():
+    crop = {**NOOP, "crop": {"frame": "f1-uav[1]-nadir", "box": [0.5, 0.5, 0.6, 0.6]}}
+    rgb = np.zeros((1080, 1920, 3), np.uint8)
+    rgb[540:648, 960:1152] = (250, 20, 20)
+    with serve([Reply(crop), Reply(STEP)]) as server:
+        policy = await mind(server.url, crops="1", repairs="0")
+        decision = await policy.act(observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96), rgb),)), Inbox())
+    assert decision.messages
+    text, image = server.requests[1]["messages"][-1]["content"]
+    assert '"shows":[0.5,0.5,0.6,0.6]' in text["text"]
+    shown = cv2.imdecode(
+        np.frombuffer(base64.b64decode(image["image_url"]["url"].split(",", 1)[1]), np.uint8), cv2.IMREAD_COLOR
+    )
+    assert shown.shape == (432, 768, 3)
+    assert shown[..., 2].mean() > 240  # all of it is the red part
+
+
+async def test_one_crop_too_many_and_a_picture_that_is_not_there_are_faults():
+    crop = {**NOOP, "crop": {"frame": "f1-uav[1]-nadir", "box": [0.5, 0.5, 0.6, 0.6]}}
+    stranger = {**NOOP, "crop": {"frame": "f9", "box": [0.5, 0.5, 0.6, 0.6]}}
+    seen = observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)),))
+    with serve([Reply(crop), Reply(crop), Reply()]) as server:
+        await (await mind(server.url, crops="1")).act(seen, Inbox())
+    assert "no crop is left" in server.requests[2]["messages"][-1]["content"]
+    with serve([Reply(stranger), Reply()]) as server:
+        await (await mind(server.url, crops="1")).act(seen, Inbox())
+    assert "`f9` is none of the pictures" in server.requests[1]["messages"][-1]["content"]
+
+
+async def test_answers_and_valid_answers_are_counted():
+    with serve([Reply("no"), Reply(STEP)]) as server:
+        decision = await (await mind(server.url)).act(observe("scout[1]", 1, HERE), Inbox())
+    assert decision.usage is not None
+    assert (decision.usage.answers, decision.usage.valid_answers) == (2, 1)
+
+
+async def test_a_single_pass_takes_no_picture_of_a_searched_cell_and_ends_without_a_call():
+    look = {**NOOP, "command": {"verb": "takePhoto", "arguments": {"camera": "nadir"}, "resource": "uav[1]"}}
+    cells = brief().cells
+    east, north = cells[0].centre
+    here = view("uav[1]", (east, north, 96.5))
+    some = tuple(CellView(name=cell.name, visited_tick=1 if cell is cells[0] else None) for cell in cells)
+    done = tuple(CellView(name=cell.name, visited_tick=1) for cell in cells)
+    with serve([Reply(look)]) as server:
+        once = await mind(server.url, research="0")
+        decision = await once.act(observe("scout[1]", 2, here, cells=some), Inbox())
+        assert decision.command is None
+        await once.act(observe("scout[1]", 3, here, cells=some), Inbox())
+        assert "no cell may be searched again" in server.requests[-1]["messages"][-1]["content"]
+        asked = len(server.requests)
+        quiet = await once.act(observe("scout[1]", 4, here, cells=done), Inbox())
+        assert (quiet.command, quiet.usage, len(server.requests)) == (None, None, asked)
+        twice = await mind(server.url, research="1")
+        allowed = [
+            (await twice.act(observe("scout[1]", tick, here, cells=some), Inbox())).command for tick in range(10)
+        ]
+    assert [command is not None for command in allowed] == [True] * len(cells) + [False]
+
+
+async def test_without_second_view_and_grid_they_are_in_no_request():
+    two = msgspec.structs.replace(quadrotor(1), cameras=(NADIR, EYE))
+    told = brief(resources=(two,))
+    front = replace(picture((0, 0, 96)), frame="f1-uav[1]-front", camera="front")
+    seen = observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)), front), cells=(CellView(name="cells-1-1"),))
+    with serve([Reply()]) as server:
+        for options in ({"second_view": "no", "grid": "no"}, {}):
+            policy = react(model="m", base_url=server.url, **options)
+            await policy.reset(told)
+            await policy.act(seen, Inbox())
+    without, whole = (json.dumps(request["messages"]) for request in server.requests)
+    assert "front" in whole and "cells-1-1" in whole
+    assert "`front`" not in without and "f1-uav[1]-front" not in without and "cells-1-1" not in without
+
+
+async def test_the_sweep_in_place_of_the_model_asks_nobody():
+    policy = react(model="m", base_url="http://127.0.0.1:9/v1", decider="sweep")
+    await policy.reset(brief())
+    decision = await policy.act(observe("scout[1]", 0, HERE), Inbox())
+    assert decision.command is not None
+    assert decision.usage is None
 
 
 def test_the_schema_accepts_good_steps_and_refuses_others():
@@ -186,7 +325,7 @@ def test_schema_of_an_agent_that_controls_nothing():
 
 def test_fences_and_prose_around_the_object_do_no_harm():
     text = 'Sure:\n```json\n{"thought": "a } in a \\"string\\"", "command": null, "messages": []}\n```'
-    assert read_step(text, DecisionFormat(brief())).thought == 'a } in a "string"'
+    assert read_step(text, StepFormat(brief(), memory=True, crops=False)).decision.thought == 'a } in a "string"'
     with pytest.raises(StepError):
         step_text("nothing here")
 
@@ -198,7 +337,7 @@ def test_all_faults_of_a_step_are_told_at_once():
         "messages": [{"kind": "progress", "body": {"task": 1}, "to": ["nobody"]}],
     }
     with pytest.raises(StepError) as fault:
-        read_step(json.dumps(step), DecisionFormat(brief()))
+        read_step(json.dumps(step), StepFormat(brief(), memory=True, crops=False))
     for part in (
         "command.arguments.x: a number is due, this is the text 'far'",
         "command.arguments: there is no field 'w'",
@@ -230,9 +369,9 @@ def test_wrong_arguments_are_named(arguments: dict[str, str], says: str):
 
 def test_every_wrong_option_is_told_at_once():
     with pytest.raises(UsageError) as caught:
-        react(modle="m", client="direct", temperature="3", history="-1", api_key_env="NO_SUCH_KEY_HERE", tries="many")
+        react(modle="m", client="direct", temperature="3", images="-1", api_key_env="NO_SUCH_KEY_HERE", tries="many")
     assert [fault.where for fault in caught.value.faults] == [
-        "model", "base_url", "temperature", "tries", "history", "modle",
+        "model", "base_url", "temperature", "tries", "images", "modle",
     ]  # fmt: skip
     assert "`modle` is not known; did you mean `model`?" in str(caught.value)
     with pytest.raises(UsageError) as caught:
@@ -267,8 +406,32 @@ async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch
 def test_the_prompt_has_the_weather_and_an_observation_what_it_has_become() -> None:
     storm = msgspec.structs.replace(WEATHER, wind_mps=14.0, visibility_m=800.0)
     told = brief("skipper")
-    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in system_prompt(told, None)
-    same = json.loads(observation_text(observe("skipper", 3), Inbox(), told, ()))
-    other = json.loads(observation_text(observe("skipper", 3, weather=storm), Inbox(), told, ()))
+    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in interface(told)
+    same = json.loads(observation_text(observe("skipper", 3), Inbox(), told))
+    other = json.loads(observation_text(observe("skipper", 3, weather=storm), Inbox(), told))
     assert "weather" not in same
     assert (other["weather"]["wind_mps"], other["weather"]["visibility_m"]) == (14.0, 800.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [(" \n", "is empty"), ("You are $agnt", "nothing fills: agnt"), ("It costs $5", "begins no name")],
+)
+def test_a_prompt_that_cannot_be_filled_is_refused(text: str, says: str, tmp_path: Path):
+    (tmp_path / "p.txt").write_text(text)
+    with pytest.raises(UsageError, match=says):
+        react(model="m", base_url="http://x", prompt=str(tmp_path / "p.txt"))
+    with pytest.raises(UsageError, match="is no prompt"):
+        react(model="m", base_url="http://x", prompt="P9")
+
+
+async def test_another_prompt_is_sent_and_its_hash_is_the_files(tmp_path: Path):
+    (tmp_path / "p.txt").write_text("Be brief, $agent.")
+    options = {"model": "m", "base_url": "http://127.0.0.1:9/v1", "prompt": str(tmp_path / "p.txt")}
+    told = options_fingerprint(PluginHost().policy("react"), options)
+    assert told == {"react.prompt": f"p.txt sha256:{hashlib.sha256(b'Be brief, $agent.').hexdigest()}"}
+    with serve([Reply()]) as server:
+        policy = react(**{**options, "base_url": server.url})
+        await policy.reset(brief())
+        await policy.act(observe("scout[1]", 1, HERE), Inbox())
+    assert server.requests[0]["messages"][0]["content"].startswith("Be brief, scout[1].\n\nYOU MAY COMMAND")

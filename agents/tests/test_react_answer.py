@@ -4,9 +4,11 @@ import json
 
 import pytest
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step, step_text
+from lingjing_agents.react.step import StepFormat
 
 from agents.tests.agent_kit import brief
-from lingjing.plugins.decisions import DecisionFormat
+
+FORM = StepFormat(brief(), memory=True, crops=True)
 
 EAST = '{"thought": "east", "command": null, "messages": []}'
 WEST = '{"thought": "west", "command": null, "messages": []}'
@@ -35,7 +37,7 @@ WEST = '{"thought": "west", "command": null, "messages": []}'
     ],
 )
 def test_the_answer_is_told_from_what_is_around_it(text: str):
-    thought = read_step(text, DecisionFormat(brief())).thought
+    thought = read_step(text, FORM).decision.thought
     assert thought
     assert "west" not in thought
 
@@ -63,7 +65,7 @@ def test_the_answer_is_told_from_what_is_around_it(text: str):
 )
 def test_what_is_no_answer_is_said(text: str, says: str):
     with pytest.raises(StepError, match=says):
-        read_step(text, DecisionFormat(brief()))
+        read_step(text, FORM)
 
 
 @pytest.mark.parametrize("piece", ["{", '{"', '{"a":', '{"a":1} ', "{ ", '{"thought":"', "\\{", "<think>", "</think>"])

@@ -125,6 +125,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Prompt and completion tokens of them all."""
     cost_usd: Annotated[float, "cost", "USD"]
     """What policies spent on models."""
+    json_compliance: Annotated[float | None, "cost"]
+    """Answers of models that kept to the schema they were asked for, over all their answers, repeated ones included."""
     substitutions: Annotated[int, "cost"]
     """Policy answers that were missing or malformed and became "do nothing"."""
     idle_fraction: Annotated[float | None, "cost"]
@@ -194,6 +196,7 @@ def metrics(trace: Trace) -> Metrics:
         calls=usage.calls,
         tokens=usage.prompt_tokens + usage.completion_tokens,
         cost_usd=usage.cost_usd,
+        json_compliance=usage.valid_answers / usage.answers if usage.answers else None,
         substitutions=sum(bool(made.substituted) for made in decisions),
         idle_fraction=idle_fraction(trace),
         coverage=_coverage(trace),
@@ -232,6 +235,8 @@ def _usage(decisions: Iterable[DecisionRecord]) -> Usage:
         prompt_tokens=sum(usage.prompt_tokens for usage in spent),
         completion_tokens=sum(usage.completion_tokens for usage in spent),
         cost_usd=sum((usage.cost_usd for usage in spent), 0.0),
+        answers=sum(usage.answers for usage in spent),
+        valid_answers=sum(usage.valid_answers for usage in spent),
     )
 
 

@@ -36,7 +36,7 @@ from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
+from lingjing.plugins.loading import build_policy, options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
 from lingjing.trace.reader import Trace, read_trace
@@ -189,7 +189,7 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
             AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
             for agent, (plugin, arguments) in prepared.assigned.items()
         ),
-        fingerprint=versions(),
+        fingerprint=versions() | _policy_fingerprints(assigned),
         city_sha256=content_sha256(city),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -197,6 +197,15 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
         evaluators=options.evaluators,
         evaluator_options=prepared.evaluator_options,
     )
+
+
+def _policy_fingerprints(assigned: Mapping[str, Assigned]) -> dict[str, str]:
+    """What decides beside the policies' options, such as the SHA-256 of a prompt."""
+    return {
+        name: value
+        for plugin, arguments in assigned.values()
+        for name, value in options_fingerprint(plugin, arguments).items()
+    }
 
 
 def _writer(folder: Path, header: Header, barrier: PolicyBarrier, key: bytes) -> TraceWriter:

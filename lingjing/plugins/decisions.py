@@ -43,12 +43,13 @@ JsonSchema = dict[str, object]
 
 class DecisionFormat:
     """What one agent may answer: `schema`, a JSON Schema (draft 2020-12) of an object with `thought`, `command` and
-    `messages`."""
+    `messages`, and with fields of the policy's own (`extra`: name → schema), which may be left out."""
 
-    def __init__(self, brief: Brief) -> None:
+    def __init__(self, brief: Brief, extra: Mapping[str, JsonSchema] | None = None) -> None:
         from jsonschema import Draft202012Validator
 
-        self.schema = decision_schema(brief)
+        self._extra = dict(extra or {})
+        self.schema = decision_schema(brief, self._extra)
         self._validator = Draft202012Validator(self.schema)
         self._first = brief.resources[0].id if brief.resources else None
         self._boxes = {
@@ -67,7 +68,8 @@ class DecisionFormat:
             command["arguments"] = _without_null(command["arguments"])
         if isinstance(messages, list):
             messages = [_message_completed(message) for message in messages]
-        return {"thought": given["thought"], "command": command, "messages": messages}
+        own = {name: given[name] for name in self._extra if name in given}
+        return {"thought": given["thought"], "command": command, "messages": messages, **own}
 
     def faults(self, answer: Any) -> tuple[str, ...]:
         """Every fault of a completed answer with the path to it, `FAULTS_TOLD` at most; empty for a good one."""
@@ -75,9 +77,9 @@ class DecisionFormat:
         told = (f"{one.where or 'answer'}: {one.message}" + f" ({one.hint})" * bool(one.hint) for one in found)
         return tuple(told) or tuple(self._disordered(answer))
 
-    def decision(self, answer: object) -> Decision:
-        """A completed answer without faults as a decision."""
-        return msgspec.convert(answer, Decision)
+    def decision(self, answer: Any) -> Decision:
+        """A completed answer without faults as a decision; fields of the policy's own are left out."""
+        return msgspec.convert({name: answer[name] for name in ("thought", "command", "messages")}, Decision)
 
     def _disordered(self, answer: Any) -> Iterator[str]:
         """Boxes whose edges are in the wrong order, which JSON Schema cannot say."""
@@ -88,8 +90,9 @@ class DecisionFormat:
                     yield f"messages[{number}].body.{name}: x_min, y_min, x_max, y_max with min < max are due"
 
 
-def decision_schema(brief: Brief) -> JsonSchema:
-    """The JSON Schema of a decision of the brief's agent; the same brief gives the same schema."""
+def decision_schema(brief: Brief, extra: Mapping[str, JsonSchema] | None = None) -> JsonSchema:
+    """The JSON Schema of a decision of the brief's agent, with optional fields of the policy's own; the same brief
+    gives the same schema."""
     commands = [
         _command(resource, verb) for resource in brief.resources for verb in resource.verbs if _can(resource, verb)
     ]
@@ -101,6 +104,7 @@ def decision_schema(brief: Brief) -> JsonSchema:
             "messages": {"type": "array", "items": {"anyOf": messages}, "maxItems": MESSAGES_PER_CALL}
             if messages
             else {"type": "array", "maxItems": 0},
+            **(extra or {}),
         },
         ("thought", "command", "messages"),
     )
@@ -198,9 +202,9 @@ def field_values(brief: Brief, field: Field) -> str:
     The kernel admits any name: that these are the ones that mean something is for whoever reads the message.
     """
     if field.type == "number":
-        low, high = field.minimum, field.maximum
-        bounds = [f"at least {low:g}"] * (low is not None) + [f"at most {high:g}"] * (high is not None)
-        return ", ".join(part for part in ("a number", *bounds, field.unit) if part)
+        bounds = ((field.minimum, "at least"), (field.maximum, "at most"))
+        said = [f"{word} {bound:g}" for bound, word in bounds if bound is not None]
+        return ", ".join(part for part in ("a number", *said, field.unit) if part)
     if field.type in ("name", "names"):
         told = _NAMED.get(field.name.removesuffix("s") if field.type == "names" else field.name)
         known = told(brief) if told else ()

@@ -66,6 +66,17 @@ def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object], calls: M
         ) from error
 
 
+def options_fingerprint(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> dict[str, str]:
+    """What decides beside the options of a policy as they were given (`PluginOptions.fingerprint`), by names that begin
+    with the policy's."""
+    if not plugin.options:
+        return {}
+    from lingjing.plugins.options import read_options
+
+    told = read_options(options_model(plugin), arguments, _owner(plugin)).fingerprint()
+    return {f"{plugin.name}.{name}": value for name, value in told.items()}
+
+
 def _owner(plugin: PolicyPlugin) -> str:
     return f"policy `{plugin.name}`"
 
@@ -79,4 +90,4 @@ def one_line(error: BaseException) -> str:
     return text.splitlines()[0].rstrip(": ").encode("utf-8", "backslashreplace").decode()
 
 
-__all__ = ["build_policy", "one_line", "options_model", "policy_of"]
+__all__ = ["build_policy", "one_line", "options_fingerprint", "options_model", "policy_of"]

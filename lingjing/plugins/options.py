@@ -47,6 +47,11 @@ class PluginOptions(BaseModel):
         extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False, protected_namespaces=()
     )
 
+    def fingerprint(self) -> dict[str, str]:
+        """What decides beside the options as they were given, such as the SHA-256 of a file that one of them names; the
+        trace keeps it."""
+        return {}
+
 
 OptionsT = TypeVar("OptionsT", bound=PluginOptions)
 

@@ -74,12 +74,15 @@ class Outgoing(TraceRecord, frozen=True, kw_only=True):
 
 
 class Usage(TraceRecord, frozen=True, kw_only=True):
-    """What one policy call spent on model inference; money in US dollars."""
+    """What one policy call spent on model inference; money in US dollars. Of the `answers` that a model gave, repeated
+    ones included, `valid_answers` kept to the schema that was asked for."""
 
     calls: int = 0
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost_usd: float = 0.0
+    answers: int = 0
+    valid_answers: int = 0
 
 
 class Decision(TraceRecord, frozen=True, kw_only=True):

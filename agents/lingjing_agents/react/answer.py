@@ -9,8 +9,7 @@ from __future__ import annotations
 import json
 import re
 
-from lingjing.plugins.decisions import DecisionFormat
-from lingjing.plugins.policy import Decision
+from lingjing_agents.react.step import Step, StepFormat
 
 _END_OF_REASONING = re.compile(
     r"</(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[/THINK\]|<\|channel\|>final<\|message\|>",
@@ -20,7 +19,7 @@ _REASONING = re.compile(
     r"\s*(?:<(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[THINK\]|<\|channel\|>analysis)",
     re.IGNORECASE,
 )
-_KEYS = frozenset({"thought", "command", "messages"})
+_KEYS = frozenset({"thought", "command", "messages", "crop"})
 _TOO_DEEP = "not a step: the JSON object is nested too deeply"
 _DECODER = json.JSONDecoder()
 
@@ -52,8 +51,8 @@ def step_text(text: str) -> str:
     return found[0]
 
 
-def read_step(text: str, form: DecisionFormat) -> Decision:
-    """The decision in a model's answer. Raises `StepError`, which lists every fault found: services that promise a
+def read_step(text: str, form: StepFormat) -> Step:
+    """The step in a model's answer. Raises `StepError`, which lists every fault found: services that promise a
     schema do not always keep it."""
     try:
         answer = form.completed(json.loads(step_text(text), parse_constant=_refused))
@@ -62,7 +61,7 @@ def read_step(text: str, form: DecisionFormat) -> Decision:
         raise StepError(_TOO_DEEP) from None
     if faults:
         raise StepError("not a step: " + "; ".join(faults))
-    return form.decision(answer)
+    return form.step(answer)
 
 
 def _refused(constant: str) -> None:

@@ -64,7 +64,7 @@ def known(brief: Brief) -> dict[str, object]:
 
 def weather(now: Weather) -> dict[str, float]:
     """The weather by names that hold their units."""
-    return dict(msgspec.structs.asdict(now))
+    return {name: round(value, 3) for name, value in msgspec.structs.asdict(now).items()}
 
 
 def compact(value: object) -> str:
@@ -101,7 +101,7 @@ def _resource(resource: Resource) -> Iterator[str]:
     for verb in resource.verbs:
         if verb.name != "takePhoto" or resource.cameras:
             arguments = ", ".join(_argument(resource, verb, spec) for spec in verb.arguments)
-            yield f"  {verb.name}({arguments}): {_meaning(resource, verb, band)}"
+            yield f"  {verb.name}({arguments}): {_meaning(verb, band)}"
 
 
 def _properties(resource: Resource) -> str:
@@ -135,20 +135,16 @@ def _left_out(spec: ArgumentSpec) -> str:
     return ", may be left out" if spec.optional else ""
 
 
-def _meaning(resource: Resource, verb: VerbSpec, band: tuple[float, float] | None) -> str:
+def _meaning(verb: VerbSpec, band: tuple[float, float] | None) -> str:
     """What a verb does, told by its name in the paper's action table and by what it takes."""
     unit = verb.arguments[0].unit if verb.arguments else ""
     kind = "turn" if unit == "deg" else "move" if unit == "m" else ""
     said = _VERBS.get((verb.name, kind)) or _VERBS.get((verb.name, "")) or ""
     if verb.name in ("up", "down") and band is not None:
-        said += f"; ends at the band's {'upper' if verb.name == 'up' else 'lower'} limit, elevation {_limit(verb, band)}"
+        said += f"; ends at the band, elevation {band[1] if verb.name == 'up' else band[0]:g} m"
     if verb.name in ("setDestination", "moveTo") and any(one.name == "x" for one in verb.arguments):
         said = "goes to the place x east, y north" + (", elevation z" if len(verb.arguments) > 2 else "")
     return verb.doc or said or "see its arguments"
-
-
-def _limit(verb: VerbSpec, band: tuple[float, float]) -> str:
-    return f"{band[1] if verb.name == 'up' else band[0]:g} m"
 
 
 _VERBS: Mapping[tuple[str, str], str] = {

@@ -2,15 +2,43 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Literal
+
+from pydantic import field_validator
+
 from lingjing.plugins.options import Field
 from lingjing_agents.llm.options import ModelOptions
+from lingjing_agents.react.prompt_files import prompt_text
 
 
 class ReactOptions(ModelOptions):
     """What `react` can be told."""
 
     deadline_s: float = Field(80.0, alias="deadline", ge=0.1, le=86_400.0, description="seconds for one decision")
-    repairs: int = Field(2, ge=0, le=10, description="how often an answer that cannot be used is asked for again")
-    history: int = Field(6, ge=0, le=1000, description="earlier ticks that the model is shown")
-    image_side: int = Field(1280, ge=64, le=8192, description="the longer side of a picture, pixels")
-    images: int = Field(2, ge=0, le=16, description="pictures a call")
+    repairs: int = Field(1, ge=0, le=10, description="how often an answer that cannot be used is asked for again")
+    prompt: str = Field("P1", description="the prompt: P0 (one line), P1 (whole), or a file that holds another")
+    history_tokens: int = Field(6000, ge=0, le=1_000_000, description="earlier ticks that the model is shown, tokens")
+    history_images: int = Field(2, ge=0, le=16, description="pictures of an earlier tick that stay, if it reported them")
+    memory: bool = Field(True, description="whether the model keeps commitments and a plan from tick to tick")
+    research: int = Field(2, ge=0, le=100, description="rounds over all cells that may be searched again; 0: one pass")
+    second_view: bool = Field(True, description="whether cameras beside the one straight down are there")
+    grid: bool = Field(True, description="whether the model is told of the search cells")
+    images: int = Field(4, ge=0, le=16, description="pictures a call, reference pictures among them")
+    image_side: int = Field(4096, ge=64, le=8192, description="the longer side of an image at most, pixels")
+    tiles: int = Field(1, ge=1, le=4, description="2: each picture also in 2 x 2 parts at full resolution, and so on")
+    crops: int = Field(0, ge=0, le=16, description="parts of pictures that the model may see enlarged before it decides")
+    decider: Literal["model", "sweep"] = Field(
+        "model", description="who decides: the model, or in its place the rules of `heuristic` (no call is made)"
+    )
+
+    @field_validator("prompt")
+    @classmethod
+    def _is_prompt(cls, name: str) -> str:
+        prompt_text(name)
+        return name
+
+    def fingerprint(self) -> dict[str, str]:
+        """The prompt's name and the SHA-256 of its text."""
+        prompt = prompt_text(self.prompt)
+        return {"prompt": f"{Path(prompt.name).name} sha256:{prompt.sha256}"}

@@ -1,4 +1,4 @@
-"""`react`: one model call a tick, more only to repair an answer that cannot be used.
+"""`react`: perceive, reason, act: one model call a tick, more to see closer or to repair an answer.
 
 It gives up with `ReactError` before the kernel's barrier would (`deadline`, in seconds); the kernel then substitutes
 a no-op and records the reason and what was spent. A service that refuses `PATIENCE` ticks in a row ends the episode
@@ -7,13 +7,13 @@ with `InfrastructureError`: it says nothing about the model.
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Sequence
 
 import msgspec
 
 from lingjing.plugins.calls import ModelCalls
-from lingjing.plugins.decisions import DecisionFormat
 from lingjing.plugins.policy import (
+    REFERENCE,
     Brief,
     Decision,
     Inbox,
@@ -21,22 +21,40 @@ from lingjing.plugins.policy import (
     NoDecisionError,
     Observation,
     Picture,
+    Policy,
+    Usage,
 )
+from lingjing_agents.heuristic.policy import HeuristicPolicy
 from lingjing_agents.llm.asking import open_model
 from lingjing_agents.llm.chat import ChatMessage, ModelCompletion, ModelError
 from lingjing_agents.llm.retry import CallDeadline
+from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
+from lingjing_agents.react.facts import compact, interface
+from lingjing_agents.react.history import History
 from lingjing_agents.react.options import ReactOptions
-from lingjing_agents.react.picture import jpeg
-from lingjing_agents.react.prompt import observation_text, system_prompt
+from lingjing_agents.react.pictures import SentImage, image, images
+from lingjing_agents.react.prompt_files import prompt_text
 from lingjing_agents.react.remedy import explained, remedy
+from lingjing_agents.react.road_costs import road_costs
+from lingjing_agents.react.search_budget import SearchBudget
+from lingjing_agents.react.state import RequestLedger, observation_text
+from lingjing_agents.react.step import Crop, Step, StepFormat
 
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
 
+CROP_SIDE = 768
+"""A crop is enlarged to at least so many pixels on its longer side."""
+
 
 class ReactError(NoDecisionError):
     """No decision this tick; the text says why."""
+
+
+def react_policy(options: ReactOptions, calls: ModelCalls) -> Policy:
+    """The policy that the options ask for: a model's, or the rules in its place."""
+    return HeuristicPolicy() if options.decider == "sweep" else ReactPolicy(options, calls)
 
 
 class ReactPolicy:
@@ -45,74 +63,153 @@ class ReactPolicy:
     def __init__(self, options: ReactOptions, calls: ModelCalls) -> None:
         self._options = options
         self._model = open_model(options, calls)
+        self._prompt = prompt_text(options.prompt)
         self._refused = 0
+        self._answers, self._valid = 0, 0
 
     async def reset(self, brief: Brief) -> None:
-        """Write the system prompt and the schema; forget everything else."""
-        self._brief = brief
+        """Forget everything; the system prompt is written at the first boundary."""
+        self._brief = shown_brief(brief, self._options)
         self._refused = 0
-        self._form = DecisionFormat(brief)
-        schema = msgspec.json.encode(self._form.schema)
-        self._schema = schema if self._model.profile.structured in ("json_schema", "tool") else None
-        in_words = self._form.schema if self._schema is None else None
-        self._system = ChatMessage("system", system_prompt(brief, in_words))
-        self._history: deque[tuple[ChatMessage, ChatMessage]] = deque(maxlen=self._options.history)
+        self._answers, self._valid = 0, 0
+        self._system: ChatMessage | None = None
+        self._references: tuple[Picture, ...] = ()
+        self._memory: dict[str, tuple[str, ...]] = {}
+        self._withheld = ""
+        self._ledger = RequestLedger()
+        self._form = StepFormat(self._brief, memory=self._options.memory, crops=self._options.crops > 0)
+        kept = self._model.profile.structured in ("json_schema", "tool")
+        self._schema = msgspec.json.encode(self._form.schema) if kept else None
+        self._history = History(self._options.history_tokens, self._options.history_images)
+        self._search = SearchBudget(self._brief, self._options.research)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Ask for a step, repair it if need be. Raises `ReactError` if no valid step came in time, and
-        `InfrastructureError` if the service refuses to answer at all."""
+        """Ask for a step, show what it wants to see closer, repair it if need be. Raises `ReactError` if no valid step
+        came in time, and `InfrastructureError` if the service refuses to answer at all."""
+        observation = shown_observation(observation, self._brief, self._options)
+        self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
+        if self._system is None:
+            self._system = ChatMessage("system", self._system_text(observation))
+        if self._idle(observation, inbox):
+            return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
-        text = observation_text(observation, inbox, self._brief, pictures)
-        images = tuple(jpeg(picture.rgb, self._options.image_side) for picture in pictures)
-        past = tuple(turn for pair in self._history for turn in pair)
-        question = ChatMessage("user", text, images)
+        sent = tuple(
+            one for picture in pictures for one in images(picture, self._options.image_side, self._options.tiles)
+        )
+        text = observation_text(observation, inbox, self._brief, pictures, sent, self._ledger, self._own_state())
+        question = ChatMessage("user", text, tuple(one.jpeg for one in sent))
         try:
-            decision, answer = await self._settle(observation.tick, (self._system, *past, question))
+            step, answer = await self._settle(observation.tick, (self._system, *self._history.messages(), question), pictures)
         except ModelError as error:
-            raise self._failure(error, images) from error
-        self._history.append((ChatMessage("user", text), ChatMessage("assistant", answer)))
-        return msgspec.structs.replace(decision, usage=self._model.bill())
+            raise self._failure(error, question.images) from error
+        return self._decided(step, answer, text, sent, observation)
 
-    def _failure(self, error: ModelError, images: tuple[bytes, ...]) -> ReactError | InfrastructureError:
+    def _system_text(self, observation: Observation) -> str:
+        parts = [self._prompt.filled(self._brief), interface(self._brief)]
+        costs = road_costs(self._brief, observation)
+        if costs is not None:
+            parts.append(f"ROADS (shortest ways when they are empty)\n{compact(costs)}")
+        if self._schema is None:
+            parts.append(f"JSON SCHEMA OF YOUR ANSWER\n{compact(self._form.schema)}")
+        return "\n\n".join(parts)
+
+    def _own_state(self) -> dict[str, object]:
+        """What the agent is told of itself: its memory, what was withheld, what it may still search again."""
+        left = {"pictures_of_searched_cells_left": self._search.left} if self._search.applies else {}
+        return {**self._memory, "withheld": self._withheld, **left}
+
+    def _idle(self, observation: Observation, inbox: Inbox) -> bool:
+        """Whether a single pass is over and there is nothing to answer."""
+        told = inbox.messages or observation.events or observation.pictures or inbox.receipts
+        return self._search.over(observation) and not told
+
+    def _shown(self, observation: Observation) -> tuple[Picture, ...]:
+        """The reference pictures, at every boundary, then the newest ones."""
+        if not self._model.profile.vision:
+            return ()
+        new = tuple(picture for picture in observation.pictures if picture.camera != REFERENCE)
+        return (*self._references, *new)[: self._options.images]
+
+    def _decided(
+        self, step: Step, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
+    ) -> Decision:
+        decision = step.decision
+        self._withheld = self._search.withheld(decision.command, observation)
+        if self._withheld:
+            decision = msgspec.structs.replace(decision, command=None)
+        if step.memory:
+            self._memory = {**self._memory, **step.memory}
+        self._ledger.note(observation.tick, decision)
+        self._history.add(text, answer, decision, sent)
+        return msgspec.structs.replace(decision, usage=self._bill())
+
+    def _failure(self, error: ModelError, shown: tuple[bytes, ...]) -> ReactError | InfrastructureError:
         """Slow answers and refused topics are the model's doing; a service that answers nothing is not."""
         if error.fault != "time":
             self._refused = self._refused + 1 if error.fault == "service" else 0
         if self._refused < PATIENCE:
-            return ReactError(explained(error, images, self._schema), self._model.bill())
+            return ReactError(explained(error, shown, self._schema), self._bill())
         return InfrastructureError(
             f"the model service refused `{self._brief.agent}` {self._refused} ticks in a row, at last with: {error}",
-            hint=remedy(error, images, self._schema) or "see that the service runs and answers, then run it again",
+            hint=remedy(error, shown, self._schema) or "see that the service runs and answers, then run it again",
         )
 
-    def _shown(self, observation: Observation) -> tuple[Picture, ...]:
-        return observation.pictures[: self._options.images] if self._model.profile.vision else ()
-
-    async def _settle(self, tick: int, messages: tuple[ChatMessage, ...]) -> tuple[Decision, str]:
+    async def _settle(
+        self, tick: int, messages: tuple[ChatMessage, ...], pictures: Sequence[Picture]
+    ) -> tuple[Step, str]:
+        """The step that is decided on at last: crops are shown and faults are told in between."""
         deadline = CallDeadline(self._options.deadline_s)
-        fault = ""
-        for _ in range(self._options.repairs + 1):
+        repairs, crops, fault = self._options.repairs, self._options.crops, ""
+        while True:
             completion = await self._model.ask(tick, messages, deadline, schema=self._schema)
             self._refused = 0
+            said = answered(completion.text)
             try:
-                return _read(completion, self._form, self._options.max_tokens), answered(completion.text)
+                step = self._read(completion)
+                if step.crop is None:
+                    return step, said
+                reply, crops = self._cropped(step.crop, pictures, crops), crops - 1
             except StepError as error:
                 fault = str(error)
-            complaint = (
-                f"Your answer cannot be used: {fault}. Answer again with one valid JSON object and nothing else."
-            )
-            said = answered(completion.text)[:2000]
-            messages = (*messages, ChatMessage("assistant", said), ChatMessage("user", complaint))
-        raise ReactError(
-            f"no valid step after {self._options.repairs} repairs; last fault: {fault}", self._model.bill()
-        )
+                if repairs == 0:
+                    break
+                repairs -= 1
+                reply = ChatMessage(
+                    "user",
+                    f"Your answer cannot be used: {fault}. Answer again with one valid JSON object and nothing else.",
+                )
+            messages = (*messages, ChatMessage("assistant", said[:2000] or "(nothing)"), reply)
+        tried = f"{self._options.repairs} repair{'s' * (self._options.repairs != 1)}"
+        raise ReactError(f"no valid step after {tried}; last fault: {fault}", self._bill())
 
+    def _read(self, completion: ModelCompletion) -> Step:
+        """The step in an answer; every answer counts, and the ones that keep to the schema count again."""
+        self._answers += 1
+        if completion.finish_reason == "length":
+            raise StepError(f"it was cut off at {self._options.max_tokens} tokens; be much shorter")
+        if completion.finish_reason == "content_filter":
+            raise StepError("the service's content filter removed it")
+        step = read_step(completion.text, self._form)
+        self._valid += 1
+        return step
 
-def _read(completion: ModelCompletion, form: DecisionFormat, max_tokens: int) -> Decision:
-    if completion.finish_reason == "length":
-        raise StepError(f"it was cut off at {max_tokens} tokens; be much shorter")
-    if completion.finish_reason == "content_filter":
-        raise StepError("the service's content filter removed it")
-    return read_step(completion.text, form)
+    def _cropped(self, crop: Crop, pictures: Sequence[Picture], left: int) -> ChatMessage:
+        """A part of a picture, enlarged. Raises `StepError` for a picture that was not sent, or one crop too many."""
+        if left == 0:
+            raise StepError("no crop is left at this tick: decide now")
+        picture = next((one for one in pictures if one.frame == crop.frame), None)
+        if picture is None:
+            known = ", ".join(one.frame for one in pictures) or "none at this tick"
+            raise StepError(f"crop.frame: `{crop.frame}` is none of the pictures that you have: {known}")
+        cut = image(picture, crop.box, self._options.image_side, least_side=CROP_SIDE)
+        told = {"crop_of": crop.frame, "shows": [round(edge, 4) for edge in cut.part], "crops_left": left - 1}
+        return ChatMessage("user", f"{compact(told)} Boxes stay those of the whole picture.", (cut.jpeg,))
+
+    def _bill(self) -> Usage:
+        """What was spent since the last bill, with the answers that came and how many of them were good."""
+        bill = msgspec.structs.replace(self._model.bill(), answers=self._answers, valid_answers=self._valid)
+        self._answers, self._valid = 0, 0
+        return bill
 
 
 def answered(text: str) -> str:

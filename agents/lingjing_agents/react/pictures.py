@@ -1,0 +1,136 @@
+"""Pictures as a model receives them: JPEG files, whole or in tiles or cut out, and what is known of each in words.
+
+A picture that is sent whole at its own size is the stored JPEG itself, byte for byte. What a picture says of the ground
+is measured where the camera has a depth channel, else computed for a level plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lingjing.plugins.geometry import pixel_to_plane, pixel_to_world
+from lingjing.plugins.policy import REFERENCE, Brief, Picture
+from lingjing_agents.perception.images import ImageBox, opencv
+
+JPEG_QUALITY = 85
+WHOLE: ImageBox = (0.0, 0.0, 1.0, 1.0)
+_COLUMNS, _ROWS = 7, 5
+_COARSE_COLUMNS, _COARSE_ROWS = 3, 3
+_FLAT_M = 1.0
+_HORIZON_M = 5000.0
+"""A ray that meets the plane farther away says nothing of a place."""
+
+
+@dataclass(frozen=True, slots=True)
+class SentImage:
+    """An image that goes along: which part of which picture it shows, the JPEG file, and how many pixels it has."""
+
+    frame: str
+    part: ImageBox
+    jpeg: bytes
+    pixels: int
+
+
+def images(picture: Picture, longest_side: int, tiles: int) -> tuple[SentImage, ...]:
+    """The whole picture, its longer side at most `longest_side` pixels, then its `tiles` x `tiles` parts, row by row,
+    if there are more than one."""
+    parts = [WHOLE]
+    if tiles > 1:
+        steps = [number / tiles for number in range(tiles + 1)]
+        parts += [(steps[i], steps[j], steps[i + 1], steps[j + 1]) for j in range(tiles) for i in range(tiles)]
+    return tuple(image(picture, part, longest_side) for part in parts)
+
+
+def image(picture: Picture, part: ImageBox, longest_side: int, *, least_side: int = 0) -> SentImage:
+    """A part of a picture; a smaller one than `least_side` is enlarged, so that a model sees its pixels."""
+    height, width = picture.rgb.shape[:2]
+    if part == WHOLE and picture.jpeg and max(height, width) <= longest_side:
+        return SentImage(picture.frame, part, picture.jpeg, width * height)
+    left, right = _span(part[0], part[2], width)
+    top, bottom = _span(part[1], part[3], height)
+    cut = (left / width, top / height, right / width, bottom / height)
+    data, pixels = _jpeg(picture.rgb[top:bottom, left:right], longest_side, least_side)
+    return SentImage(picture.frame, cut, data, pixels)
+
+
+def in_words(picture: Picture, brief: Brief) -> dict[str, object]:
+    """What is known of a picture: camera, size, field of view, tilt, pose, and the ground that it shows. Nothing of
+    where a reference picture was taken."""
+    pose = picture.pose
+    mount: dict[str, object] = {
+        "frame": picture.frame,
+        "camera": f"{picture.entity}/{picture.camera}",
+        "size_px": [pose.width, pose.height],
+        "field_of_view_deg": round(pose.hfov_deg, 1),
+    }
+    if picture.camera == REFERENCE:
+        return {"frame": picture.frame, "reference": True, "size_px": [pose.width, pose.height]}
+    return {
+        **mount,
+        "tick": picture.tick,
+        "tilt_deg": round(pose.tilt_deg, 1),
+        "roll_deg": round(pose.roll_deg, 1),
+        "heading_deg": round(pose.heading_deg, 1),
+        "camera_position": [round(value, 1) for value in pose.position],
+        **_ground(picture, brief),
+    }
+
+
+def _ground(picture: Picture, brief: Brief) -> dict[str, object]:
+    """Places of what is seen at a grid of points: by depth, else on the plane of the water level."""
+    places = _grid(picture, brief, _COLUMNS, _ROWS)
+    heights = [place[2] for row in places for place in row if place is not None]
+    if heights and max(heights) - min(heights) <= _FLAT_M:  # a plane: fewer points say the same
+        places = _grid(picture, brief, _COARSE_COLUMNS, _COARSE_ROWS)
+    known = (
+        "measured" if picture.depth is not None else f"not measured: those of level ground at {brief.water_level_m:g} m"
+    )
+    columns, rows = len(places[0]), len(places)
+    return {
+        "ground": {
+            "x": [round(i / (columns - 1), 3) for i in range(columns)],
+            "y": [round(j / (rows - 1), 3) for j in range(rows)],
+            "east_north_elevation_m": places,
+            "heights": known,
+        }
+    }
+
+
+def _grid(picture: Picture, brief: Brief, columns: int, rows: int) -> list[list[list[float] | None]]:
+    return [[_place(picture, brief, i / (columns - 1), j / (rows - 1)) for i in range(columns)] for j in range(rows)]
+
+
+def _place(picture: Picture, brief: Brief, x: float, y: float) -> list[float] | None:
+    """What is seen at a share of the picture; None for the sky and what is too far to be a place."""
+    pose = picture.pose
+    u, v = x * pose.width, y * pose.height
+    if picture.depth is not None:
+        height, width = picture.depth.shape
+        depth = float(picture.depth[min(int(y * height), height - 1), min(int(x * width), width - 1)])
+        return None if not np.isfinite(depth) else [round(value, 1) for value in pixel_to_world(pose, u, v, depth)]
+    found = pixel_to_plane(pose, u, v, brief.water_level_m)
+    if found is None or max(abs(found[0] - pose.position[0]), abs(found[1] - pose.position[1])) > _HORIZON_M:
+        return None
+    return [round(value, 1) for value in found]
+
+
+def _span(low: float, high: float, size: int) -> tuple[int, int]:
+    """The pixels from one share of a side to another, at least one."""
+    first = min(max(int(low * size), 0), size - 1)
+    return first, min(max(round(high * size), first + 1), size)
+
+
+def _jpeg(rgb: np.ndarray, longest_side: int, least_side: int) -> tuple[bytes, int]:
+    cv2 = opencv()
+    height, width = rgb.shape[:2]
+    longest = max(height, width)
+    wanted = min(max(longest, least_side), longest_side)
+    if wanted != longest:
+        scale = wanted / longest
+        size = (max(1, round(width * scale)), max(1, round(height * scale)))
+        rgb = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC)
+    ok, data = cv2.imencode(".jpg", np.ascontiguousarray(rgb[:, :, ::-1]), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    assert ok
+    return bytes(data), rgb.shape[0] * rgb.shape[1]

@@ -1,0 +1,82 @@
+"""Prompts: text files by name or by path. Holes such as `$goal` (`HOLES` lists them) are filled for each agent.
+
+`P0` is one line. `P1` adds the rules, a checklist for pictures, the coordinate frame, rules for deciding and the form
+of an answer. Others are made by `lingjing prompts improve`. What an agent may command and say stands behind each of
+them, because it is no prompt's to say. The trace holds a prompt's name and the SHA-256 of its text.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from lingjing.plugins.policy import Brief
+from lingjing_agents.react.facts import rules
+
+HOLES = ("agent", "role", "goal", "task", "rules", "ticks", "tick_s")
+LONGEST_BYTES = 64 * 1024
+_FOLDER = files("lingjing_agents.react") / "prompts"
+
+
+@dataclass(frozen=True, slots=True)
+class PromptText:
+    """A prompt with its holes: the name it was asked for by, and its text."""
+
+    name: str
+    text: str
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 (hex) of the text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def filled(self, brief: Brief) -> str:
+        """The text for one agent."""
+        values = {
+            "agent": brief.agent,
+            "role": brief.role,
+            "goal": brief.goal,
+            "task": brief.prompt,
+            "rules": rules(brief),
+            "ticks": f"{brief.ticks}",
+            "tick_s": f"{brief.tick_s:g}",
+        }
+        return Template(self.text).substitute(values).strip()
+
+
+def shipped() -> tuple[str, ...]:
+    """The names of the prompts that come with this package."""
+    return tuple(sorted(file.name.removesuffix(".txt") for file in _FOLDER.iterdir() if file.name.endswith(".txt")))
+
+
+def prompt_text(name: str) -> PromptText:
+    """A shipped prompt by its name, or the one in a file. Raises `ValueError` that says what is wrong with it."""
+    if name in shipped():
+        return checked(PromptText(name, (_FOLDER / f"{name}.txt").read_text(encoding="utf-8")))
+    try:
+        data = Path(name).read_bytes()
+    except OSError as error:
+        known = ", ".join(shipped())
+        raise ValueError(f"is no prompt ({known}) and no file that can be read: {error.strerror}") from error
+    if len(data) > LONGEST_BYTES:
+        raise ValueError(f"is a file of {len(data)} bytes; a prompt has at most {LONGEST_BYTES}")
+    try:
+        return checked(PromptText(name, data.decode("utf-8")))
+    except UnicodeDecodeError as error:
+        raise ValueError(f"is no UTF-8 text: {error}") from error
+
+
+def checked(prompt: PromptText) -> PromptText:
+    """The prompt itself. Raises `ValueError` for one that is empty or has a hole that nothing fills."""
+    if not prompt.text.strip():
+        raise ValueError("is empty")
+    template = Template(prompt.text)
+    if not template.is_valid():
+        raise ValueError("has a `$` that begins no name; write `$$` for a dollar sign")
+    strangers = sorted(set(template.get_identifiers()).difference(HOLES))
+    if strangers:
+        raise ValueError(f"has holes that nothing fills: {', '.join(strangers)}; known are {', '.join(HOLES)}")
+    return prompt

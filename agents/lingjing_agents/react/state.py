@@ -1,0 +1,127 @@
+"""What a model is told at each boundary: the observation and the inbox as one line of JSON.
+
+Numbers are metres, seconds and compass degrees, by names that say so. Fields without a value are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Picture, Receipt
+from lingjing_agents.react.facts import compact, weather
+from lingjing_agents.react.pictures import WHOLE, SentImage, in_words
+
+
+class RequestLedger:
+    """The commands that the agent gave, by the boundary at which they were admitted, so that receipts can say what they
+    answer."""
+
+    def __init__(self) -> None:
+        self._commands: dict[str, Action] = {}
+
+    def note(self, tick: int, decision: Decision) -> None:
+        """Keep a decision that was made at a boundary; it is carried out at the next. A call gives one command."""
+        if decision.command is not None:
+            self._commands[f"c{tick + 1}"] = decision.command
+
+    def in_words(self, agent: str, receipts: Sequence[Receipt]) -> list[dict[str, object]]:
+        """The receipts with the verb or the kind of message that each answers. Accepted messages are left out."""
+        return [
+            self._said(agent, receipt)
+            for receipt in receipts
+            if not (receipt.by == "bus" and receipt.status == "accepted")
+        ]
+
+    def _said(self, agent: str, receipt: Receipt) -> dict[str, object]:
+        asked = self._commands.get(receipt.request.partition("-")[0]) if receipt.sender == agent else None
+        fields: dict[str, object] = {
+            "request": receipt.request,
+            "from": receipt.sender if receipt.sender != agent else "you",
+            "message" if receipt.by == "bus" else "resource": receipt.resource,
+            "verb": asked.verb if asked else "",
+            "arguments": asked.arguments if asked else {},
+            "status": receipt.status,
+            "reason": receipt.reason,
+            "detail": receipt.detail,
+            "progress": receipt.progress,
+        }
+        return {key: value for key, value in fields.items() if value not in (None, "", {})}
+
+
+def observation_text(
+    observation: Observation,
+    inbox: Inbox,
+    brief: Brief,
+    pictures: Sequence[Picture] = (),
+    sent: Sequence[SentImage] = (),
+    ledger: RequestLedger | None = None,
+    more: Mapping[str, object] | None = None,
+) -> str:
+    """One boundary as JSON. `pictures` are those that go along, `sent` their images in order; `more` is added as is."""
+    asked = ledger or RequestLedger()
+    state: dict[str, object] = {
+        "tick": observation.tick,
+        "of": brief.ticks,
+        "time_s": observation.time_s,
+        "weather": weather(observation.weather) if observation.weather != brief.weather else None,
+        "entities": [_entity(view) for view in observation.entities],
+        **_cells(observation),
+        "events": [
+            {"kind": event.kind, "entities": event.entities, "tick": event.tick} for event in observation.events
+        ],
+        "received": [
+            {"from": note.sender, "kind": note.kind, "body": note.body, "sent_at_tick": note.tick}
+            for note in inbox.messages
+        ],
+        "receipts": asked.in_words(observation.agent, inbox.receipts),
+        "pictures": [{**in_words(picture, brief), **_parts(picture, sent)} for picture in pictures],
+        "absent_pictures": [
+            {"camera": f"{absent.entity}/{absent.camera}", "reason": absent.reason} for absent in observation.absent
+        ],
+        **(more or {}),
+    }
+    return compact({key: value for key, value in state.items() if value not in (None, [], (), {}, "")})
+
+
+def _entity(view: EntityView) -> dict[str, object]:
+    fields: dict[str, object] = {
+        "id": view.id,
+        "type": view.type,
+        "position": _rounded(view.position) if view.position is not None else None,
+        "velocity_east_north_up_mps": _rounded(view.velocity) if view.velocity and any(view.velocity) else None,
+        "heading_deg": round(view.heading_deg, 1) if view.heading_deg is not None else None,
+        "status": view.status,
+        "busy": view.busy,
+        "resources": {key: round(value, 3) for key, value in (view.resources or {}).items()} or None,
+        "route": _route(view),
+    }
+    return {key: value for key, value in fields.items() if value not in (None, "")}
+
+
+def _route(view: EntityView) -> list[dict[str, object]] | None:
+    """The waypoints in their order, numbered as messages number them."""
+    if view.route is None:
+        return None
+    return [{"waypoint": number, "position": _rounded(point)} for number, point in enumerate(view.route, 1)]
+
+
+def _cells(observation: Observation) -> dict[str, object]:
+    searched = {
+        cell.name: {"tick": cell.visited_tick, "by": cell.visited_by}
+        for cell in observation.cells
+        if cell.visited_tick is not None
+    }
+    unsearched = [cell.name for cell in observation.cells if cell.visited_tick is None]
+    return {"cells_searched": searched, "cells_unsearched": unsearched}
+
+
+def _parts(picture: Picture, sent: Sequence[SentImage]) -> dict[str, object]:
+    """Which images show which part of the picture, by their number among those that go along; whole ones need none."""
+    numbered = [(number, one) for number, one in enumerate(sent, 1) if one.frame == picture.frame]
+    if not numbered or (len(sent) == 1 and numbered[0][1].part == WHOLE):
+        return {}
+    return {"images": [{"image": number, "shows": [round(edge, 4) for edge in one.part]} for number, one in numbered]}
+
+
+def _rounded(point: tuple[float, ...]) -> list[float]:
+    return [round(value, 1) for value in point]

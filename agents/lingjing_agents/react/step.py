@@ -1,0 +1,86 @@
+"""`StepFormat`: what a model may answer: a decision, what to remember, or a part of a picture to see closer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from lingjing.plugins.decisions import DecisionFormat, JsonSchema
+from lingjing.plugins.policy import Brief, Decision
+from lingjing_agents.perception.images import ImageBox
+
+LINES, LETTERS = 8, 240
+"""A memory has so many lines of so many letters; what is beyond is cut off."""
+
+MEMORY = {"commitments": "what you have promised or taken on, and to whom", "plan": "what you will do next, in order"}
+CROP = "crop"
+
+
+@dataclass(frozen=True, slots=True)
+class Crop:
+    """A part of a picture that the model asks to see closer."""
+
+    frame: str
+    box: ImageBox
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One answer: the decision, the lines to remember by field, and the crop that is asked for instead of deciding."""
+
+    decision: Decision
+    memory: dict[str, tuple[str, ...]]
+    crop: Crop | None = None
+
+
+class StepFormat:
+    """The JSON Schema of an agent's answers, and their faults."""
+
+    def __init__(self, brief: Brief, *, memory: bool, crops: bool) -> None:
+        self._memory = tuple(MEMORY) if memory else ()
+        fields = {name: _lines(MEMORY[name]) for name in self._memory}
+        self._form = DecisionFormat(brief, {**fields, CROP: _CROP} if crops else fields)
+
+    @property
+    def schema(self) -> JsonSchema:
+        """The JSON Schema of an answer."""
+        return self._form.schema
+
+    def completed(self, answer: object) -> object:
+        """The answer with what may be left out filled in."""
+        return self._form.completed(answer)
+
+    def faults(self, answer: Any) -> tuple[str, ...]:
+        """Every fault of a completed answer, with its path."""
+        found = self._form.faults(answer)
+        if not found and CROP in answer:
+            x0, y0, x1, y1 = answer[CROP]["box"]
+            return () if x0 < x1 and y0 < y1 else ("crop.box: x_min < x_max and y_min < y_max are due",)
+        return found
+
+    def step(self, answer: Any) -> Step:
+        """A completed answer without faults."""
+        memory = {
+            name: tuple(line[:LETTERS] for line in answer[name][:LINES]) for name in self._memory if name in answer
+        }
+        wanted = answer.get(CROP)
+        crop = None if wanted is None else Crop(wanted["frame"], msgspec.convert(wanted["box"], ImageBox))
+        return Step(self._form.decision(answer), memory, crop)
+
+
+def _lines(description: str) -> JsonSchema:
+    return {"type": "array", "items": {"type": "string"}, "description": description}
+
+
+_CROP: JsonSchema = {
+    "type": ["object", "null"],
+    "description": "a part of a picture to see enlarged before you decide; null to decide now",
+    "properties": {
+        "frame": {"type": "string", "description": "id of a picture that you have"},
+        "box": {"type": "array", "items": {"type": "number", "minimum": 0, "maximum": 1}, "minItems": 4, "maxItems": 4},
+    },
+    "required": ["frame", "box"],
+    "additionalProperties": False,
+}

@@ -1,0 +1,64 @@
+"""What an agent is told of the rules: true to the instance, whole, and without what is hidden."""
+
+import msgspec
+import pytest
+
+import lingjing
+from lingjing.data import data_path
+from lingjing.kernel.rule_sentences import rule_sentences
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+
+
+def played(name: str, mode: str, seed: int = 1) -> Instance:
+    return instantiate(lingjing.compile(data_path("scenarios") / f"{name}.ljs"), seed=seed, mode=mode)
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "says"),
+    [
+        ("ssr", "broadcast", ("[IoU ≥ 0.5]", "`rescue` is done to a victim by `boat` within 50 m", "lies in `search`")),
+        ("bi", "single", ("[IoU ≥ 0.5]", "the horizontal distance from `r.position` to `f` is at most `25 m`")),
+        ("ufr", "star", ("is at most `25 m`", "`extinguish` is done to a fire by `truck` within 30 m")),
+        ("vdn", "single", ("is at most `30 m`", "the stage *enter* must be done within 40 ticks")),
+        ("idf", "broadcast", ("`extinguish` is done to a fire by `dog[1]`, `dog[2]`, `dog[3]` within 2 m",)),
+        (
+            "upr",
+            "star",
+            ("is at most `10 m`", "within 5 m", "at most 20 of `guide` messages", "else the mission fails"),
+        ),
+        (
+            "cr",
+            "star",
+            ("within 25 m (horizontally) of each of its waypoints, in their order", "at most 3 of `jammed`"),
+        ),
+        (
+            "ld",
+            "star",
+            ("[≤ 15 m]", "every command to `dog` is rejected until", "commands to `van` by all agents together"),
+        ),
+        (
+            "cd",
+            "star",
+            ("within 30 m", "within 50 m, which raises the actor's load up to its payload", "is at most `0 kg`"),
+        ),
+    ],
+)
+def test_the_rules_are_told_with_their_numbers(name: str, mode: str, says: tuple[str, ...]):
+    told = "\n".join(rule_sentences(played(name, mode)))
+    assert [part for part in says if part not in told] == []
+
+
+def test_a_changed_radius_changes_the_sentence():
+    instance = played("ssr", "broadcast")
+    nearer = msgspec.json.decode(
+        msgspec.json.encode(instance).replace(b'"within_m":50.0', b'"within_m":12.5'), type=Instance
+    )
+    assert any("`boat` within 12.5 m" in sentence for sentence in rule_sentences(nearer))
+
+
+@pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr"])
+def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: str):
+    mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
+    told = {rule_sentences(instantiate(mission, seed=seed)) for seed in range(4)}
+    assert len(told) == 1
