@@ -19,15 +19,17 @@ class ReactOptions(ModelOptions):
     repairs: int = Field(1, ge=0, le=10, description="how often an answer that cannot be used is asked for again")
     prompt: str = Field("P1", description="the prompt: P0 (one line), P1 (whole), or a file that holds another")
     history_tokens: int = Field(6000, ge=0, le=1_000_000, description="earlier ticks that the model is shown, tokens")
-    history_images: int = Field(2, ge=0, le=16, description="pictures of an earlier tick that stay, if it reported them")
+    history_images: int = Field(2, ge=0, le=16, description="pictures of an earlier tick that stay if it reported them")
     memory: bool = Field(True, description="whether the model keeps commitments and a plan from tick to tick")
     research: int = Field(2, ge=0, le=100, description="rounds over all cells that may be searched again; 0: one pass")
     second_view: bool = Field(True, description="whether cameras beside the one straight down are there")
     grid: bool = Field(True, description="whether the model is told of the search cells")
     images: int = Field(4, ge=0, le=16, description="pictures a call, reference pictures among them")
-    image_side: int = Field(4096, ge=64, le=8192, description="the longer side of an image at most, pixels")
+    image_side: int | None = Field(
+        None, ge=64, le=8192, description="the longer side of an image at most, pixels; not given: what the model takes"
+    )
     tiles: int = Field(1, ge=1, le=4, description="2: each picture also in 2 x 2 parts at full resolution, and so on")
-    crops: int = Field(0, ge=0, le=16, description="parts of pictures that the model may see enlarged before it decides")
+    crops: int = Field(0, ge=0, le=16, description="parts of pictures that the model may see enlarged at a tick")
     decider: Literal["model", "sweep"] = Field(
         "model", description="who decides: the model, or in its place the rules of `heuristic` (no call is made)"
     )

@@ -31,7 +31,7 @@ from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
 from lingjing_agents.react.facts import compact, interface
-from lingjing_agents.react.history import History
+from lingjing_agents.react.history import History, text_tokens
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.pictures import SentImage, image, images
 from lingjing_agents.react.prompt_files import prompt_text
@@ -44,8 +44,15 @@ from lingjing_agents.react.step import Crop, Step, StepFormat
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
 
+LONGEST_SIDE = 4096
+"""Pictures are sent at their own size up to this many pixels on the longer side, where nothing else is known."""
+
 CROP_SIDE = 768
 """A crop is enlarged to at least so many pixels on its longer side."""
+
+
+STATE_TOKENS = 2500
+"""Room in a model's context for the state at one boundary and a repair of its answer."""
 
 
 class ReactError(NoDecisionError):
@@ -63,6 +70,7 @@ class ReactPolicy:
     def __init__(self, options: ReactOptions, calls: ModelCalls) -> None:
         self._options = options
         self._model = open_model(options, calls)
+        self._side = options.image_side or self._model.profile.image_side or LONGEST_SIDE
         self._prompt = prompt_text(options.prompt)
         self._refused = 0
         self._answers, self._valid = 0, 0
@@ -80,7 +88,6 @@ class ReactPolicy:
         self._form = StepFormat(self._brief, memory=self._options.memory, crops=self._options.crops > 0)
         kept = self._model.profile.structured in ("json_schema", "tool")
         self._schema = msgspec.json.encode(self._form.schema) if kept else None
-        self._history = History(self._options.history_tokens, self._options.history_images)
         self._search = SearchBudget(self._brief, self._options.research)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -90,16 +97,16 @@ class ReactPolicy:
         self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
+            self._history = History(self._history_tokens(), self._options.history_images)
         if self._idle(observation, inbox):
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
-        sent = tuple(
-            one for picture in pictures for one in images(picture, self._options.image_side, self._options.tiles)
-        )
+        sent = tuple(one for picture in pictures for one in images(picture, self._side, self._options.tiles))
         text = observation_text(observation, inbox, self._brief, pictures, sent, self._ledger, self._own_state())
         question = ChatMessage("user", text, tuple(one.jpeg for one in sent))
         try:
-            step, answer = await self._settle(observation.tick, (self._system, *self._history.messages(), question), pictures)
+            asked = (self._system, *self._history.messages(), question)
+            step, answer = await self._settle(observation.tick, asked, pictures)
         except ModelError as error:
             raise self._failure(error, question.images) from error
         return self._decided(step, answer, text, sent, observation)
@@ -112,6 +119,16 @@ class ReactPolicy:
         if self._schema is None:
             parts.append(f"JSON SCHEMA OF YOUR ANSWER\n{compact(self._form.schema)}")
         return "\n\n".join(parts)
+
+    def _history_tokens(self) -> int:
+        """What earlier turns may take: the option, less where the model's context leaves less beside the rest."""
+        assert self._system is not None
+        profile, options = self._model.profile, self._options
+        if profile.context is None:
+            return options.history_tokens
+        seen = options.images * options.tiles**2 * profile.image_tokens if profile.vision else 0
+        rest = text_tokens(self._system.text) + seen + options.max_tokens + STATE_TOKENS
+        return max(0, min(options.history_tokens, profile.context - rest))
 
     def _own_state(self) -> dict[str, object]:
         """What the agent is told of itself: its memory, what was withheld, what it may still search again."""
@@ -128,7 +145,8 @@ class ReactPolicy:
         if not self._model.profile.vision:
             return ()
         new = tuple(picture for picture in observation.pictures if picture.camera != REFERENCE)
-        return (*self._references, *new)[: self._options.images]
+        most = min(self._options.images, self._model.profile.most_images or self._options.images)
+        return (*self._references, *new)[:most]
 
     def _decided(
         self, step: Step, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
@@ -201,7 +219,7 @@ class ReactPolicy:
         if picture is None:
             known = ", ".join(one.frame for one in pictures) or "none at this tick"
             raise StepError(f"crop.frame: `{crop.frame}` is none of the pictures that you have: {known}")
-        cut = image(picture, crop.box, self._options.image_side, least_side=CROP_SIDE)
+        cut = image(picture, crop.box, self._side, least_side=CROP_SIDE)
         told = {"crop_of": crop.frame, "shows": [round(edge, 4) for edge in cut.part], "crops_left": left - 1}
         return ChatMessage("user", f"{compact(told)} Boxes stay those of the whole picture.", (cut.jpeg,))
 
