@@ -189,7 +189,7 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
             AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
             for agent, (plugin, arguments) in prepared.assigned.items()
         ),
-        fingerprint=versions() | _policy_fingerprints(assigned),
+        fingerprint=versions() | _policy_fingerprints(prepared),
         city_sha256=content_sha256(city),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -199,11 +199,11 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
     )
 
 
-def _policy_fingerprints(assigned: Mapping[str, Assigned]) -> dict[str, str]:
+def _policy_fingerprints(prepared: Preparation) -> dict[str, str]:
     """What decides beside the policies' options, such as the SHA-256 of a prompt."""
     return {
         name: value
-        for plugin, arguments in assigned.values()
+        for plugin, arguments in prepared.assigned.values()
         for name, value in options_fingerprint(plugin, arguments).items()
     }
 
