@@ -27,13 +27,13 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 def to_markdown(table: ResultTable) -> str:
     """A table in GitHub's Markdown with the heading and the notes."""
     heads = [*table.labels, *(_RAISED.sub(r" \1", head) for head in table.heads)]
-    lines = [f"### {_markdown(table.title)}", "", _piped(map(_markdown, heads))]
+    lines = [f"### {escape_markdown(table.title)}", "", _piped(map(escape_markdown, heads))]
     lines.append(_piped([*("---" for _ in table.labels), *("---:" for _ in table.heads)]))
     for group, some in _grouped(table.lines):
         if group:
-            lines.append(_piped([f"*{_markdown(group)}*", *("" for _ in heads[1:])]))
-        lines += [_piped([*map(_markdown, line.label), *map(_marked_markdown, line.cells)]) for line in some]
-    notes = [f"- {_markdown(note)}" for note in table.notes]
+            lines.append(_piped([f"*{escape_markdown(group)}*", *("" for _ in heads[1:])]))
+        lines += [_piped([*map(escape_markdown, line.label), *map(_marked_markdown, line.cells)]) for line in some]
+    notes = [f"- {escape_markdown(note)}" for note in table.notes]
     return "\n".join([*lines, *([""] if notes else []), *notes, ""])
 
 
@@ -135,14 +135,14 @@ def _piped(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _markdown(text: str) -> str:
+def escape_markdown(text: str) -> str:
     """Text in which nothing is markup: HTML and the characters that Markdown gives a meaning."""
     escaped = html.escape(visible(text).replace("\n", " "), quote=False)
-    return re.sub(r"([\\`*_\[\]|~])", r"\\\1", escaped)
+    return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escaped)
 
 
 def _marked_markdown(cell: ResultCell) -> str:
-    text = _markdown(cell.text)
+    text = escape_markdown(cell.text)
     return {"best": f"**{text}**", "second": f"<u>{text}</u>"}.get(cell.mark, text)
 
 
@@ -186,4 +186,4 @@ def _marked_html(cell: ResultCell) -> str:
     return f"<td{marked}>{_html(cell.text)}</td>"
 
 
-__all__ = ["EXPORTS", "SUFFIXES", "html_page", "to_csv", "to_html", "to_latex", "to_markdown"]
+__all__ = ["EXPORTS", "SUFFIXES", "escape_markdown", "html_page", "to_csv", "to_html", "to_latex", "to_markdown"]

@@ -305,7 +305,7 @@ class _Reader:
             return None
         own = {**(model.arguments if model else {}), **{name: text_of(value) for name, value in entrant.args.items()}}
         player = Player(
-            name=entrant.called,
+            name=entrant.name or (model.title if model else "") or entrant.called,
             group=entrant.group or (GROUPS[model.tier] if model else ""),
             policy=spec,
             plugin=plugin,

@@ -7,8 +7,8 @@ Levels are 0.95 everywhere.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Hashable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ DRAWS = 2000
 
 _Z = 1.959963984540054
 """The standard normal quantile at 0.975."""
+
+
+InstanceT = TypeVar("InstanceT", bound=Hashable)
 
 
 class ConfidenceBounds(NamedTuple):
@@ -83,8 +86,8 @@ def macro_bounds(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> Conf
     return _quantiles(np.mean(drawn_means, axis=0))
 
 
-def mcnemar(first: Mapping[int, bool], second: Mapping[int, bool]) -> PairedTest:
-    """McNemar's exact test over the seeds that both have played: two-sided binomial over the pairs that differ."""
+def mcnemar(first: Mapping[InstanceT, bool], second: Mapping[InstanceT, bool]) -> PairedTest:
+    """McNemar's exact test over the instances that both have played: two-sided binomial over the pairs that differ."""
     from scipy.stats import binomtest
 
     shared = first.keys() & second.keys()

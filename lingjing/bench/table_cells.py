@@ -91,9 +91,9 @@ def measure(spec: str, factor: float = 1.0) -> Callable[[float], ResultCell]:
 
 
 def ranged(share: float, bounds: ConfidenceBounds, behind: str = "") -> ResultCell:
-    """A share with its interval, as percentages."""
-    if math.isnan(share):
-        return ResultCell(ABSENT)
+    """A share with its interval, if it has one, as percentages."""
+    if math.isnan(share) or math.isnan(bounds.low):
+        return percent(share)
     return ResultCell(f"{100 * share:.0f} [{100 * bounds.low:.0f}, {100 * bounds.high:.0f}]{behind}", 100 * share)
 
 

@@ -90,10 +90,7 @@ def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         lines = []
         for entrant, own in _by(some, lambda row: row.entrant).items():
             cells = [_wilson_cell(_played(own, column)) for column in columns]
-            values = _seeded(own, columns)
-            average = _average(own, columns)
-            enough = all(len(each) >= FEWEST for each in values.values())
-            cells.append(ranged(average, macro_bounds(values)) if enough else percent(average))
+            cells.append(ranged(_average(own, columns), average_range(own, columns)))
             lines.append(_line(own[0], (entrant,), cells))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
         named = _titled(f"{title or 'Task success rate (TSR, %)'} with 95 % intervals", condition)
@@ -201,26 +198,32 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _paired(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """McNemar's test of every two entrants on the instances that both have played, corrected for their number."""
-    entrants = _by([row for row in rows if not row.privileged], lambda row: (row.entrant, row.condition))
+    """McNemar's test of every two entrants or conditions on the instances that both have played, and of the two modes
+    of a mission; corrected for their number."""
+    competing = [row for row in rows if not row.privileged]
+    entrants = _by(competing, lambda row: (row.entrant, row.condition))
     found = []
     for (first, own), (second, others) in combinations(entrants.items(), 2):
-        results = [{(row.column, row.seed): row.report.success for row in some} for some in (own, others)]
-        numbers = {key: at for at, key in enumerate(sorted(results[0].keys() & results[1].keys()))}
-        if numbers:
-            each = [{numbers[key]: won for key, won in one.items() if key in numbers} for one in results]
-            found.append((_called(first), _called(second), mcnemar(each[0], each[1])))
+        if first[0] == second[0] or first[1] == second[1]:  # one thing differs
+            results = [{(row.column, row.seed): row.report.success for row in some} for some in (own, others)]
+            found.append((_called(first), _called(second), mcnemar(*results)))
+    for (entrant, condition, mission), own in _by(
+        competing, lambda row: (row.entrant, row.condition, row.mission)
+    ).items():
+        by_mode = [{row.seed: row.report.success for row in own if row.mode == mode} for mode in ("star", "broadcast")]
+        names = [f"{_called((entrant, condition))}, {mission.upper()} {mode}" for mode in ("star", "broadcast")]
+        found.append((names[0], names[1], mcnemar(*by_mode)))
+    found = [one for one in found if one[2].pairs]
     corrected = holm([test.p for _, _, test in found])
     lines = tuple(
         ResultLine("", (first, second), (
-            ResultCell(str(test.pairs), test.pairs), ResultCell(str(test.only_first), test.only_first),
-            ResultCell(str(test.only_second), test.only_second), probability(test.p), probability(p),
+            *(ResultCell(str(number), number) for number in test[:3]), probability(test.p), probability(p),
         ))
         for (first, second, test), p in zip(found, corrected, strict=True)
     )  # fmt: skip
     heads = ("Instances", "Only first won", "Only second won", "p", "p (Holm)")
     note = "McNemar's exact test over instances (column and seed) that both have played; Holm corrects for all pairs"
-    yield ResultTable("paired", _titled(title, "") or "Paired tests", ("First", "Second"), heads, lines, (note,))
+    yield ResultTable("paired", title or "Paired tests", ("First", "Second"), heads, lines, (note,))
 
 
 def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
@@ -269,6 +272,13 @@ def column_head(mission: str, mode: str, columns: Iterable[tuple[str, str]]) -> 
 def average_of(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> float:
     """The macro average of TSR over those columns; nan unless there are counted episodes in each."""
     return _average([row for row in rows if row.standing == "counted"], columns)
+
+
+def average_range(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> ConfidenceBounds:
+    """The interval of the macro average; nan where a column has too few seeds."""
+    values = _seeded(rows, columns)
+    enough = all(len(each) >= FEWEST for each in values.values())
+    return macro_bounds(values) if enough and values else ConfidenceBounds(math.nan, math.nan)
 
 
 def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
@@ -362,5 +372,5 @@ def _finite(value: float) -> float:
 
 
 __all__ = [
-    "TABLES", "average_of", "column_head", "columns_of", "make_tables", "standing_notes",
+    "TABLES", "average_of", "average_range", "column_head", "columns_of", "make_tables", "standing_notes",
 ]  # fmt: skip

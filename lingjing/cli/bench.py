@@ -32,17 +32,34 @@ def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
     parser.implied_word = "play"
     _add_play(actions.add_parser("play", help="play a suite (the word `play` may be left out)", description=__doc__))
     table = actions.add_parser("table", help="make tables of results", description=_table.__doc__)
-    table.add_argument("results", metavar="RESULTS", nargs="+", help="a suite's folders, or .parquet files")
+    _add_results(table)
     table.add_argument("--kind", nargs="+", choices=KINDS, default=["success"], help="which (default success)")
     table.add_argument("--format", choices=FORMATS, default="markdown")
     table.add_argument("-o", "--output", metavar="OUT", help="a file (default: standard output)")
     table.set_defaults(handler=_table)
+    merge = actions.add_parser("merge", help="make one file of several results", description=_merge.__doc__)
+    _add_results(merge)
+    merge.add_argument("-o", "--output", metavar="OUT.parquet", type=Path, required=True, help="a new file")
+    merge.set_defaults(handler=_merge)
+    board = actions.add_parser("leaderboard", help="write a page that ranks entrants", description=_leaderboard.__doc__)
+    _add_results(board)
+    board.add_argument("-o", "--output", metavar="OUT.html", help="a file (default: standard output)")
+    board.set_defaults(handler=_leaderboard)
+    card = actions.add_parser("card", help="write a dataset card of results", description=_card.__doc__)
+    _add_results(card)
+    card.add_argument("-o", "--output", metavar="OUT.md", help="a file (default: standard output)")
+    card.set_defaults(handler=_card)
     listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
     parser.set_defaults(handler=handler)
 
 
-def _add_play(play: argparse.ArgumentParser) -> None:
+def _add_results(parser: ArgumentParser) -> None:
+    parser.add_argument("results", metavar="RESULTS", nargs="+", type=Path, help="a suite's folders, or .parquet files")
+    parser.add_argument("--other-code", action="store_true", help="put rows of several versions of the code together")
+
+
+def _add_play(play: ArgumentParser) -> None:
     play.add_argument("suite", metavar="SUITE", help="a .toml file, or a shipped suite's name")
     play.add_argument("-o", "--output", metavar="DIR", type=Path, help="where results are kept and gone on with")
     play.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
@@ -53,6 +70,7 @@ def _add_play(play: argparse.ArgumentParser) -> None:
     play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds, to try it")
     play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of all its entrants")
     play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
+    play.add_argument("--max-cost", metavar="USD", type=float, help="the most that all calls of models may cost")
     play.add_argument("--keep", action="store_true", help="keep every trace (those of models are kept anyway)")
     play.add_argument("--other-code", action="store_true", help="go on in a folder whose rows other code has played")
     play.add_argument("--check", action="store_true", help="check the suite, say what it would play, and stop")
@@ -68,6 +86,7 @@ def _play(args: argparse.Namespace) -> int:
     """Play what is missing, keep rows and tables in the folder, print the suite's tables."""
     from lingjing.bench.executors import LocalExecutor
     from lingjing.bench.folder import open_results
+    from lingjing.bench.money import check_ready, is_paid
     from lingjing.bench.planning import read_plan
     from lingjing.bench.rows import code_sha256
     from lingjing.bench.running import SuiteRun
@@ -83,12 +102,18 @@ def _play(args: argparse.Namespace) -> int:
     seeds = seeds[: args.limit] if args.limit else seeds
     if args.check:
         _say(f"{plan.path}: {_size(cells, len(seeds))}")
+        _tell_cost(plan, cells, seeds)
         return ExitCode.OK
+    players = tuple({cell.player.name: cell.player for cell in cells}.values())
+    check_ready(players, args.max_cost)
+    if any(map(is_paid, players)) and args.max_cost is None:
+        _tell_cost(plan, cells, seeds)
+        raise UsageError("calls of models cost money", hint="say how much may be spent with --max-cost USD")
     code = code_sha256(plan.files)
     part = f"-{shard.number}of{shard.count}" if shard else ""
     folder = args.output or RUNS / "bench" / f"{plan.suite.name}-{code[:12]}{part}"
     with open_results(folder) as results:
-        run = SuiteRun(plan, results, code, LocalExecutor(args.jobs), keep=args.keep)
+        run = SuiteRun(plan, results, code, LocalExecutor(args.jobs), keep=args.keep, max_cost=args.max_cost)
         run.check_resumable(other_code=args.other_code)
         results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
         return _run(run, cells, seeds, shard)
@@ -117,6 +142,12 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
         _say(f"interrupted after {done} of {len(due)} episodes; the same command goes on from here")
         raise
     results.compact()
+    if run.is_out_of_money:
+        raise UsageError(
+            f"the limit of ${run.max_cost:.2f} is used up (${run.spent():.2f} is spent): {len(due) - done} of "
+            f"{len(due)} episodes are left",
+            hint="the same command with a higher --max-cost goes on; `lingjing bench table` shows what there is",
+        )
     tables = make_tables(results.rows, suite.tables, suite.title)
     for name, export in EXPORTS.items():
         text = "\n".join(map(export, tables))
@@ -130,13 +161,50 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
 def _table(args: argparse.Namespace) -> int:
     """Print tables of one or several results, which may still be played."""
     from lingjing.bench.exports import EXPORTS, html_page
-    from lingjing.bench.folder import read_results
+    from lingjing.bench.merging import merge_results
     from lingjing.bench.tables import make_tables
 
-    rows = list({row.key: row for place in args.results for row in read_results(Path(place))}.values())
-    tables = make_tables(rows, args.kind)
+    tables = make_tables(merge_results(args.results, other_code=args.other_code), args.kind)
     text = "\n".join(map(EXPORTS[args.format], tables))
     write_output(html_page("Results", text) if args.format == "html" else text, args.output)
+    return ExitCode.OK
+
+
+def _merge(args: argparse.Namespace) -> int:
+    """Join shards, or submitted results, into one Parquet file; what does not fit together is refused."""
+    from lingjing.bench.folder import write_whole
+    from lingjing.bench.merging import merge_results
+    from lingjing.bench.parquet import encode_rows
+
+    if args.output.exists():
+        raise UsageError(f"`{args.output}` is there already", hint="results are never overwritten: name a new file")
+    rows = merge_results(args.results, other_code=args.other_code)
+    try:
+        write_whole(args.output, encode_rows(rows))
+    except OSError as error:
+        raise UsageError(f"cannot write `{args.output}`: {error.strerror}", hint="choose another with -o") from error
+    _say(f"{len(rows)} rows of {len(args.results)} results in {args.output}")
+    return ExitCode.OK
+
+
+def _leaderboard(args: argparse.Namespace) -> int:
+    """Rank the entrants of one suite's results on a page that loads nothing from elsewhere."""
+    from lingjing.bench.leaderboard import leaderboard
+    from lingjing.bench.merging import merge_results
+
+    write_output(leaderboard(merge_results(args.results, other_code=args.other_code)), args.output)
+    return ExitCode.OK
+
+
+def _card(args: argparse.Namespace) -> int:
+    """Describe results in Markdown, for a README beside them: what was run, by whom, what the columns are."""
+    from lingjing.bench.dataset_card import dataset_card
+    from lingjing.bench.merging import merge_results
+    from lingjing.bench.suite import read_document
+
+    suites = [place / "suite.toml" for place in args.results if (place / "suite.toml").is_file()]
+    about = str(read_document(suites[0]).get("about", "")) if suites else ""
+    write_output(dataset_card(merge_results(args.results, other_code=args.other_code), about), args.output)
     return ExitCode.OK
 
 
@@ -167,6 +235,8 @@ def shard_of(text: str) -> Shard:
 def _check_numbers(args: argparse.Namespace) -> None:
     if args.jobs < 1:
         raise UsageError(f"-j {args.jobs}: at least one")
+    if args.max_cost is not None and not 0.0 < args.max_cost < 1e9:
+        raise UsageError(f"--max-cost {args.max_cost:g}: an amount of US dollars is due")
     if args.limit is not None and args.limit < 1:
         raise UsageError(f"--limit {args.limit}: at least one")
 
@@ -210,6 +280,27 @@ def _size(cells: Sequence[SuiteCell], seeds: int) -> str:
         f"{entrants} entrant{'s' * (entrants > 1)} in {columns} column{'s' * (columns > 1)}, "
         f"{seeds} seed{'s' * (seeds > 1)}: {len(cells) * seeds} episodes"
     )
+
+
+def _tell_cost(plan: SuitePlan, cells: Sequence[SuiteCell], seeds: Sequence[int]) -> None:
+    """What the episodes will cost, a line for each entrant whose calls cost money."""
+    from lingjing.bench.money import ANSWER_TOKENS, PICTURES, TEXT_TOKENS, estimates
+    from lingjing.bench.running import SuiteEpisode
+
+    found = estimates([SuiteEpisode(cell, seed) for seed in seeds for cell in cells], plan.missions, ())
+    for one in found:
+        known = one.most_usd == one.most_usd
+        cost = f": about ${one.about_usd:,.2f}, at most ${one.most_usd:,.2f}" if known else "; its price is not known"
+        _say(f"{one.entrant}: {one.episodes} episodes, at most {one.calls:,} calls{cost}")
+    if found:
+        priced = [one for one in found if one.most_usd == one.most_usd]
+        about, most = sum(one.about_usd for one in priced), sum(one.most_usd for one in priced)
+        rest = " without those whose price is not known" if len(priced) < len(found) else ""
+        _say(f"together about ${about:,.2f}, at most ${most:,.2f}{rest}")
+        _say(
+            f"reckoned with a decision of every agent at every tick, {TEXT_TOKENS:,} tokens of text and {PICTURES} "
+            f"pictures a prompt, {ANSWER_TOKENS} tokens an answer; at most: repairs, full contexts, longest answers"
+        )
 
 
 def _one(row: SuiteRow) -> str:

@@ -10,12 +10,15 @@ import pytest
 
 import lingjing
 from lingjing.bench.columns import columns, shipped
+from lingjing.bench.planning import read_plan
 from lingjing.bench.running import SuiteRun
+from lingjing.bench.suite import find_suite, shipped_suites
 from lingjing.bench.tables import TABLES
 from lingjing.cli import bench
 from lingjing.cli.arguments import parse_pairs, parse_settings
 from lingjing.cli.main import main
 from lingjing.dsl.loading.load import load_mission
+from lingjing.plugins.host import PluginHost
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(--set .*?)` \|$", PAGE, flags=re.MULTILINE)
@@ -36,6 +39,12 @@ def test_its_suite_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     (tmp_path / "altitude.toml").write_text(block)
     assert main(["bench", str(tmp_path / "altitude.toml"), "--check"]) == 0
     assert "2 entrants in 2 columns, 20 seeds: 80 episodes" in capsys.readouterr().err
+
+
+def test_it_names_every_suite_with_its_size() -> None:
+    told = dict(re.findall(r"^\| `(\w+)` \| .* \| ([\d,]+) \|$", PAGE, flags=re.MULTILINE))
+    plans = {name: read_plan(find_suite(name), PluginHost()) for name in shipped_suites()}
+    assert told == {name: f"{len(plan.cells) * len(plan.suite.seeds):,}" for name, plan in plans.items()}
 
 
 def test_it_names_every_table() -> None:

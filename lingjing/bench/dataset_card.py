@@ -1,0 +1,113 @@
+"""A dataset card: what the rows of a results file are, how they were made, and what they do not say."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+from lingjing.analysis.metrics import table as metrics_table
+from lingjing.analysis.played_city import credit
+from lingjing.bench.exports import escape_markdown, to_markdown
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.running import cost_of
+from lingjing.bench.tables import make_tables
+
+PAPER = "Lingjing: A Simulation Testbed for Multi-Agent Embodied Tasks in Open-Ended Cities"
+_FIELDS = (
+    ("entrant, mission, mode, condition, seed", "which episode it is; a seed is the same instance for all entrants"),
+    ("tries, standing", "which try it was; `counted`, `aborted` (played again) or `lost` (the third abort)"),
+    ("policy, model, privileged", "who played, and whether it was shown the truth"),
+    ("policy_seed, salt_sha256", "what the policies' own chance started from, and whose salt decided it"),
+    ("split, isolation", "public or sealed instances; how the policy was kept apart from the simulation"),
+    ("code, version", "SHA-256 over all that decides an episode, and lingjing's version"),
+    ("wall_s", "seconds on the clock; the machine's load is in it"),
+    ("digest, frames_digest", "of the decisions, states, messages and events; of the pixels"),
+    ("settings, options, report", "JSON: parameters of the mission, all options, the whole report"),
+)
+
+
+def dataset_card(rows: Sequence[SuiteRow], about: str = "") -> str:
+    """The card in Markdown, with the head that dataset hubs read."""
+    return "\n".join([*_head(rows), *_made_of(rows, about), *_columns(), *_results(rows), *_limits(rows)]) + "\n"
+
+
+def _head(rows: Sequence[SuiteRow]) -> Iterator[str]:
+    size = len(rows)
+    classes = ("n<1K", "1K<n<10K", "10K<n<100K", "100K<n<1M")
+    name = f"Lingjing results: {rows[0].suite if rows else 'none'}"
+    yield "---"
+    yield f"pretty_name: {json.dumps(name)}"
+    yield "tags: [embodied-agents, multi-agent, simulation, benchmark]"
+    yield f"size_categories: [{classes[min(3, max(0, len(str(size)) - 3))]}]"
+    yield "configs: [{config_name: default, data_files: results.parquet}]"
+    yield "---"
+    yield f"\n# {escape_markdown(name)}\n"
+
+
+def _made_of(rows: Sequence[SuiteRow], about: str) -> Iterator[str]:
+    standings = Counter(row.standing for row in rows)
+    if about:
+        yield f"{escape_markdown(' '.join(about.split()))}\n"
+    yield (
+        f"{len(rows)} episodes of missions for unmanned systems in simulated cities, as specified in *{PAPER}*: "
+        f"{standings['counted']} counted, {standings['aborted']} aborted by the infrastructure and played again, "
+        f"{standings['lost']} lost.\n"
+    )
+    for name, values in (
+        ("Entrants", dict.fromkeys(row.entrant for row in rows)),
+        ("Columns", dict.fromkeys(row.column for row in rows)),
+        ("Conditions", dict.fromkeys(row.condition for row in rows if row.condition)),
+        ("Seeds", (_ranges({row.seed for row in rows}),)),
+        ("Code", dict.fromkeys(f"{row.version} ({row.code[:12]})" for row in rows)),
+        ("Salts", dict.fromkeys(row.salt_sha256 for row in rows)),
+    ):
+        told = ", ".join(filter(None, values))
+        if told:
+            yield f"- **{name}**: {escape_markdown(told)}"
+    yield f"- **Cost**: {sum(map(cost_of, rows)):.2f} USD of model calls"
+    for credited in dict.fromkeys(credit(row.report.attribution) for row in rows):
+        if credited:
+            yield f"- **Map**: {escape_markdown(credited)}"
+
+
+def _columns() -> Iterator[str]:
+    yield "\n## Columns\n"
+    yield "| column | what it is |"
+    yield "| --- | --- |"
+    for names, text in _FIELDS:
+        yield f"| {', '.join(f'`{name}`' for name in names.split(', '))} | {text} |"
+    yield "\nand one for each metric of an episode:\n"
+    yield metrics_table()
+
+
+def _results(rows: Sequence[SuiteRow]) -> Iterator[str]:
+    yield "## Results\n"
+    yield from (to_markdown(table) for table in make_tables(rows, ("intervals",)))
+
+
+def _limits(rows: Sequence[SuiteRow]) -> Iterator[str]:
+    yield "## What it does not say\n"
+    yield "- Instances are drawn from public seeds unless `split` is `sealed`: whoever has the code can know them."
+    yield "- Wall times depend on the machine and its load."
+    if any(row.privileged for row in rows):
+        shown = ", ".join(dict.fromkeys(row.entrant for row in rows if row.privileged))
+        yield f"- {escape_markdown(shown)} was shown the truth: it says what can be won, and competes with nobody."
+    if any(row.report.withdrawn for row in rows):
+        number = sum(bool(row.report.withdrawn) for row in rows)
+        yield f"- {number} episodes were played where a digest is not promised on other processors."
+    yield "\n`lingjing bench table results.parquet` makes other tables of it."
+
+
+def _ranges(seeds: Iterable[int]) -> str:
+    """`0-99, 200`."""
+    runs: list[list[int]] = []
+    for seed in sorted(seeds):
+        if runs and runs[-1][1] == seed - 1:
+            runs[-1][1] = seed
+        else:
+            runs.append([seed, seed])
+    return ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in runs)
+
+
+__all__ = ["dataset_card"]

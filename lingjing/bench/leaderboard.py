@@ -1,0 +1,78 @@
+"""A page that ranks the entrants of a suite by their macro average, with what a reader must know of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lingjing.bench.exports import html_page, to_html
+from lingjing.bench.played import Played
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.running import cost_of
+from lingjing.bench.table_cells import PRIVILEGED, ResultCell, ResultLine, ResultTable, percent, plain, ranged
+from lingjing.bench.tables import average_of, average_range, column_head, columns_of, make_tables, standing_notes
+
+UNRANKED = "not ranked: some columns are not played"
+SHOWN = "not ranked: shown the truth"
+
+
+def leaderboard(rows: Sequence[SuiteRow]) -> str:
+    """The page: entrants that have played every column are ranked, the others and those shown the truth follow."""
+    suite = rows[0].suite if rows else "results"
+    tables = [_ranking(rows), _played_by(rows), *make_tables(rows, ("paired",))]
+    return html_page(f"Leaderboard: {suite}", "".join(map(to_html, tables)))
+
+
+def ranking(rows: Sequence[SuiteRow]) -> list[tuple[str, float]]:
+    """Entrants with their averages, the best first; nan and last for those that have not played every column."""
+    columns = columns_of(row for row in rows if row.standing == "counted")
+    entrants = dict.fromkeys(row.entrant for row in rows)
+    averages = [(name, average_of([row for row in rows if row.entrant == name], columns)) for name in entrants]
+    return sorted(averages, key=lambda one: (math.isnan(one[1]), -one[1] if not math.isnan(one[1]) else 0.0, one[0]))
+
+
+def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
+    counted = [row for row in rows if row.standing == "counted" and not row.condition]
+    columns = columns_of(counted)
+    lines: list[ResultLine] = []
+    place = 0
+    for name, average in ranking(counted):
+        own = [row for row in counted if row.entrant == name]
+        shown = own[0].privileged
+        group = SHOWN if shown else UNRANKED if math.isnan(average) else ""
+        place += not group
+        cells = [percent(Played(tuple(row for row in own if (row.mission, row.mode) == one)).rate()) for one in columns]
+        label = (str(place) if not group else "", f"{name} {PRIVILEGED}" if shown else name)
+        lines.append(ResultLine(group, label, (ranged(average, average_range(own, columns)), *cells)))
+    heads = ("Avg", *(column_head(mission, mode, columns) for mission, mode in columns))
+    lines.sort(key=lambda line: ("", UNRANKED, SHOWN).index(line.group))
+    note = "Avg: modes of a mission first, then missions; its 95 % interval is a bootstrap over seeds"
+    return ResultTable(
+        "ranking", "Task success rate (TSR, %)", ("", "Entrant"), heads, tuple(lines), (note, *standing_notes(rows))
+    )
+
+
+def _played_by(rows: Sequence[SuiteRow]) -> ResultTable:
+    lines = []
+    for name in dict.fromkeys(row.entrant for row in rows):
+        own = [row for row in rows if row.entrant == name]
+        standings = [sum(row.standing == one for row in own) for one in ("counted", "aborted", "lost")]
+        said = [
+            _all(own, field) for field in ("policy", "model", "isolation", "split", "version", "salt_sha256", "code")
+        ]
+        cells = (
+            *(ResultCell(str(number), number) for number in standings),
+            plain(sum(map(cost_of, own)), ".2f"),
+            *(ResultCell(text) for text in said),
+        )
+        lines.append(ResultLine("", (name,), cells))
+    heads = ("counted", "aborted", "lost", "USD", "policy", "model", "isolation", "split", "version", "salt", "code")
+    return ResultTable("entrants", "Who played, and how", ("Entrant",), heads, tuple(lines))
+
+
+def _all(rows: Sequence[SuiteRow], field: str) -> str:
+    """Every value of a field, shortened; a dash for none."""
+    return ", ".join(sorted({str(getattr(row, field))[:16] for row in rows} - {""})) or "–"
+
+
+__all__ = ["leaderboard", "ranking"]

@@ -1,0 +1,116 @@
+"""Results of several places as one file, the page that ranks entrants, and the card that describes them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench.dataset_card import dataset_card
+from lingjing.bench.folder import read_results
+from lingjing.bench.leaderboard import leaderboard, ranking
+from lingjing.bench.merging import merge_results
+from lingjing.bench.parquet import encode_rows
+from lingjing.bench.rows import SuiteRow
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.play.options import PlayOptions
+from tests.bench.suite_kit import made_row
+from tests.play.report_kit import blank_metrics
+
+
+def written(folder: Path, name: str, *rows: SuiteRow) -> Path:
+    file = folder / f"{name}.parquet"
+    file.write_bytes(encode_rows(rows))
+    return file
+
+
+def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [made_row(seed=seed) for seed in range(6)]
+    parts = [written(tmp_path, "a", *rows[:4]), written(tmp_path, "b", *rows[2:])]
+    out = tmp_path / "all.parquet"
+    assert main(["bench", "merge", *map(str, parts), "-o", str(out)]) == 0
+    assert read_results(out) == rows
+    assert "6 rows of 2 results" in capsys.readouterr().err
+    assert main(["bench", "merge", *map(str, parts), "-o", str(out)]) == ExitCode.USAGE
+    assert "is there already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"suite": "other"}, r"more than one suite: `small` in .*a.parquet`, `other` in .*b.parquet`"),
+        ({"code": "d" * 64}, r"more than one code: `c` in .*, `dddddddddddd` in"),
+        ({"options": PlayOptions(mission="ssr", policy="q")}, r"e, ssr-star, seed 0 was played with other options"),
+        ({"success": False}, r"e, ssr-star, seed 0 ended otherwise in .*: success with digest d, not success with d"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(changes: dict[str, object], said: str, tmp_path: Path) -> None:
+    places = [written(tmp_path, "a", made_row()), written(tmp_path, "b", made_row(**changes))]  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match=said):
+        merge_results(places)
+
+
+def test_rows_of_other_code_are_put_together_if_that_is_wanted(tmp_path: Path) -> None:
+    places = [written(tmp_path, "a", made_row()), written(tmp_path, "b", made_row(code="d", entrant="f"))]
+    assert len(merge_results(places, other_code=True)) == 2
+
+
+def test_an_episode_that_another_place_played_to_its_end_is_not_lost(tmp_path: Path) -> None:
+    lost = made_row(success=False, standing="lost", tries=3)
+    for order in (1, -1):
+        places = [written(tmp_path, "a", lost), written(tmp_path, "b", made_row())][::order]
+        assert [row.standing for row in merge_results(places)] == ["counted"]
+    places = [written(tmp_path, "a", made_row(standing="aborted", success=False)), written(tmp_path, "b", made_row())]
+    assert [row.standing for row in merge_results(places)] == ["counted"]
+
+
+def entrant(name: str, won: int, **changes: object) -> list[SuiteRow]:
+    return [
+        made_row(entrant=name, mission=mission, mode="single", seed=seed, success=seed < won, **changes)
+        for mission in ("bi", "vdn")
+        for seed in range(12)
+    ]
+
+
+def test_entrants_are_ranked_if_they_have_played_everything() -> None:
+    rows = [*entrant("weak", 3), *entrant("strong", 9), *entrant("told", 12, privileged=True)]
+    rows += [row for row in entrant("half", 12) if row.mission == "bi"]
+    assert [name for name, _ in ranking(rows)] == ["told", "strong", "weak", "half"]
+    page = leaderboard(rows)
+    lines = [
+        re.sub(r"<[^>]+>", " ", line).split() for line in page.splitlines() if line.startswith("<tr><th scope='row'")
+    ]
+    assert [line[:2] for line in lines[:2]] == [["1", "strong"], ["2", "weak"]]
+    assert lines[0][2] == "75" and lines[0][3].startswith("[")
+    assert page.index("not ranked: some columns are not played") < page.index(">half<")
+    assert page.index("not ranked: shown the truth") < page.index(">told †<")
+
+
+def test_the_page_holds_no_foreign_markup_and_loads_nothing() -> None:
+    page = leaderboard(entrant("<script>alert(1)</script>", 5, policy="<img src=x>", isolation="\x1b[2J"))
+    assert "<script" not in page and "<img" not in page and "\x1b" not in page
+    assert "default-src 'none'" in page and "http" not in page.replace("http-equiv", "")
+
+
+def test_the_card_says_what_was_run_and_escapes_it() -> None:
+    metrics = blank_metrics(cost_usd=0.25)
+    rows = [*entrant("[x](javascript:1) <b>", 5, metrics=metrics), made_row(seed=40, standing="lost", success=False)]
+    attributed = msgspec.structs.replace(rows[0].report, attribution="© OpenStreetMap contributors")
+    rows[0] = msgspec.structs.replace(rows[0], report=attributed)
+    card = dataset_card(rows, "A study\nof # things")
+    head = card.split("---")[1]
+    assert 'pretty_name: "Lingjing results: small"' in head and "size_categories: [n<1K]" in head
+    assert "25 episodes" in card and "24 counted" in card and "1 lost" in card
+    assert "- **Seeds**: 0-11, 40" in card and "6.00 USD" in card and "OpenStreetMap" in card
+    assert "<b>" not in card and "](javascript" not in card.replace("\\](javascript", "") and "of \\# things" in card
+    assert "| `entrant`, `mission`" in card and "| communication | `messages` |" in card
+
+
+def test_pages_are_written_by_the_verb(tmp_path: Path) -> None:
+    file = written(tmp_path, "a", *entrant("e", 5))
+    for action, name in (("leaderboard", "board.html"), ("card", "README.md")):
+        assert main(["bench", action, str(file), "-o", str(tmp_path / name)]) == 0
+        assert (tmp_path / name).stat().st_size > 1000

@@ -1,0 +1,135 @@
+"""A paid suite: its estimate, its refusal to start without a limit, and the limit while it is played."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench.folder import open_results, read_results
+from lingjing.bench.money import estimates, is_paid, prices_of
+from lingjing.bench.planning import SuitePlan, read_plan
+from lingjing.bench.running import SuiteEpisode, SuiteRun
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
+from lingjing.play.parallel import EpisodeTask
+from lingjing.play.report import ABORTED, EpisodeReport
+from lingjing.plugins.host import PluginHost
+from tests.bench.suite_kit import SMALL, AnsweringExecutor, answered, made_row
+from tests.play.report_kit import blank_metrics
+
+PAID = SMALL.replace('policy = "oracle"', 'model = "gpt-5.5"').replace('["bi", "cd"]', '["bi"]')
+
+
+@pytest.fixture
+def suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "none"))  # whoever runs this may have models of their own
+    file = tmp_path / "paid.toml"
+    file.write_text(PAID)
+    return file
+
+
+def plan_of(file: Path) -> SuitePlan:
+    return read_plan(file, PluginHost())
+
+
+def test_the_estimate_counts_every_decision(suite: Path) -> None:
+    plan = plan_of(suite)
+    episodes = [SuiteEpisode(cell, seed) for seed in range(10) for cell in plan.cells]
+    (one,) = estimates(episodes, plan.missions, ())
+    assert (one.entrant, one.episodes, one.calls) == ("GPT-5.5", 10, 10 * 60 * 2)  # one agent, 60 ticks, one repair
+    model = plan.players[0].model
+    assert model is not None and prices_of(plan.players[0]) == (model.price_in, model.price_out)
+    assert one.most_usd == pytest.approx(1200 * (16_384 * model.price_in + 2_048 * model.price_out) / 1e6)
+    prompt = 4_000 + 2 * model.image_tokens
+    assert one.about_usd == pytest.approx(600 * (prompt * model.price_in + 400 * model.price_out) / 1e6)
+
+
+def test_what_episodes_of_the_cell_have_cost_is_the_better_estimate(suite: Path) -> None:
+    plan = plan_of(suite)
+    rows = [
+        made_row(entrant="GPT-5.5", mission="bi", mode="single", seed=seed, metrics={"cost_usd": cost})
+        for seed, cost in enumerate((0.5, 1.5))
+    ]
+    (one,) = estimates([SuiteEpisode(plan.cells[0], seed) for seed in (2, 3)], plan.missions, rows)
+    assert one.about_usd == 2.0
+
+
+@pytest.mark.parametrize(
+    ("args", "paid", "prices"),
+    [
+        ("", True, (5.0, 30.0)),
+        ("price_in = 1, price_out = 2.5", True, (1.0, 2.5)),
+        ("price_in = 0, price_out = 0", False, (0.0, 0.0)),
+    ],
+)
+def test_prices_are_the_models_unless_the_suite_says_otherwise(
+    args: str, paid: bool, prices: tuple[float, float], suite: Path
+) -> None:
+    suite.write_text(PAID.replace('model = "gpt-5.5"', f'model = "gpt-5.5"\nargs = {{ {args} }}'))
+    player = plan_of(suite).players[0]
+    assert (is_paid(player), prices_of(player)) == (paid, prices)
+    assert not is_paid(plan_of(suite).players[1])
+
+
+def test_it_does_not_start_without_a_limit_a_key_or_a_price(
+    suite: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = suite.parent / "out"
+    command = ["bench", str(suite), "-o", str(out)]
+    assert main(command) == ExitCode.USAGE
+    assert capsys.readouterr().err.startswith("error: models cannot be asked: GPT-5.5: OPENAI_API_KEY is not set")
+    monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
+    assert main(command) == ExitCode.USAGE
+    told = capsys.readouterr().err
+    assert re.search(r"^GPT-5.5: 2 episodes, at most 240 calls: about \$[\d.]+, at most \$[\d.]+$", told, re.M)
+    assert "say how much may be spent with --max-cost USD" in told and "a-key-that" not in told
+    for wrong in ("0", "-3", "nan", "inf"):
+        assert main([*command, "--max-cost", wrong]) == ExitCode.USAGE
+        assert "an amount of US dollars is due" in capsys.readouterr().err
+    models = suite.parent / "none" / "lingjing" / "models.toml"
+    models.parent.mkdir(parents=True)
+    models.write_text('[models."gpt-5.5"]\nservice = "openai"\nserved = "gpt-5.5"\n')
+    assert main([*command, "--max-cost", "3"]) == ExitCode.USAGE
+    assert "money cannot be capped: the prices of gpt-5.5 are not known" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def spending(cost: float) -> AnsweringExecutor:
+    def answer(task: EpisodeTask) -> EpisodeReport:
+        return answered(task, metrics=blank_metrics(cost_usd=cost if task.options.policy == "react" else 0.0))
+
+    return AnsweringExecutor(answer)
+
+
+def test_no_episode_begins_once_the_limit_is_reached_and_a_higher_one_goes_on(suite: Path) -> None:
+    folder = suite.parent / "out"
+
+    def play(limit: float) -> SuiteRun:
+        plan = plan_of(suite)
+        with open_results(folder) as results:
+            run = SuiteRun(plan, results, "code", spending(1.0), max_cost=limit)
+            run.check_resumable()
+            run.play(run.due(range(6), plan.cells))
+            return run
+
+    run = play(2.5)
+    assert run.is_out_of_money and run.spent() == 3.0
+    assert len([row for row in read_results(folder) if row.model]) == 3
+    run = play(100.0)
+    assert not run.is_out_of_money and run.spent() == 6.0
+    assert len(read_results(folder)) == 12
+    kept = {row.entrant for row in read_results(folder) if row.report.trace}
+    assert kept == {"GPT-5.5"}, "what was paid for stays, the rest goes"
+
+
+def test_an_episode_that_the_limit_ended_is_no_row_and_no_try(suite: Path) -> None:
+    plan = plan_of(suite)
+    ended = AnsweringExecutor(lambda task: answered(task, reason=ABORTED, detail="money: the limit of $1 is reached"))
+    with open_results(suite.parent / "out") as results:
+        run = SuiteRun(plan, results, "code", ended, max_cost=1.0)
+        run.play(run.due((0,), plan.cells))
+        assert run.is_out_of_money and results.rows == []
+        assert [one.tries for one in run.due((0,), plan.cells)] == [1, 1]
