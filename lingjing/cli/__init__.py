@@ -10,6 +10,7 @@
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
 - `bench`                                          a suite of many episodes: its rows, its tables
 - `verify`                                         a trace: whether it is what was written
+- `calls`                                          what an episode's policies asked chat models
 - `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from functools import partial
 
@@ -58,6 +59,16 @@ def parse_seed(text: str) -> int:
     if not (text.isascii() and text.isdigit()) or int(text) >= 2**63:
         raise UsageError(f"`{text}` is not a seed", hint="a seed is a whole number from 0, a range is written 0-19")
     return int(text)
+
+
+def parse_amount(option: str, text: str | None, *, whole: bool = False) -> float | int | None:
+    """A number above 0, None if none is given; a whole one where a fraction means nothing. Raises `UsageError`."""
+    if text is None:
+        return None
+    kind = r"[0-9]{1,15}" if whole else r"[0-9]{1,12}(\.[0-9]{1,12})?|\.[0-9]{1,12}"
+    if not re.fullmatch(kind, text, re.ASCII) or not float(text) > 0:
+        raise UsageError(f"{option} {text}: a {'whole ' * whole}number above 0 is due")
+    return int(text) if whole else float(text)
 
 
 def parse_settings(

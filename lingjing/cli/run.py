@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
 import msgspec
 
-from lingjing.cli.arguments import parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.process import restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
@@ -68,6 +69,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
     parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
     parser.add_argument("--sign", metavar="KEYFILE", help="sign the trace with this key (see `lingjing verify --key`)")
+    parser.add_argument(
+        "--calls",
+        metavar="record|replay|live",
+        help="record what policies ask chat models beside the trace (default), replay a record, or do neither",
+    )
+    parser.add_argument("--calls-from", metavar="PATH", help="what is replayed: a trace, its folder, or a run's folder")
+    parser.add_argument("--max-cost", metavar="USD", help="what chat models may cost, all episodes together")
+    parser.add_argument("--max-tokens", metavar="N", help="tokens that chat models may take, all episodes together")
     parser.add_argument("-j", "--jobs", metavar="N", default="1", help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument("--watch", action="store_true", help="show the episode in the terminal while it is played")
@@ -159,6 +168,10 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "evaluators": args.evaluator,
         "blank_pictures": args.blank_pictures or None,
         "overview": False if args.no_overview else None,
+        "calls": args.calls,
+        "calls_from": args.calls_from,
+        "max_cost": errors.attempt(lambda: parse_amount("--max-cost", args.max_cost), None),
+        "max_tokens": errors.attempt(lambda: parse_amount("--max-tokens", args.max_tokens, whole=True), None),
     }
     plain = given | {name: value for name, value in single.items() if value is not None}
     plain |= {name: {**_mapping(given.get(name)), **told} for name, told in mappings.items()}
@@ -214,8 +227,8 @@ def _run_many(
     args: argparse.Namespace, mission: Mission, options: PlayOptions, root: Path, seeds: tuple[int, ...]
 ) -> int:
     try:
-        with results_alone():
-            played = _played(args, mission, options, seeds, lambda seed: _claim(mission, options, seed, root))
+        with results_alone(), _one_ledger(options) as counted:
+            played = _played(args, mission, counted, seeds, lambda seed: _claim(mission, options, seed, root))
             episodes, interrupted = _until_interrupted(played)
     finally:
         release_if_empty(root)
@@ -228,6 +241,16 @@ def _run_many(
         print_seeds(report)
     explain(episodes)
     return ExitCode.INTERRUPTED if interrupted else exit_code(episodes)
+
+
+@contextmanager
+def _one_ledger(options: PlayOptions) -> Iterator[PlayOptions]:
+    """The options with a ledger, so that what is limited is counted over all episodes, in whatever process."""
+    if options.ledger or (options.max_cost is None and options.max_tokens is None):
+        yield options
+        return
+    with tempfile.TemporaryDirectory(prefix="lingjing-") as folder:
+        yield msgspec.structs.replace(options, ledger=str(Path(folder) / "ledger"))
 
 
 def _until_interrupted(played: Iterator[EpisodeReport]) -> tuple[list[EpisodeReport], bool]:

@@ -20,6 +20,7 @@ from typing import Any
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.budgets import ALLOWANCE
+from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
 from lingjing.trace.records import Decision, DecisionRecord, Usage
 
@@ -142,12 +143,17 @@ class PolicyBarrier:
                 return _failure(error, started)
             future.cancel()
             self._threads[name].abandon()
-            return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
+            return self._late()
+        except AbandonedCallError:  # what is replayed was given up here
+            return self._late()
         except InfrastructureError:
             raise
         except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
             return _failure(error, started)
         return PolicyAnswer(value=value, wall_s=wall_s)
+
+    def _late(self) -> PolicyAnswer:
+        return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
 
 
 def _decision_record(agent: str, answer: PolicyAnswer) -> DecisionRecord:

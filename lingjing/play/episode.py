@@ -34,6 +34,7 @@ from lingjing.numerics import versions, withdrawn
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.preparation import Preparation, prepare
+from lingjing.play.recorded_calls import EpisodeCalls
 from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy, options_fingerprint
@@ -102,7 +103,10 @@ class Session:
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance)
         assigned = prepared.assigned
-        policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in assigned.items()}
+        calls = EpisodeCalls(options, instance)
+        policies = {
+            agent: build_policy(plugin, arguments, calls.of(agent)) for agent, (plugin, arguments) in assigned.items()
+        }
         relations = RelationTracker(instance)
         recorder: list[TraceWriter] = []
         kernel = Kernel(
@@ -121,14 +125,17 @@ class Session:
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
         writer = _writer(folder, _header(instance, city, prepared, options), barrier, prepared.key)
         recorder.append(writer)
+        calls.keep_in(folder)
         try:
             outcome = play(kernel, barrier, writer, progress)
         except KeyboardInterrupt:
             self.close()
             raise EpisodeInterrupted(_report(writer.part, options, city=None)) from None
+        finally:
+            calls.close()
         path = writer.part if outcome.reason == ABORTED else writer.path
         report = _report(path, options, city=city if options.overview else None)
-        return msgspec.structs.replace(report, warnings=(*_hopeless(instance), *report.warnings))
+        return msgspec.structs.replace(report, warnings=(*_hopeless(instance), *calls.differences(), *report.warnings))
 
     def close(self) -> None:
         """End the workers; the next episode starts new ones."""

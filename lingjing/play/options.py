@@ -32,6 +32,11 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     in SI units. `evaluators` score it: the mean of their scores counts, and the first that says so ends the episode.
     `world` says where the engines run, `blank_pictures` hands the policies black pictures, `overview` draws
     `overview.png`, `sign` is the file of the key that the trace is signed with.
+
+    `calls` says what becomes of questions to chat models: they are recorded beside the trace, answered from the record
+    that `calls_from` names (a trace, its folder, or the folder of a run's episodes), or asked without a record.
+    `max_cost` (US dollars) and `max_tokens` limit what they may take; with a `ledger` file all episodes that name it
+    are counted together.
     """
 
     mission: str
@@ -49,6 +54,11 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     blank_pictures: bool = False
     overview: bool = True
     sign: str | None = None
+    calls: Literal["record", "replay", "live"] = "record"
+    calls_from: str = ""
+    max_cost: float | None = None
+    max_tokens: int | None = None
+    ledger: str = ""
 
 
 class Changes(TypedDict, total=False):
@@ -68,6 +78,11 @@ class Changes(TypedDict, total=False):
     blank_pictures: bool
     overview: bool
     sign: str | PathLike[str] | None
+    calls: Literal["record", "replay", "live"]
+    calls_from: str | PathLike[str]
+    max_cost: float | None
+    max_tokens: int | None
+    ledger: str | PathLike[str]
 
 
 def read_options(text: str | bytes, path: str, errors: ErrorCollector | None = None) -> dict[str, object]:
@@ -124,7 +139,7 @@ def options_of(
         "policies_for": _mapped(changes.get("policies_for"), lambda spec: named("policies_for", spec)),
         **{name: _mapped(changes.get(name), _as_json) for name in ("policy_args", "engine_args", "evaluator_args")},
         "settings": _mapped(changes.get("settings"), lambda value: value),
-        "sign": fspath(key) if isinstance(key := changes.get("sign"), PathLike) else key,
+        **{name: fspath(path) for name, path in changes.items() if isinstance(path, PathLike)},
     }
     if "policy" in changes:
         plain["policy"] = named("policy", changes["policy"])

@@ -20,6 +20,7 @@ from lingjing.mission.model import Mission
 from lingjing.play.option_sharing import engine_options, evaluator_options
 from lingjing.play.options import PlayOptions
 from lingjing.play.policies import Assigned, assign_policies
+from lingjing.play.recorded_calls import check_calls
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import PolicyPlugin
@@ -66,6 +67,7 @@ def prepare(
     assigned = assign_policies(instance, mission, options, host, given, errors)
     evaluators, evaluator_told = _evaluators(options, host, errors)
     key = errors.attempt(lambda: read_key(options.sign) if options.sign is not None else b"", b"")
+    errors.attempt(lambda: check_calls(options), None)
     errors.check()
     if instance is None:
         raise AssertionError("without an instance there is an error")

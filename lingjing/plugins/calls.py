@@ -8,62 +8,10 @@ border between processes.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator
-from typing import Literal, Protocol
-
-import msgspec
+from typing import Protocol
 
 from lingjing.errors import InfrastructureError
-
-CallFault = Literal["", "service", "model", "time", "abandoned"]
-"""Whose failure it is that a call has no answer: the service refuses or is not there, the model will not answer this,
-the policy's own deadline passed, or the kernel's barrier gave the policy up while it waited."""
-
-
-class CallRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """One question to a model as it is recorded.
-
-    `tick` is the boundary at which the policy asks. `head` is a JSON object with the parameters, `messages` are the
-    turns, a JSON object each, in which a picture is `{"type": "picture", "sha256": …}` with its hash in hexadecimal;
-    `pictures` are the JPEG files themselves. `most_usd` bounds the price of one attempt, None if its price is unknown;
-    `most_tokens` bounds its tokens.
-    """
-
-    tick: int
-    head: bytes
-    messages: tuple[bytes, ...]
-    pictures: tuple[bytes, ...] = ()
-    most_usd: float | None = None
-    most_tokens: int = 0
-
-    @property
-    def hashes(self) -> tuple[bytes, ...]:
-        """SHA-256 of each message."""
-        return tuple(hashlib.sha256(message).digest() for message in self.messages)
-
-
-class CallResult(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What came out of one question, all its attempts together.
-
-    `failure` says in words why there is no answer and `fault` whose fault that is; both are empty if there is one.
-    `cost_usd` is None if the price is unknown; `unknown_usd` bounds the price of the attempts of which nobody knows
-    whether they were billed. `wall_s` is seconds of wall clock, for people.
-    """
-
-    text: str = ""
-    reasoning: str = ""
-    finish_reason: str = ""
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    cached_tokens: int = 0
-    cost_usd: float | None = None
-    unknown_usd: float = 0.0
-    attempts: int = 1
-    wall_s: float = 0.0
-    failure: str = ""
-    fault: CallFault = ""
-    status: int | None = None
+from lingjing.trace.calls import CallFault, CallRequest, CallResult
 
 
 class SpendingLimitError(InfrastructureError):
@@ -123,19 +71,7 @@ class UnrecordedCalls:
         """Nothing is kept."""
 
 
-def pictures_of(message: object) -> Iterator[str]:
-    """The hashes in hexadecimal of the pictures in a decoded message, in order."""
-    if isinstance(message, dict):
-        if message.get("type") == "picture" and isinstance(message.get("sha256"), str):
-            yield message["sha256"]
-        for value in message.values():
-            yield from pictures_of(value)
-    elif isinstance(message, list):
-        for value in message:
-            yield from pictures_of(value)
-
-
 __all__ = [
     "AbandonedCallError", "CallFault", "CallRequest", "CallResult", "MissingCallError", "ModelCalls",
-    "SpendingLimitError", "UnrecordedCalls", "pictures_of",
+    "SpendingLimitError", "UnrecordedCalls",
 ]  # fmt: skip

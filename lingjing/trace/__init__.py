@@ -15,6 +15,7 @@ In the order in which an episode meets them:
 - `chunks`     one chunk of it, unpacked within bounds
 - `writer`     `TraceWriter`: header, boundaries, outcome
 - `signals`    signals wait while a boundary is written
+- `calls`      what is kept of questions to chat models; `call_store` the SQLite file beside the trace that holds them
 - `reader`     `read_trace`: the records back, pictures on demand
 - `seal_difference` which record is not as it was sealed
 - `seal_check` the bytes against the seals

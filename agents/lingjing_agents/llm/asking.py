@@ -49,6 +49,7 @@ class AskedModel:
         self._client = client
         self._calls = calls
         self._unbilled = Usage()
+        self._asked_at = (-1, 0)
 
     async def ask(
         self, tick: int, messages: tuple[ChatMessage, ...], deadline: CallDeadline, *, schema: bytes | None = None
@@ -143,12 +144,19 @@ class AskedModel:
         prompt += len(pictures) * self.profile.image_tokens
         return CallRequest(
             tick=tick,
+            number=self._number(tick),
             head=head,
             messages=messages,
             pictures=pictures,
             most_usd=self.profile.traits.cost_usd(prompt, request.max_tokens),
             most_tokens=prompt + request.max_tokens,
         )
+
+    def _number(self, tick: int) -> int:
+        """How many questions this boundary has had before."""
+        before, number = self._asked_at
+        self._asked_at = (tick, number + 1 if tick == before else 0)
+        return self._asked_at[1]
 
     def _bill(self, result: CallResult) -> None:
         spent = self._unbilled

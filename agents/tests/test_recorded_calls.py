@@ -1,0 +1,279 @@
+"""An episode's model calls: recorded, read, replayed without a service, and limited; a real server on loopback."""
+
+import json
+import re
+import threading
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+import lingjing
+from agents.tests.chat_server import NOOP, Reply, completion, serve
+from lingjing.cli.main import main
+from lingjing.errors import UsageError
+from lingjing.play.report import EpisodeReport
+from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.trace.reader import read_trace
+
+TEXT = """\
+ljs 1
+use std.air { quadrotor }
+use std.sensors { nadir_hd }
+
+mission glance "Two look down" {
+  goal "Look."
+  scene bay
+  clock { tick = 2 s, sync = 500 ms }
+  budget { ticks <= 4, policy <= 5 s, engine <= 60 s, capture <= 60 s }
+  mode broadcast
+  param height = 30 m in 20 m..60 m
+  asset uav[1..2] : quadrotor {
+    position = at(i, [(100 m, -700 m), (140 m, -700 m)], spread 8 m), band = 20 m..60 m
+    camera nadir : nadir_hd { size = 320 by 180 }
+    actions { takeoff, takePhoto }
+  }
+  agent scout[i in 1..2] as scout controls uav[i] { observes uav[i].*, events }
+  success when distance_xy(uav[1], uav[2]) <= 0 m
+}
+"""
+KEY = "sk-a-planted-key-4711-0815"
+LOOK = {**NOOP, "command": {"verb": "takePhoto", "arguments": {"camera": "nadir"}, "resource": "uav[1]"}}
+ARGUMENTS = {"model": "m", "api_key_env": "TEST_KEY", "price_in": "1", "price_out": "2", "tries": "2", "deadline": "4"}
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    path = tmp_path / "glance.ljs"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEST_KEY", KEY)
+
+
+class Script:
+    """Answers by agent and by how often it has asked; the last of a list repeats, an agent without one does nothing."""
+
+    def __init__(self, **replies: list[Reply]) -> None:
+        self.replies = replies
+        self.asked: Counter[str] = Counter()
+        self.lock = threading.Lock()
+
+    def __call__(self, request: dict[str, Any]) -> Reply:
+        found = re.search(r"scout\[(\d)\]", request["messages"][0]["content"])
+        assert found
+        name = f"scout{found[1]}"
+        with self.lock:
+            number = self.asked[name]
+            self.asked[name] += 1
+        replies = self.replies.get(name, [Reply()])
+        return replies[min(number, len(replies) - 1)]
+
+
+def looking() -> Script:
+    """scout[1] looks down, with a mistake to be repaired on its way; scout[2] does nothing."""
+    return Script(scout1=[Reply(LOOK), Reply("so I look down"), Reply(LOOK)])
+
+
+def play(
+    mission: Path, out: Path, url: str, policy_args: dict[str, str] | None = None, **changes: object
+) -> EpisodeReport:
+    arguments = {**ARGUMENTS, "base_url": url, **(policy_args or {})}
+    given = {"policy": "react", "policy_args": arguments, "overview": False, "world": "inline", "out": out, **changes}
+    return lingjing.run(mission, **given)
+
+
+def row(report: EpisodeReport) -> dict[str, object]:
+    """What a study keeps of an episode, but for the place of its trace and the seconds of wall clock."""
+    plain = msgspec.to_builtins(report)
+    del plain["trace"]
+    return {**plain, "metrics": {k: v for k, v in plain["metrics"].items() if "wall" not in k}}
+
+
+def decisions(report: EpisodeReport) -> list[object]:
+    return [
+        msgspec.structs.replace(made, policy_wall_s=0.0)
+        for record in read_trace(report.trace).boundaries
+        for made in record.decisions
+    ]
+
+
+def test_an_episode_is_replayed_without_its_service_byte_for_byte(tmp_path, mission, monkeypatch, capsys):
+    with serve(looking()) as server:
+        played = play(mission, tmp_path / "a", server.url)
+        asked = len(server.requests)
+    assert asked == 4 * 2 + 1
+    monkeypatch.delenv("TEST_KEY")  # no key, no service
+    again = play(mission, tmp_path / "b", server.url, calls="replay", calls_from=tmp_path / "a")
+    third = play(mission, tmp_path / "c", server.url, calls="replay", calls_from=tmp_path / "b" / "trace.mcap")
+    assert row(played) == row(again) == row(third)
+    assert decisions(played) == decisions(again) == decisions(third)
+    assert (played.digest, played.frames_digest) == (again.digest, again.frames_digest)
+    assert played.metrics is not None
+    assert played.metrics.calls == 9
+
+    def recorded(name: str) -> list[object]:
+        return list(CallReader(tmp_path / name / CALLS_NAME).calls())
+
+    assert recorded("a") == recorded("b") == recorded("c")
+    assert len(server.requests) == asked
+
+
+def test_the_record_can_be_listed_and_read(tmp_path, mission, capsys):
+    with serve(looking()) as server:
+        report = play(mission, tmp_path / "a", server.url)
+        shown = set(re.findall(r"data:image/jpeg;base64,[^\"]*", json.dumps(server.requests)))
+    assert main(["calls", report.trace]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + 9
+    assert lines[0].split()[:3] == ["tick", "agent", "call"]
+    assert lines[1].split()[:6] == ["0", "scout[1]", "0", "0", "1", "100"]
+    assert main(["calls", str(tmp_path / "a"), "--agent", "scout[1]", "--tick", "1", "--full"]) == 0
+    text = capsys.readouterr().out
+    assert "=== tick 1, scout[1], call 1: " in text
+    assert "--- user\nYour answer cannot be used: " in text
+    assert "--- answer (stop)\nso I look down" in text
+    pictures = tmp_path / "pictures"
+    assert main(["calls", report.trace, "--output-format", "json", "--pictures", str(pictures)]) == 0
+    calls = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [call["request"]["model"] for call in calls] == ["m"] * 9
+    files = list(pictures.iterdir())
+    assert files
+    assert all(path.read_bytes()[:2] == b"\xff\xd8" for path in files)
+    assert len(files) == len(shown)
+    assert main(["calls", str(tmp_path / "nowhere")]) == 2
+    assert main(["calls", str(mission)]) == 2
+
+
+def test_no_key_is_in_anything_that_is_left(tmp_path, mission):
+    with serve(lambda request: Reply({**NOOP, "thought": f"your key is {KEY}"})) as server:
+        report = play(mission, tmp_path / "a", server.url)
+    assert read_trace(report.trace).boundaries
+    assert "***" in Path(report.trace).with_name(CALLS_NAME).read_bytes().decode("latin-1")
+    for path in (tmp_path / "a").iterdir():
+        assert KEY[3:].encode() not in path.read_bytes(), path
+
+
+def failing() -> Script:
+    """scout[2] meets a refusal, a time-out and a pause that is too long; scout[1] nothing."""
+    return Script(scout2=[Reply(status=401), Reply(delay_s=3600.0), Reply(status=429, headers={"retry-after": "900"})])
+
+
+@pytest.mark.parametrize(("deadline", "late"), [("1", "policy_error"), ("60", "policy_timeout")])
+def test_failures_and_time_outs_are_replayed_at_once(tmp_path, mission, deadline, late):
+    mission.write_text(TEXT.replace("policy <= 5 s", "policy <= 3 s").replace("ticks <= 4", "ticks <= 3"))
+    with serve(failing()) as server:
+        played = play(mission, tmp_path / "a", server.url, {"deadline": deadline})
+    again = play(mission, tmp_path / "b", "http://127.0.0.1:1/v1", {"deadline": deadline}, calls="replay",
+                 calls_from=tmp_path / "a")  # fmt: skip
+    made = [one for one in decisions(played) if one.agent == "scout[2]"]
+    assert [one.substituted for one in made] == ["policy_error", late, "policy_error"]
+    assert decisions(played) == decisions(again)
+    assert row(played) == row(again)
+    waited = [record.decisions[1].policy_wall_s for record in read_trace(again.trace).boundaries[1:]]
+    assert max(waited) < 1.0
+
+
+def test_a_missing_answer_is_an_error_and_never_a_call(tmp_path, mission):
+    with serve(looking()) as server:
+        play(mission, tmp_path / "a", server.url)
+        asked = len(server.requests)
+        mission.write_text(TEXT.replace("ticks <= 4", "ticks <= 6"))
+        report = play(mission, tmp_path / "b", server.url, calls="replay", calls_from=tmp_path / "a")
+        assert len(server.requests) == asked
+    assert (report.reason, report.ticks) == ("infrastructure-abort", 4)
+    assert report.detail.startswith("calls: `")
+    assert "has no answer for `scout[1]`, tick 4, call 0" in report.detail
+
+
+def test_what_was_asked_otherwise_is_named(tmp_path, mission):
+    with serve(looking()) as server:
+        play(mission, tmp_path / "a", server.url)
+    other = play(
+        mission, tmp_path / "b", server.url, {"max_tokens": "999"}, calls="replay", calls_from=tmp_path / "a",
+        blank_pictures=True,
+    )  # fmt: skip
+    assert other.reason == "budget"
+    assert "9 of 9 replayed calls were asked with other parameters, first `scout[1]`, tick 0, call 0" in other.warnings
+    assert any(
+        "replayed calls were asked with other pictures, first `scout[1]`, tick 1" in one for one in other.warnings
+    )
+    assert not any("other texts" in one for one in other.warnings)
+    mission.write_text(TEXT.replace('"Look."', '"Look down."'))
+    third = play(mission, tmp_path / "c", server.url, calls="replay", calls_from=tmp_path / "a")
+    assert "9 of 9 replayed calls were asked with other texts, first `scout[1]`, tick 0, call 0" in third.warnings
+
+
+def test_the_record_of_another_episode_is_refused(tmp_path, mission):
+    with serve([Reply()]) as server:
+        play(mission, tmp_path / "runs" / "glance-broadcast-0-1", server.url)
+        play(mission, tmp_path / "runs" / "glance-broadcast-1-1", server.url, seed=1)
+    first = tmp_path / "runs" / "glance-broadcast-0-1"
+    with pytest.raises(UsageError, match="glance, broadcast, seed 0, and glance, broadcast, seed 1 is to be played"):
+        play(mission, tmp_path / "b", server.url, seed=1, calls="replay", calls_from=first)
+    report = play(mission, tmp_path / "c", server.url, seed=1, calls="replay", calls_from=tmp_path / "runs")
+    assert report.reason == "budget"
+    with pytest.raises(UsageError, match="there is no record of model calls"):
+        play(mission, tmp_path / "d", server.url, seed=2, calls="replay", calls_from=tmp_path / "runs")
+    assert not (tmp_path / "d").exists()
+
+
+def test_live_leaves_no_record_and_who_asks_nobody_neither(tmp_path, mission):
+    with serve([Reply()]) as server:
+        play(mission, tmp_path / "a", server.url, calls="live")
+    lingjing.run(mission, policy="random", overview=False, world="inline", out=tmp_path / "b")
+    assert not list(tmp_path.glob(f"*/{CALLS_NAME}"))
+
+
+def test_money_is_never_passed(tmp_path, mission):
+    answer = completion(Reply()) | {"usage": {"prompt_tokens": 4_000, "completion_tokens": 0}}
+    with serve([Reply(body=json.dumps(answer))]) as server:
+        report = play(mission, tmp_path / "a", server.url, {"price_in": "10", "price_out": "10"}, max_cost=0.2)
+        assert 3 <= len(server.requests) <= 5
+    assert report.reason == "infrastructure-abort"
+    assert report.detail.startswith("money: the limit of $0.2 does not cover another call: $")
+    assert report.hint.startswith("raise --max-cost")
+    assert read_trace(report.trace).boundaries
+
+
+def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
+    answer = completion(Reply()) | {"usage": {"prompt_tokens": 4_000, "completion_tokens": 0}}
+    with serve([Reply(body=json.dumps(answer))]) as server:
+        options = [f"--policy-arg={name}={value}" for name, value in {**ARGUMENTS, "base_url": server.url}.items()]
+        command = ["run", str(mission), "--policy=react", *options, "--seeds=0-3", "-j2", "--no-overview"]
+        code = main([*command, "--max-tokens=40000", "--json", f"-o{tmp_path / 'runs'}"])
+        assert 8 < len(server.requests) <= 10
+    assert code == 3
+    assert "tokens: the limit of 40000 does not cover another call" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"calls": "replay"}, "nothing says from where"),
+        ({"calls_from": "x"}, "--calls is record"),
+        ({"calls": "replay", "calls_from": "nowhere"}, "there is no `nowhere`"),
+        ({"calls": "again"}, "'record', 'replay' or 'live'|record"),
+        ({"max_cost": 0.0}, "more than 0 is due"),
+        ({"max_cost": float("nan")}, "more than 0 is due"),
+        ({"max_tokens": -1}, "more than 0 is due"),
+    ],
+)
+def test_what_does_not_go_together_is_told(tmp_path, mission, given, said):
+    with pytest.raises(UsageError, match=said):
+        lingjing.run(mission, policy="random", out=tmp_path / "a", **given)
+
+
+def test_a_price_that_is_missing_where_money_is_capped_is_told_before_anything_starts(tmp_path, mission):
+    with serve([Reply()]) as server, pytest.raises(UsageError, match="nobody has said what `mystery` costs"):
+        lingjing.run(
+            mission, policy="react", policy_args={"model": "mystery", "base_url": server.url}, max_cost=1.0,
+            out=tmp_path / "a", world="inline",
+        )  # fmt: skip
+    assert not server.requests
+    assert threading.active_count() < 50

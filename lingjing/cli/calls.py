@@ -1,0 +1,123 @@
+"""`lingjing calls TRACE`: what the policies of an episode asked chat models, and what they were answered."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import msgspec
+
+from lingjing.errors import ExitCode, UsageError
+from lingjing.trace.call_store import CALLS_NAME, CallReader, calls_of
+from lingjing.trace.calls import CallResult, RecordedCall
+
+_COLUMNS = ("tick", "agent", "call", "pictures", "attempts", "tokens in", "out", "USD", "seconds", "result")
+_SHOWN = 60
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser(
+        "calls", help="list and read what an episode's policies asked chat models", description=__doc__
+    )
+    parser.add_argument("trace", metavar="TRACE", help="a trace, its folder, or the record beside it")
+    parser.add_argument("--agent", metavar="NAME", help="this agent's alone")
+    parser.add_argument("--tick", metavar="N", type=int, help="those of this boundary alone")
+    parser.add_argument("--full", action="store_true", help="print every question and answer whole")
+    parser.add_argument("--pictures", metavar="DIR", help="write the pictures that were shown into a folder, by hash")
+    parser.add_argument("--output-format", choices=("text", "json"), default="text")
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Print the calls that were asked for."""
+    place = Path(args.trace)
+    found = calls_of(place)
+    if found is None:
+        raise UsageError(
+            f"`{place}` has no record of model calls beside it" if place.exists() else f"there is no `{place}`",
+            hint=f"an episode whose policies ask chat models leaves `{CALLS_NAME}` beside its trace",
+        )
+    reader = CallReader(found)
+    calls = reader.calls(args.agent, args.tick)
+    if args.pictures:
+        calls = _writing_pictures(calls, reader, Path(args.pictures))
+    if args.output_format == "json":
+        _print_json(calls)
+    elif args.full:
+        _print_full(calls)
+    else:
+        _print_table(calls)
+    return ExitCode.OK
+
+
+def _print_json(calls: Iterable[RecordedCall]) -> None:
+    """One object a line, so that it may be read while it is written."""
+    for call in calls:
+        whole = {
+            "agent": call.agent,
+            "tick": call.tick,
+            "call": call.number,
+            "request": {**msgspec.json.decode(call.head), "messages": [*map(msgspec.Raw, call.messages)]},
+            "result": call.result,
+        }
+        sys.stdout.write(msgspec.json.encode(whole).decode() + "\n")
+
+
+def _print_full(calls: Iterable[RecordedCall]) -> None:
+    for call in calls:
+        print(f"=== tick {call.tick}, {call.agent}, call {call.number}: {_outcome(call.result)}")
+        for name, value in msgspec.json.decode(call.head).items():
+            print(f"{name}: {value if isinstance(value, str) else msgspec.json.encode(value).decode()}")
+        for message in map(msgspec.json.decode, call.messages):
+            print(f"--- {message.get('role')}\n{_said(message.get('content'))}")
+        if call.result is not None and call.result.reasoning:
+            print(f"--- reasoning\n{call.result.reasoning}")
+        if call.result is not None and not call.result.failure:
+            print(f"--- answer ({call.result.finish_reason})\n{call.result.text}")
+        print()
+
+
+def _print_table(calls: Iterable[RecordedCall]) -> None:
+    rows = [_COLUMNS, *map(_row, calls)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths[:-1], strict=True)]
+        print("  ".join([*cells, row[-1]]).rstrip())
+
+
+def _row(call: RecordedCall) -> tuple[str, ...]:
+    result = call.result or CallResult(attempts=0)
+    cost = "-" if result.cost_usd is None else f"{result.cost_usd:.4f}"
+    numbers = (result.attempts, result.prompt_tokens, result.completion_tokens)
+    return (
+        str(call.tick), call.agent, str(call.number), str(len(call.pictures)), *map(str, numbers), cost,
+        f"{result.wall_s:.1f}", _outcome(call.result),
+    )  # fmt: skip
+
+
+def _outcome(result: CallResult | None) -> str:
+    if result is None:
+        return "no result was recorded"
+    said = f"{result.fault}: {result.failure}" if result.failure else " ".join(result.text.split())
+    return said if len(said) <= _SHOWN else said[:_SHOWN] + "…"
+
+
+def _said(content: object) -> str:
+    """The text of a message, and a line for each picture."""
+    if not isinstance(content, list):
+        return str(content)
+    return "\n".join(
+        str(part.get("text", "")) if part.get("type") == "text" else f"[picture {part.get('sha256')}]"
+        for part in content
+    )
+
+
+def _writing_pictures(calls: Iterable[RecordedCall], reader: CallReader, folder: Path) -> Iterator[RecordedCall]:
+    folder.mkdir(parents=True, exist_ok=True)
+    for call in calls:
+        for name in call.pictures:
+            hashed = bytes.fromhex(name) if len(name) == 64 and set(name) <= set("0123456789abcdef") else b""
+            (folder / f"{hashed.hex() or 'unnamed'}.jpg").write_bytes(reader.content(hashed))
+        yield call
