@@ -1,4 +1,6 @@
-"""Episodes run again from their traces: what nobody saw is drawn, what did not happen is tried.
+"""Episodes run again from their traces: what was decided, what nobody saw, what did not happen.
 
-`lookback` draws pictures that no agent asked for, from the states that a trace holds.
+- `recorded`  `RecordedRun`: the recorded decisions on fresh engines, boundary by boundary; all else here is built on it
+- `replay`    whether they lead to the states that the trace holds, or what differs first
+- `lookback`  pictures that no agent asked for, drawn from the states that a trace holds
 """

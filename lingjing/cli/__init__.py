@@ -9,7 +9,7 @@
 - `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
 - `bench`                                          a suite of many episodes: its rows, its tables
-- `verify`                                         a trace: whether it is what was written
+- `verify`, `replay`                               a trace: whether it is what was written, whether it happens again
 - `calls`                                          what an episode's policies asked chat models
 - `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks

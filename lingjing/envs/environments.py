@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -17,11 +17,10 @@ from lingjing.envs.codec import Codec
 from lingjing.envs.stepping import SteppedEpisodes
 from lingjing.errors import UsageError
 from lingjing.kernel.step import Published
+from lingjing.kernel.world import WorldKind
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
 from lingjing.trace.records import Decision
-
-WorldKind = Literal["process", "inline"]
 
 LARGEST_SEED = 2**31 - 1
 

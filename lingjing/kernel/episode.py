@@ -104,15 +104,21 @@ def _loop(
         last = _last_event(published, last)
         if progress is not None:
             progress(_progress(kernel, published, last, started))
-        ended = published.evaluation
-        if ended.done:
-            at_start = ended.reason == "success" and published.record.tick == 0
-            # an evaluator of somebody's own that ends an episode without a reason has seen no success
-            return ended.reason or "failure", ended.detail or (WON_AT_START if at_start else "")
-        if published.record.tick >= kernel.instance.budget.ticks:
-            return "budget", ""
+        reason, detail = ended_because(kernel)
+        if reason is not None:
+            return reason, detail
         inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
         published = kernel.step(barrier.act(inputs, kernel.exhausted()))
+
+
+def ended_because(kernel: Kernel) -> tuple[Reason | None, str]:
+    """Why the episode is over at the boundary that the kernel stands at, with the detail of it; None if it is not."""
+    ended, tick = kernel.state.evaluation, kernel.state.registry.tick
+    if ended.done:
+        at_start = ended.reason == "success" and tick == 0
+        # an evaluator of somebody's own that ends an episode without a reason has seen no success
+        return ended.reason or "failure", ended.detail or (WON_AT_START if at_start else "")
+    return ("budget", "") if tick >= kernel.instance.budget.ticks else (None, "")
 
 
 def _last_event(published: Published, before: str) -> str:

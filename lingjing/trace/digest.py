@@ -29,7 +29,7 @@ def next_digest(previous: str, record: BoundaryRecord) -> str:
 
     Raises `InfrastructureError` if the record holds a number that is not finite.
     """
-    return hashlib.sha256(previous.encode() + b"\n" + to_json(_timeless(settled(record)))).hexdigest()
+    return hashlib.sha256(previous.encode() + b"\n" + to_json(timeless(settled(record)))).hexdigest()
 
 
 def next_frames_digest(previous: str, frames: Iterable[FrameInfo]) -> str:
@@ -116,7 +116,8 @@ def _pixel_fault(trace: Trace) -> str | None:
     return None
 
 
-def _timeless(record: BoundaryRecord) -> BoundaryRecord:
+def timeless(record: BoundaryRecord) -> BoundaryRecord:
+    """The record as its digest covers it: without wall clock, pixels, relations and the digest itself."""
     replace = msgspec.structs.replace
     return replace(
         record,

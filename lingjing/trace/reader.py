@@ -123,7 +123,7 @@ def read_trace(path: str | Path) -> Trace:
     )
 
 
-class _Named(msgspec.Struct):
+class _AnyHeader(msgspec.Struct):
     """What every version's header has."""
 
     format: str = FIRST_FORMAT
@@ -157,7 +157,7 @@ class _Found:
 
     def _header(self, stored: Stored) -> Header:
         """The header, after a look at the format that it names: one of tomorrow is told by its name."""
-        named = self._decoded(stored, _Named).format
+        named = self._decoded(stored, _AnyHeader).format
         if named not in (FIRST_FORMAT, FORMAT):
             raise UsageError(
                 f"{self.path} is of the format `{named[:40]}`; this version reads {FIRST_FORMAT} and {FORMAT}",

@@ -16,7 +16,7 @@ from lingjing.trace.chunks import BROKEN, MESSAGE, UnpackLimits, unpacked
 from lingjing.trace.seals import MAGIC, RECORD, definition_sum, message_sum, records_of, whole_records
 
 
-class _Found(NamedTuple):
+class _Summed(NamedTuple):
     """A record of a segment: how it is called, where it begins in the file, and its sum."""
 
     name: str
@@ -63,7 +63,7 @@ def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int
     )
 
 
-def _changed(found: list[_Found], sealed: list[int], index: int) -> str:
+def _changed(found: list[_Summed], sealed: list[int], index: int) -> str:
     here, after = found[index].total, sealed[index + 1] if index + 1 < len(sealed) else None
     if (
         index < len(sealed)
@@ -92,27 +92,27 @@ def _behind(data: mmap.mmap, end: int) -> str:
     return f"the last seal, or the summary between bytes {end} and {at} by which viewers find records, is another"
 
 
-def _contents(data: mmap.mmap, begin: int, end: int) -> Iterator[_Found]:
+def _contents(data: mmap.mmap, begin: int, end: int) -> Iterator[_Summed]:
     """The records between two seals in the order of their sums; one that cannot be read has the sum -1 and says why."""
     topics, limits = _topics(data, begin), UnpackLimits(len(data))
     at = begin or len(MAGIC)
     while at < end:
         if at + RECORD.size > end:
-            yield _Found("what stands where a record is due", at, -1)
+            yield _Summed("what stands where a record is due", at, -1)
             return
         opcode, length = RECORD.unpack_from(data, at)
         after = at + RECORD.size + length
         if after > end:
-            yield _Found(f"a record ({_kind(opcode)}) that is longer than there is room", at, -1)
+            yield _Summed(f"a record ({_kind(opcode)}) that is longer than there is room", at, -1)
             return
         record = data[at:after]
         if opcode == mcap.opcode.Opcode.CHUNK:
             yield from _inside(record, at, topics, limits)
-        yield _Found(f"the file's record {_kind(opcode)}", at, zlib.crc32(record))
+        yield _Summed(f"the file's record {_kind(opcode)}", at, zlib.crc32(record))
         at = after
 
 
-def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits) -> Iterator[_Found]:
+def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits) -> Iterator[_Summed]:
     try:
         chunk = mcap.records.Chunk.read(ReadDataStream(io.BytesIO(record[RECORD.size :])))
         limits.take(chunk)
@@ -120,9 +120,9 @@ def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits
             limits.message()
             named = _inner(opcode, inner[RECORD.size :], topics)
             if named is not None:
-                yield _Found(named[0], at, named[1])
+                yield _Summed(named[0], at, named[1])
     except BROKEN as error:
-        yield _Found(f"a chunk that cannot be unpacked ({error})", at, -1)
+        yield _Summed(f"a chunk that cannot be unpacked ({error})", at, -1)
 
 
 def _inner(opcode: int, body: bytes, topics: dict[int, str]) -> tuple[str, int] | None:

@@ -12,7 +12,7 @@ import pytest
 
 from lingjing.errors import InfrastructureError
 from lingjing.trace import records
-from lingjing.trace.digest import START, _timeless, input_digest, next_digest, next_frames_digest, verify
+from lingjing.trace.digest import START, input_digest, next_digest, next_frames_digest, timeless, verify
 from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
@@ -199,8 +199,8 @@ def test_the_chain_is_the_same_under_another_hash_seed(synthetic: ModuleType) ->
     assert len(said) == 1
 
 
-def test_timeless_keeps_the_rest(rich: BoundaryRecord) -> None:
-    assert _timeless(rich).snapshots == rich.snapshots and _timeless(rich).messages == rich.messages
+def testtimeless_keeps_the_rest(rich: BoundaryRecord) -> None:
+    assert timeless(rich).snapshots == rich.snapshots and timeless(rich).messages == rich.messages
 
 
 def _with(trace: Trace, boundaries: tuple[BoundaryRecord, ...]) -> Trace:

@@ -27,11 +27,14 @@ if TYPE_CHECKING:
     from lingjing.kernel.world.contract import World
     from lingjing.plugins.host import PluginHost
 
-__all__ = ["open_world"]
+__all__ = ["WorldKind", "open_world"]
+
+WorldKind = Literal["process", "inline"]
+"""Where the engines run: in processes of their own, or in the caller's."""
 
 
 def open_world(
-    kind: Literal["process", "inline"],
+    kind: WorldKind,
     *,
     host: PluginHost | None = None,
     plugins: tuple[str, ...] = (),

@@ -1,0 +1,202 @@
+"""`replay`: whether a trace's decisions lead on fresh engines to the states that it holds, or what differs first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, cast
+
+import msgspec
+
+from lingjing.causal.recorded import RecordedRun
+from lingjing.errors import InfrastructureError
+from lingjing.kernel.episode import ended_because
+from lingjing.kernel.world import WorldKind
+from lingjing.numerics import versions
+from lingjing.plugins.host import PluginHost
+from lingjing.trace.digest import timeless
+from lingjing.trace.encoding import settled
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import CUT_SHORT, BoundaryRecord
+
+KERNEL = "kernel"
+CAMERA = "camera"
+
+
+class Difference(msgspec.Struct, frozen=True, kw_only=True):
+    """The first place where a replay leaves its trace: the engine that answers for it (`kernel` for what none
+    does), the field, and the two values as JSON, cut."""
+
+    boundary: int
+    engine: str
+    field: str
+    recorded: str
+    replayed: str
+
+
+class Replay(msgspec.Struct, frozen=True, kw_only=True):
+    """What running a trace again has shown. `confirmed` boundaries had the digest that the trace has for them;
+    without a `difference` these are all of `boundaries`.
+
+    `drawn` if pictures were drawn anew; else their poses and boxes were taken from the trace. `pixels` is then the
+    first picture whose pixels differ, which another renderer explains. `versions` are the libraries that differ
+    from those the trace was made with: the digest is promised for equal ones.
+    """
+
+    path: str
+    boundaries: int
+    confirmed: int
+    digest: str
+    difference: Difference | None = None
+    drawn: bool = False
+    pixels: str = ""
+    versions: tuple[str, ...] = ()
+
+
+def replay(
+    trace: Trace,
+    *,
+    world: WorldKind = "process",
+    draw: bool = False,
+    host: PluginHost | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Replay:
+    """Run a trace again, whole or partial, to its last boundary or the first that differs.
+
+    `progress` is called with each boundary that was confirmed. Raises what `RecordedRun` raises.
+    """
+    difference, confirmed, pixels = None, 0, ""
+    with RecordedRun(trace, world=world, draw=draw, host=host) as run:
+        for recorded in trace.boundaries:
+            try:
+                record = run.advance().record
+            except InfrastructureError as error:
+                difference = Difference(
+                    boundary=recorded.tick, engine="", field="", recorded="a boundary", replayed=f"{error}"
+                )
+                break
+            if record.digest != recorded.digest:
+                difference = first_difference(trace, recorded, record)
+                break
+            confirmed += 1
+            pixels = pixels or (_other_pixels(recorded, record) if draw else "")
+            if progress is not None:
+                progress(recorded.tick)
+        if difference is None:
+            difference = _other_ending(trace, run)
+    return Replay(
+        path=str(trace.path),
+        boundaries=len(trace.boundaries),
+        confirmed=confirmed,
+        digest=trace.boundaries[-1].digest,
+        difference=difference,
+        drawn=draw,
+        pixels=pixels,
+        versions=tuple(_other_versions(trace)),
+    )
+
+
+def first_difference(trace: Trace, recorded: BoundaryRecord, replayed: BoundaryRecord) -> Difference:
+    """Where two records of one boundary differ first, in the order of the record's fields."""
+    pair = [msgspec.to_builtins(timeless(settled(record))) for record in (recorded, replayed)]
+    for field in BoundaryRecord.__struct_fields__:
+        for path, here, there in _differences(pair[0].get(field), pair[1].get(field), field):
+            engine = _engine(trace, path, pair)
+            return Difference(
+                boundary=recorded.tick,
+                engine=engine,
+                field=_spelled(path, pair),
+                recorded=_cut(here),
+                replayed=_cut(there),
+            )
+    return Difference(
+        boundary=recorded.tick,
+        engine=KERNEL,
+        field="digest",
+        recorded=recorded.digest,
+        replayed=f"{replayed.digest} (of an equal record: the trace's digest is not that of its content)",
+    )
+
+
+def _differences(here: Any, there: Any, *path: Any) -> Iterator[tuple[tuple[Any, ...], Any, Any]]:
+    """The innermost values that differ, in order, with the way to each."""
+    if here == there:
+        return
+    if isinstance(here, dict) and isinstance(there, dict):
+        for name in dict.fromkeys((*here, *there)):
+            yield from _differences(here.get(name), there.get(name), *path, name)
+    elif isinstance(here, list | tuple) and isinstance(there, list | tuple) and len(here) == len(there):
+        for index, (one, other) in enumerate(zip(here, there, strict=True)):
+            yield from _differences(one, other, *path, index)
+    else:
+        yield path, here, there
+
+
+def _engine(trace: Trace, path: tuple[Any, ...], pair: list[dict[str, Any]]) -> str:
+    """Who answers for a field: the engine that owns the entity it is about, or that gave it."""
+    owners = {entity.id: entity.engine for entity in trace.header.instance.entities}
+    if path[0] == "frames":
+        return CAMERA
+    for value in reversed(list(_along(path, pair[0]))):
+        if not isinstance(value, dict):
+            continue
+        if "engine" in value:
+            return str(value["engine"])
+        if path[0] == "receipts" and "by" in value:
+            return str(value["by"])
+        named = [value.get("id"), value.get("entity"), *(value.get("entities") or ())]
+        found = next((owners[name] for name in named if name in owners), None)
+        if found is not None:
+            return found
+    return "the engine of background movers" if "ambient" in path else KERNEL
+
+
+def _along(path: tuple[Any, ...], value: Any) -> Iterator[Any]:
+    """The values on the way to a field."""
+    for step in path:
+        value = value[step]
+        yield value
+
+
+def _spelled(path: tuple[Any, ...], pair: list[dict[str, Any]]) -> str:
+    """`snapshots[3].states[uav[1]].position[0]`: elements that have an id are called by it."""
+    text, value = "", cast("Any", pair[0])
+    for step in path:
+        value = value[step]
+        if isinstance(step, int):
+            name = value.get("id") or value.get("agent") or value.get("request") if isinstance(value, dict) else None
+            text += f"[{name or step}]"
+        else:
+            text += f".{step}" if text else step
+    return text
+
+
+def _cut(value: Any) -> str:
+    text = msgspec.json.encode(value).decode()
+    return text if len(text) <= 200 else f"{text[:200]}…"
+
+
+def _other_pixels(recorded: BoundaryRecord, replayed: BoundaryRecord) -> str:
+    for one, other in zip(recorded.frames, replayed.frames, strict=True):
+        if (one.sha256, one.channels_sha256) != (other.sha256, other.channels_sha256):
+            return f"{one.id} (recorded with {one.renderer}, drawn with {other.renderer})"
+    return ""
+
+
+def _other_ending(trace: Trace, run: RecordedRun) -> Difference | None:
+    """Whether the outcome follows from the last boundary as this version judges it."""
+    outcome = trace.outcome
+    if outcome is None or outcome.reason in CUT_SHORT:
+        return None
+    reason, detail = ended_because(run.kernel)
+    if (reason, detail) == (outcome.reason, outcome.detail):
+        return None
+    at = trace.boundaries[-1].tick
+    told = [" ".join(filter(None, one)) for one in ((outcome.reason, outcome.detail), (reason or "not over", detail))]
+    return Difference(boundary=at, engine=KERNEL, field="outcome.reason", recorded=told[0], replayed=told[1])
+
+
+def _other_versions(trace: Trace) -> Iterator[str]:
+    here = versions()
+    for name, version in trace.header.fingerprint.items():
+        if here.get(name) != version:
+            yield f"{name} {version} (here {here.get(name, 'none')})"

@@ -1,0 +1,66 @@
+"""`lingjing replay TRACE...`: run recorded decisions on fresh engines; confirm the digest or name what differs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from lingjing.causal.replay import Replay, replay
+from lingjing.errors import ExitCode, LingjingError
+from lingjing.trace.reader import read_trace
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser(
+        "replay", help="run traces again and confirm their digests", description=__doc__,
+        epilog="exit codes: 0 all are confirmed, 1 one differs, 2 one cannot be run again here",
+    )  # fmt: skip
+    parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
+    parser.add_argument(
+        "--pictures", action="store_true", help="draw the pictures anew; else their boxes are the trace's"
+    )
+    parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
+    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Replay the traces one after the other; one that cannot be run again does not keep the others from it."""
+    found, failed = [], []
+    for path in args.traces:
+        try:
+            told = replay(read_trace(path), world=args.world, draw=args.pictures)
+        except LingjingError as error:
+            failed.append(error)
+            print(f"error: {error}" + (f"\nhint: {error.hint}" if error.hint else ""), file=sys.stderr)
+            continue
+        found.append(told)
+        if args.output_format == "text":
+            print(sentence(told), flush=True)
+    if args.output_format == "json":
+        import msgspec
+
+        print(json.dumps(msgspec.to_builtins(found), indent=2))
+    if any(one.difference for one in found):
+        return ExitCode.MISSION
+    return failed[0].exit_code if failed else ExitCode.OK
+
+
+def sentence(told: Replay) -> str:
+    """A replay in a line, or in a few where something differs."""
+    pictures = "pictures drawn anew" if told.drawn else "boxes of pictures taken from the trace"
+    if told.difference is None:
+        text = f"{told.path}: confirmed: {told.boundaries} boundaries, digest {told.digest[:16]}, {pictures}"
+        return text + (f"\n  pixels differ first in {told.pixels}" if told.pixels else "")
+    other = told.difference
+    held = f"{told.confirmed} of {told.boundaries} confirmed, {pictures}"
+    lines = [f"{told.path}: differs at boundary {other.boundary} ({held})"]
+    if other.field:
+        lines += [f"  {other.engine}: {other.field}", f"  recorded: {other.recorded}", f"  replayed: {other.replayed}"]
+    else:
+        lines += [f"  {other.replayed}"]
+    if told.versions:
+        lines.append(f"  made with other libraries, for which no digest is promised: {', '.join(told.versions)}")
+    return "\n".join(lines)
