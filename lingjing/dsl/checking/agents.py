@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.properties import suffix_of
-from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, TypedExpression
@@ -22,27 +21,19 @@ EVERYONE = "all"
 RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
 
 
-class AgentChecker:
+class AgentChecker(DeclarationChecker):
     """One method a declaration; each gives its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker, entities: EntityChecker) -> None:
-        self.blocks = blocks
+        super().__init__(blocks)
         self.settings = settings
         self.entities = entities
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
         self.wording = WordingChecker(blocks)
         self.controlled: dict[str, s.Expression] = {}
 
     def head(self, node: s.AgentBlock) -> None:
         """Make the agent's name and role known."""
-        span = self.report.span(node.name.start, node.name.end)
-        first = self.scope.agents.get(node.name.text)
-        if first is None:
-            self.scope.agents[node.name.text] = span
-        else:
-            self.report.declared_twice(node.name, f"the agent `{node.name.text}`", first)
+        self.report.once(self.scope.agents, node.name, "the agent")
         self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
 
     def agent(self, node: s.AgentBlock) -> model.Agent:
@@ -70,7 +61,7 @@ class AgentChecker:
             role=node.role.text,
             count=count,
             index=index,
-            controls=tuple(value.ir for value in controls if value is not UNKNOWN),
+            controls=tuple(value.ir for value in controls if value is not None),
             observes=tuple(dict.fromkeys(channels)),
             prompt=prompt,
             when=self.settings.guard(node.guard),
@@ -81,9 +72,9 @@ class AgentChecker:
         """`authority role, role may command resource`: one of the graph's for each role."""
         for role in node.roles:
             self.role(role)
-        resource = self._asset(node.resource, STATIC, "a command")
+        resource = self.asset(node.resource, "for a command")
         guard = self.settings.guard(node.guard)
-        if resource is UNKNOWN:
+        if resource is None:
             return ()
         return tuple(model.Authority(role=role.text, resource=resource.ir, when=guard) for role in node.roles)
 
@@ -163,24 +154,10 @@ class AgentChecker:
 
     # -- private
 
-    def _asset(self, node: s.Expression, environment: Environment, what: str) -> TypedExpression:
-        value = self.of.value(node, environment)
-        if value is UNKNOWN:
-            return UNKNOWN
-        kind = value.type.kind
-        if kind not in ("entity", "group"):
-            self.report.at("LJ0201", node, f"an asset is due for {what}, this is {with_article(value.type)}")
-            return UNKNOWN
-        info = self.scope.groups[value.type.of]
-        if info.role != "asset":
-            self.report.at("LJ0114", node, f"`{info.name}` is a target: nobody commands it")
-            return UNKNOWN
-        return value
-
-    def _controlled(self, node: s.Expression, environment: Environment) -> TypedExpression:
-        value = self._asset(node, environment, "`controls`")
-        if value is UNKNOWN:
-            return UNKNOWN
+    def _controlled(self, node: s.Expression, environment: Environment) -> TypedExpression | None:
+        value = self.asset(node, "for `controls`", environment)
+        if value is None:
+            return None
         constant = isinstance(value.ir, ex.Ref) or (
             isinstance(value.ir, ex.Index) and isinstance(value.ir.index, ex.Number)
         )

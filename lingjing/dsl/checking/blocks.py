@@ -248,11 +248,7 @@ class BlockReader:
     def _choice(self, node: s.Name, key: PropertyKey) -> TypedExpression:
         if key.choices is None or node.text in key.choices:
             return TypedExpression(ex.Symbol(node.text), key.type)
-        close = nearest(node.text, key.choices)
-        hint = did_you_mean(node.text, key.choices)
-        certain = is_certain(node.text, key.choices)
-        message = f"`{key.name}` cannot be `{node.text}`"
-        self.report.at("LJ0109", node, message, hint, replace=close, safe=certain)
+        self.report.unknown("LJ0109", node, f"`{key.name}` cannot be `{node.text}`", key.choices, sure=True)
         return UNKNOWN
 
     def _drawn_choice(self, node: s.Expression, key: PropertyKey, environment: Environment) -> TypedExpression:
@@ -342,6 +338,29 @@ class BlockReader:
                     f"{what} lacks `{key.name}`",
                     f"add `{key.name} {key.relations[0]} …`: {with_article(key.type)}",
                 )
+
+
+class DeclarationChecker:
+    """Base of what checks declarations: a method each, which gives its part of the mission, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope = blocks.of.scope
+
+    def asset(self, node: s.Expression, what: str, environment: Environment = STATIC) -> TypedExpression | None:
+        """The checked asset or group of assets that is due at a place, which `what` names; None for another."""
+        value = self.of.value(node, environment)
+        if value is UNKNOWN:
+            return None
+        if value.type.kind not in ("entity", "group"):
+            self.report.at("LJ0201", node, f"an asset is due {what}, this is {with_article(value.type)}")
+            return None
+        if self.scope.groups[value.type.of].role != "asset":
+            self.report.at("LJ0114", node, f"`{value.type.of}` is a target: nobody commands it")
+            return None
+        return value
 
 
 def _within(key: PropertyKey, number: float) -> bool:

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from typing import Literal, cast
 
-from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.equipment import VIEWS
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
-from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -24,41 +23,29 @@ _MOST_KG = 1e7
 _MOUNTED_M = 100.0
 """How far a camera sits from its body's position at most, ahead or above."""
 
-BODY_KEYS = {
-    key.name: key
-    for key in (
-        *(
-            PropertyKey(name, METRES, _DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False)
-            for name in MEASURES
-        ),
-        PropertyKey("mass", Type("quantity", MASS), _DRAWN, above=0, high=_MOST_KG, hideable=True, public=False),
-        PropertyKey("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
-        PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
-        PropertyKey("origin", Type("name"), choices=ORIGINS),
-        PropertyKey("look", Type("name"), choices=(*MODELS, BARE)),
-    )
-}
+BODY_KEYS = keyed(
+    *(PropertyKey(name, METRES, _DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False) for name in MEASURES),
+    PropertyKey("mass", Type("quantity", MASS), _DRAWN, above=0, high=_MOST_KG, hideable=True, public=False),
+    PropertyKey("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
+    PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
+    PropertyKey("origin", Type("name"), choices=ORIGINS),
+    PropertyKey("look", Type("name"), choices=(*MODELS, BARE)),
+)
 """Properties of any type and entity: how large, heavy and of what colour its body is, what one bumps into, where in it
 the position lies, and which of the camera's models shows it."""
 
-MOUNT_KEYS = {
-    key.name: key
-    for key in (
-        PropertyKey("ahead", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
-        PropertyKey("above", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
-        PropertyKey("tilt", DEGREES, required=True, low=-90, high=90),
-        PropertyKey("gimbal", FLAG),
-    )
-}
-PART_KEYS = {
-    key.name: key
-    for key in (
-        *(PropertyKey(name, METRES, required=True, low=LEAST_M, high=MOST_M) for name in MEASURES),
-        *(PropertyKey(name, METRES, low=-MOST_M, high=MOST_M) for name in ("ahead", "right", "above")),
-        PropertyKey("heading", DEGREES),
-        PropertyKey("colour", Type("name"), choices=tuple(COLOURS)),
-    )
-}
+MOUNT_KEYS = keyed(
+    PropertyKey("ahead", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
+    PropertyKey("above", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
+    PropertyKey("tilt", DEGREES, required=True, low=-90, high=90),
+    PropertyKey("gimbal", FLAG),
+)
+PART_KEYS = keyed(
+    *(PropertyKey(name, METRES, required=True, low=LEAST_M, high=MOST_M) for name in MEASURES),
+    *(PropertyKey(name, METRES, low=-MOST_M, high=MOST_M) for name in ("ahead", "right", "above")),
+    PropertyKey("heading", DEGREES),
+    PropertyKey("colour", Type("name"), choices=tuple(COLOURS)),
+)
 
 
 def reshaped(said: set[str]) -> bool:
@@ -66,12 +53,8 @@ def reshaped(said: set[str]) -> bool:
     return "look" not in said and not RESHAPING.isdisjoint(said)
 
 
-class BodyChecker:
+class BodyChecker(DeclarationChecker):
     """The mounts and parts of asset and target types."""
-
-    def __init__(self, blocks: BlockReader) -> None:
-        self.blocks = blocks
-        self.report = blocks.report
 
     def mounts(self, nodes: list[s.MountBlock], base: dict[str, model.CameraMount]) -> dict[str, model.CameraMount]:
         """View → where its cameras sit: what the type says, beside what its base says of other views."""
@@ -107,7 +90,7 @@ class BodyChecker:
                     made[name.text] = model.BodyPart(
                         name=name.text,
                         shape=cast("Literal['box', 'cylinder', 'sphere', 'cone']", node.shape.text),
-                        colour=_word(entries.get("colour")) or "grey",
+                        colour=word_of(entries, "colour") or "grey",
                         **{units[key]: value for key, value in numbers.items()},
                     )
         return made
@@ -115,9 +98,7 @@ class BodyChecker:
     def _known(self, name: s.Name, known: tuple[str, ...], what: str) -> bool:
         if name.text in known:
             return True
-        close = nearest(name.text, known)
-        hint = did_you_mean(name.text, known) or f"known: {', '.join(known)}"
-        self.report.at("LJ0109", name, f"no {what} is called `{name.text}`", hint, replace=close)
+        self.report.unknown("LJ0109", name, f"no {what} is called `{name.text}`", known)
         return False
 
     def _once(self, name: s.Name, seen: set[str]) -> bool:
@@ -140,7 +121,3 @@ class BodyChecker:
             else:
                 found[name] = number
         return found
-
-
-def _word(entry: PropertyEntry | None) -> str:
-    return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

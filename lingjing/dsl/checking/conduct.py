@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
 from lingjing.dsl.checking.rules import RuleChecker
-from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
-from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -18,37 +16,28 @@ from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
 
 KINDS = ("hard", "soft")
 ORDERS = ("strict", "any")
-INSPECTION_KEYS = {
-    key.name: key
-    for key in (
-        PropertyKey("within", METRES, above=0, required=True),
-        PropertyKey("destination", ENTITY),
-        PropertyKey("order", Type("name"), choices=ORDERS),
-        PropertyKey("replan", Type("name")),
-    )
-}
+INSPECTION_KEYS = keyed(
+    PropertyKey("within", METRES, above=0, required=True),
+    PropertyKey("destination", ENTITY),
+    PropertyKey("order", Type("name"), choices=ORDERS),
+    PropertyKey("replan", Type("name")),
+)
 CONSTRAINT_KEYS = {"penalty": PropertyKey("penalty", NUMBER, low=0, high=1)}
 
 
-class ConductChecker:
+class ConductChecker(DeclarationChecker):
     """One method a declaration; each gives its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker, rules: RuleChecker) -> None:
-        self.blocks = blocks
+        super().__init__(blocks)
         self.settings = settings
         self.rules = rules
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def head(self, node: s.InspectionBlock | s.LimitLine) -> None:
         """Make the name of an inspection or a counted budget known, for the functions that ask about it."""
         table = self.scope.inspections if isinstance(node, s.InspectionBlock) else self.scope.limits
         what = "inspection" if isinstance(node, s.InspectionBlock) else "limit"
-        span = self.report.span(node.name.start, node.name.end)
-        first = table.setdefault(node.name.text, span)
-        if first is not span:
-            self.report.declared_twice(node.name, f"the {what} `{node.name.text}`", first)
+        self.report.once(table, node.name, f"the {what}")
 
     def limit(self, node: s.LimitLine) -> model.Limit | None:
         """`limit moves <= 50 counts dog.forward, guide`."""
@@ -104,11 +93,11 @@ class ConductChecker:
     def inspection(self, node: s.InspectionBlock) -> model.Inspection | None:
         """`inspection name of asset by inspectors { within = …, replan = … }`."""
         entries = self.blocks.read(node.block, INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
-        asset = self._asset(node.asset, "`of`")
+        asset = self.asset(node.asset, "after `of`")
         if asset is not None and asset.type.kind == "group":
             self.report.at("LJ0201", node.asset, "one asset's route is inspected, this is a group")
             asset = None
-        by = [self._asset(part, "`by`") for part in node.by]
+        by = [self.asset(part, "after `by`") for part in node.by]
         replan = entries.get("replan")
         if replan is not None and isinstance(replan.node.value, s.Name):
             name = replan.node.value
@@ -117,15 +106,14 @@ class ConductChecker:
         guard = self.settings.guard(node.guard)
         if asset is None or None in by or "within" not in entries:
             return None
-        order = _word(entries["order"].value) if "order" in entries else "strict"
         destination = self._destination(entries.get("destination"))
         return model.Inspection(
             name=node.name.text,
             asset=asset.ir,
             by=tuple(item.ir for item in by if item is not None),
             within=entries["within"].value.ir,
-            order="any" if order == "any" else "strict",
-            replan=_word(replan.value) if replan is not None else "",
+            order="any" if word_of(entries, "order") == "any" else "strict",
+            replan=word_of(entries, "replan"),
             destination=destination,
             when=guard,
         )
@@ -152,8 +140,8 @@ class ConductChecker:
         """`dog.forward`, `dog.*` or `dog`: the resource and the verb, "" for all of them."""
         node = channel.source
         if channel.everything or not isinstance(node, s.FieldExpr):
-            return self._asset(node, what), ""
-        resource = self._asset(node.base, what)
+            return self.asset(node, f"after {what}"), ""
+        resource = self.asset(node.base, f"after {what}")
         if resource is None:
             return None, ""
         decl = self.scope.groups[resource.type.of].type
@@ -163,19 +151,3 @@ class ConductChecker:
             )
             return None, ""
         return resource, node.name.text
-
-    def _asset(self, node: s.Expression, what: str) -> TypedExpression | None:
-        value = self.of.value(node, STATIC)
-        if value is UNKNOWN:
-            return None
-        if value.type.kind not in ("entity", "group"):
-            self.report.at("LJ0201", node, f"an asset is due after {what}, this is {with_article(value.type)}")
-            return None
-        if self.scope.groups[value.type.of].role != "asset":
-            self.report.at("LJ0114", node, f"`{value.type.of}` is a target: nobody commands it")
-            return None
-        return value
-
-
-def _word(value: TypedExpression) -> str:
-    return value.ir.name if isinstance(value.ir, ex.Symbol) else ""

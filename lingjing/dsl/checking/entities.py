@@ -6,12 +6,12 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.bodies import reshaped
 from lingjing.dsl.checking.equipment import EquipmentChecker
 from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import DeclaredName, GroupInfo, PropertyType, SymbolTables, TypeDecl
+from lingjing.dsl.checking.scope import DeclaredName, GroupInfo, PropertyType, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Taint
@@ -23,16 +23,13 @@ from lingjing.mission.instance_entities import place_fault
 from lingjing.mission.units import NONE
 
 
-class EntityChecker:
+class EntityChecker(DeclarationChecker):
     """Entities in missions."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
-        self.blocks = blocks
+        super().__init__(blocks)
         self.settings = settings
         self.equipment = EquipmentChecker(blocks)
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def head(self, node: s.EntityBlock) -> None:
         """Make the name known before anything refers to it, with what can be said without its values."""

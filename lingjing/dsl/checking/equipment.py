@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
-from lingjing.dsl.checking.scope import SymbolTables, TypeDecl
+from lingjing.dsl.checking.blocks import DeclarationChecker
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
+from lingjing.dsl.checking.scope import TypeDecl
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -18,26 +18,17 @@ CHANNELS = ("rgb", "depth", "semantic")
 VIEWS = ("nadir", "front", "oblique")
 CAPTURES = ("on_request", "each_tick")
 
-CAMERA_KEYS = {
-    key.name: key
-    for key in (
-        PropertyKey("view", Type("name"), choices=VIEWS),
-        PropertyKey("size", Type("size"), required=True),
-        PropertyKey("hfov", DEGREES, required=True, above=0, high=179),
-        PropertyKey("channels", Type("list", item="name"), choices=CHANNELS, required=True),
-        PropertyKey("capture", Type("name"), choices=CAPTURES),
-    )
-}
+CAMERA_KEYS = keyed(
+    PropertyKey("view", Type("name"), choices=VIEWS),
+    PropertyKey("size", Type("size"), required=True),
+    PropertyKey("hfov", DEGREES, required=True, above=0, high=179),
+    PropertyKey("channels", Type("list", item="name"), choices=CHANNELS, required=True),
+    PropertyKey("capture", Type("name"), choices=CAPTURES),
+)
 
 
-class EquipmentChecker:
+class EquipmentChecker(DeclarationChecker):
     """The asset's part that is no property."""
-
-    def __init__(self, blocks: BlockReader) -> None:
-        self.blocks = blocks
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def equipment(
         self, node: s.EntityBlock, decl: TypeDecl | None
@@ -67,7 +58,7 @@ class EquipmentChecker:
             keys = {name: msgspec.structs.replace(key, required=False) for name, key in keys.items()}
         own = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)
         entries = {**preset, **own}
-        view = _word(entries.get("view")) or node.name.text
+        view = word_of(entries, "view") or node.name.text
         if view not in VIEWS:
             self.report.at(
                 "LJ0106",
@@ -92,7 +83,7 @@ class EquipmentChecker:
             height=height.ir,
             hfov=entries["hfov"].value.ir,
             channels=tuple(name.name for name in names if isinstance(name, ex.Symbol)),
-            capture=_word(entries.get("capture")) or "on_request",  # type: ignore[arg-type]
+            capture=word_of(entries, "capture") or "on_request",  # type: ignore[arg-type]
         )
 
     def _preset(self, node: s.CameraBlock) -> dict[str, PropertyEntry]:
@@ -193,9 +184,3 @@ def _narrowed(
 
 def _items(node: s.CameraBlock) -> tuple[s.Statement, ...]:
     return node.block.items if node.block else ()
-
-
-def _word(entry: PropertyEntry | None) -> str:
-    if entry is None or not isinstance(entry.value.ir, ex.Symbol):
-        return ""
-    return entry.value.ir.name

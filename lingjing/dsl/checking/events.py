@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import SymbolTables
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
@@ -16,20 +15,17 @@ from lingjing.mission.diagnostics import Span
 from lingjing.mission.units import TICKS, TIME
 
 
-class EventChecker:
+class EventChecker(DeclarationChecker):
     """Checks the events of one mission."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
-        self.blocks = blocks
+        super().__init__(blocks)
         self.settings = settings
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
         self.seen: dict[str, Span] = {}
 
     def event(self, node: s.EventBlock) -> model.EventDeclaration | None:
         """`event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
-        self._once(node.name)
+        self.report.once(self.seen, node.name, "the event")
         at = self._time(node)
         changes = [self._change(item, node) for item in node.block.items if not isinstance(item, s.Faulty)]
         guard = self.settings.guard(node.guard)
@@ -44,12 +40,6 @@ class EventChecker:
         return model.EventDeclaration(name=node.name.text, at=at.ir, changes=kept, when=guard)
 
     # -- private
-
-    def _once(self, name: s.Name) -> None:
-        span = self.report.span(name.start, name.end)
-        first = self.seen.setdefault(name.text, span)
-        if first is not span:
-            self.report.declared_twice(name, f"the event `{name.text}`", first)
 
     def _time(self, node: s.EventBlock) -> TypedExpression | None:
         value = self.of.calls.draw(node.at, STATIC) if node.drawn else self.of.value(node.at, STATIC)

@@ -12,9 +12,9 @@ from collections.abc import Collection, Iterable
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import PropertyEntry
-from lingjing.dsl.checking.scope import GroupInfo, SymbolTables, TypeDecl
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
+from lingjing.dsl.checking.keys import PropertyEntry, word_of
+from lingjing.dsl.checking.scope import GroupInfo, TypeDecl
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
@@ -30,17 +30,16 @@ _WORDS = {name: name for name in ("by", "status", "takes", "gives", "up_to", "to
 def declared(name: str, entries: dict[str, PropertyEntry], base: model.Interaction | None) -> model.Interaction:
     """What an interaction's block says, over what the base type's interaction of that name says."""
     old = base or model.Interaction(name=name, by="", within=UNSAID)
-    words = {to: _word(entries, key) for to, key in _WORDS.items() if key in entries}
+    words = {to: word_of(entries, key) for to, key in _WORDS.items() if key in entries}
     values = {key: entries[key].value.ir for key in ("within", "lasting", "aboard") if key in entries}
     return msgspec.structs.replace(old, **words, **values)
 
 
-class InteractionChecker:
+class InteractionChecker(DeclarationChecker):
     """The interactions of a file's target types, and of a mission's targets."""
 
     def __init__(self, blocks: BlockReader) -> None:
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
+        super().__init__(blocks)
         self._roles: Collection[str] = ()
 
     def type(self, decl: TypeDecl, nodes: Iterable[s.InteractionBlock], roles: Collection[str]) -> None:
@@ -110,8 +109,3 @@ def _holder(group: GroupInfo) -> Holder:
 
 def _kind(given: Type) -> str:
     return "" if given.kind == "any" else with_article(given)
-
-
-def _word(entries: dict[str, PropertyEntry], key: str) -> str:
-    entry = entries.get(key)
-    return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

@@ -6,6 +6,7 @@ import msgspec
 
 from lingjing.dsl.checking.values import TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
 from lingjing.mission.functions import Type
 
 
@@ -29,6 +30,11 @@ class PropertyKey(msgspec.Struct, frozen=True):
     whole: bool = False
 
 
+def keyed(*keys: PropertyKey) -> dict[str, PropertyKey]:
+    """The properties of a block by their names."""
+    return {key.name: key for key in keys}
+
+
 class PropertyEntry(msgspec.Struct, frozen=True):
     """A property that was read: its statement and its parts (two for a speed with a direction, a size, a range)."""
 
@@ -45,3 +51,9 @@ class PropertyEntry(msgspec.Struct, frozen=True):
     def relation(self) -> str:
         """`=`, `~` or `<=`."""
         return self.node.relation
+
+
+def word_of(entries: dict[str, PropertyEntry], key: str) -> str:
+    """The bare word that was given for a key; "" if none was."""
+    entry = entries.get(key)
+    return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.calls import children
-from lingjing.dsl.checking.keys import PropertyKey
+from lingjing.dsl.checking.keys import PropertyKey, keyed
 from lingjing.dsl.checking.scope import RuleInfo, SymbolTables
 from lingjing.dsl.checking.values import RULE, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
@@ -15,20 +15,11 @@ from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
 
-STAGE_KEYS = {
-    key.name: key
-    for key in (PropertyKey("ticks", NUMBER, ("<=",), low=1, whole=True), PropertyKey("weight", NUMBER, above=0))
-}
+STAGE_KEYS = keyed(PropertyKey("ticks", NUMBER, ("<=",), low=1, whole=True), PropertyKey("weight", NUMBER, above=0))
 
 
-class RuleChecker:
+class RuleChecker(DeclarationChecker):
     """One method a declaration; each gives its part of the graph, or None if it is faulty."""
-
-    def __init__(self, blocks: BlockReader) -> None:
-        self.blocks = blocks
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def head(self, node: s.RuleBlock) -> None:
         """Make the rule's name and parameters known."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
+from lingjing.dsl.checking.blocks import DeclarationChecker
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import DeclaredName, SymbolTables
+from lingjing.dsl.checking.scope import DeclaredName
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
@@ -23,12 +23,8 @@ MODES = ("star", "broadcast", "single")
 RECEIPTS = ("own", "all", "none")
 
 
-def _keys(*keys: PropertyKey) -> dict[str, PropertyKey]:
-    return {key.name: key for key in keys}
-
-
 _DRAWN = ("=", "~")
-_SCENE_KEYS = _keys(
+_SCENE_KEYS = keyed(
     PropertyKey("datum", Type("level")),
     PropertyKey("origin", Type("position", of="degrees")),
     PropertyKey("layout", NUMBER, low=0, whole=True),
@@ -41,10 +37,10 @@ _OPTION_TYPES = {
 }  # fmt: skip
 
 
-CLOCK_KEYS = _keys(
+CLOCK_KEYS = keyed(
     PropertyKey("tick", SECONDS, above=0, required=True), PropertyKey("sync", SECONDS, above=0, required=True)
 )
-BUDGET_KEYS = _keys(
+BUDGET_KEYS = keyed(
     PropertyKey("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
     PropertyKey("policy", SECONDS, ("<=",), above=0),
     PropertyKey("engine", SECONDS, ("<=",), above=0),
@@ -54,7 +50,7 @@ BUDGET_KEYS = _keys(
     PropertyKey("messages", NUMBER, ("<=",), low=0, whole=True),
 )
 ALLOWANCES = ("tokens", "money", "messages")
-WEATHER_KEYS = _keys(
+WEATHER_KEYS = keyed(
     PropertyKey("wind", Type("directed", of="from"), _DRAWN, low=0),
     PropertyKey("current", Type("directed", of="to"), _DRAWN, low=0),
     PropertyKey("turbulence", NUMBER, _DRAWN, low=0),
@@ -66,8 +62,8 @@ WEATHER_KEYS = _keys(
     PropertyKey("sun_azimuth", DEGREES, _DRAWN),
     PropertyKey("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
 )
-GRID_KEYS = _keys(PropertyKey("shape", Type("size"), required=True), PropertyKey("overlap", NUMBER, low=0, high=0.9))
-COMMS_KEYS = _keys(
+GRID_KEYS = keyed(PropertyKey("shape", Type("size"), required=True), PropertyKey("overlap", NUMBER, low=0, high=0.9))
+COMMS_KEYS = keyed(
     PropertyKey("hub", Type("name"), guarded=True),
     PropertyKey("delay", Type("quantity", TICKS), low=1, whole=True),
     PropertyKey("payload", Type("quantity", DATA), ("<=",), above=0),
@@ -92,14 +88,8 @@ def _option_key(name: str, option: SceneOption) -> PropertyKey:
     return PropertyKey(name, _OPTION_TYPES[option.type], _DRAWN if option.drawn else ("=",), low=low, above=above)
 
 
-class SettingsChecker:
+class SettingsChecker(DeclarationChecker):
     """One method a declaration; each gives its part of the graph, or None if it is faulty."""
-
-    def __init__(self, blocks: BlockReader) -> None:
-        self.blocks = blocks
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def declare(self, name: s.Name, symbol: DeclaredName) -> None:
         """Enter a name that expressions may use; reports a second declaration."""
@@ -245,7 +235,7 @@ class SettingsChecker:
             payload=entries["payload"].value.ir if "payload" in entries else None,
             range=entries["range"].value.ir if "range" in entries else None,
             loss=entries["loss"].value.ir if "loss" in entries else None,
-            receipts=_receipts(entries.get("receipts")),
+            receipts=_receipts(word_of(entries, "receipts")),
         )
 
     def guard(self, node: s.Expression | None) -> model.Guard | None:
@@ -350,8 +340,7 @@ class SettingsChecker:
         return node.text
 
 
-def _receipts(entry: PropertyEntry | None) -> Literal["own", "all", "none"]:
-    word = entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else "own"
+def _receipts(word: str) -> Literal["own", "all", "none"]:
     return "all" if word == "all" else "none" if word == "none" else "own"
 
 

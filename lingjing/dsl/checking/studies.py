@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import SymbolTables
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN
@@ -18,24 +17,18 @@ MOST = 10_000
 """Combinations of one sweep. A study of that size runs for weeks; more is a slip of the pen."""
 
 
-class StudyChecker:
+class StudyChecker(DeclarationChecker):
     """Checks the sweeps of one mission."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
-        self.blocks = blocks
+        super().__init__(blocks)
         self.settings = settings
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
         self.bounds: dict[str, ex.Expr | None] = {}
         self.seen: dict[str, Span] = {}
 
     def sweep(self, node: s.SweepLine) -> model.Sweep | None:
         """`sweep name over param in [values], … when …`."""
-        span = self.report.span(node.name.start, node.name.end)
-        first = self.seen.setdefault(node.name.text, span)
-        if first is not span:
-            self.report.declared_twice(node.name, f"the sweep `{node.name.text}`", first)
+        self.report.once(self.seen, node.name, "the sweep")
         with self.of.without_clock():
             axes = [self._axis(axis) for axis in node.axes]
             guard = self.settings.guard(node.guard)

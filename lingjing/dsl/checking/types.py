@@ -10,13 +10,13 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.bodies import BODY_KEYS, BodyChecker, reshaped
 from lingjing.dsl.checking.equipment import CAMERA_KEYS
 from lingjing.dsl.checking.interactions import declared
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import CameraDecl, PropertyType, RecordDecl, SymbolTables, TypeDecl, WeatherDecl
+from lingjing.dsl.checking.scope import CameraDecl, PropertyType, RecordDecl, TypeDecl, WeatherDecl
 from lingjing.dsl.checking.settings import WEATHER_KEYS
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
@@ -31,47 +31,41 @@ SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
 """Where the scene stands what is placed: `on = road` moves an entity to the nearest carriageway."""
 ANY_RELATION = ("=", "~", "<=")
 
-INTERACTION_KEYS = {
-    key.name: key
-    for key in (
-        PropertyKey("by", Type("name"), choices=None),
-        PropertyKey("within", Type("quantity", LENGTH), above=0),
-        PropertyKey("lasting", Type("quantity", TIME), low=0),
-        PropertyKey("status", Type("name")),
-        PropertyKey("aboard", FLAG),
-        PropertyKey("takes", Type("name")),
-        PropertyKey("from", Type("name")),
-        PropertyKey("gives", Type("name")),
-        PropertyKey("up_to", Type("name")),
-        PropertyKey("told", Type("name"), choices=("all", "actor", "none")),
-    )
-}
+INTERACTION_KEYS = keyed(
+    PropertyKey("by", Type("name"), choices=None),
+    PropertyKey("within", Type("quantity", LENGTH), above=0),
+    PropertyKey("lasting", Type("quantity", TIME), low=0),
+    PropertyKey("status", Type("name")),
+    PropertyKey("aboard", FLAG),
+    PropertyKey("takes", Type("name")),
+    PropertyKey("from", Type("name")),
+    PropertyKey("gives", Type("name")),
+    PropertyKey("up_to", Type("name")),
+    PropertyKey("told", Type("name"), choices=("all", "actor", "none")),
+)
 """`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
 `takes = demand, from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to =
 payload` raises the actor's `load` to its `payload`. `told` says which agents learn of it
 (`lingjing.kernel.event_visibility`)."""
-COMMON_KEYS = {
-    key.name: key
-    for key in (
+COMMON_KEYS = (
+    keyed(
         PropertyKey("position", POSITION, ("=", "~"), hideable=True, public=False),
         PropertyKey("heading", DEGREES, ("=", "~"), hideable=True, public=False),
         PropertyKey("label", TEXT),
         PropertyKey("labels", Type("list", item="text")),
         PropertyKey("on", Type("name"), choices=SURFACES),
     )
-} | BODY_KEYS
+    | BODY_KEYS
+)
 """What every entity may be given, whatever its type."""
 
 
-class TypeChecker:
+class TypeChecker(DeclarationChecker):
     """One method a declaration; each gives it, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader) -> None:
-        self.blocks = blocks
+        super().__init__(blocks)
         self.bodies = BodyChecker(blocks)
-        self.of = blocks.of
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def type(self, node: s.EntityBlock) -> TypeDecl | None:
         """An asset or target type: engine, properties, verbs, interactions."""

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 
-from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import SymbolTables
+from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, Environment
 from lingjing.dsl.source.suggest import did_you_mean, nearest
@@ -22,13 +21,8 @@ _SHOWN = frozenset(
 )
 
 
-class WordingChecker:
+class WordingChecker(DeclarationChecker):
     """Checks the texts of one mission."""
-
-    def __init__(self, blocks: BlockReader) -> None:
-        self.blocks = blocks
-        self.report = blocks.report
-        self.scope: SymbolTables = blocks.of.scope
 
     def text(self, node: s.TextLine, environment: Environment = STATIC) -> str:
         """A goal or a prompt; reports holes that name nothing, cannot be shown, or would tell what is hidden."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.source.text import JoinedSource, SourceText
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
 
@@ -82,10 +82,24 @@ class Reporter:
         start, end = place.start, place.end
         self(code, start, end, message, hint, related=related, replace=replace, safe=safe, severity=severity)
 
-    def unknown(self, code: str, word: PlacedWord, message: str, known: Iterable[str], hint: str = "") -> None:
-        """Report a word that is none of the known ones, with the nearest of them as hint and fix, else with `hint`."""
+    def unknown(
+        self, code: str, word: PlacedWord, message: str, known: Iterable[str], hint: str = "", *, sure: bool = False
+    ) -> None:
+        """Report a word that is none of the known ones, with the nearest of them as hint and fix, else with `hint`.
+
+        `sure`: where nothing else can have been meant, the fix is safe.
+        """
         words = tuple(known)
-        self.at(code, word, message, did_you_mean(word.text, words) or hint, replace=nearest(word.text, words))
+        close, safe = nearest(word.text, words), sure and is_certain(word.text, words)
+        meant = f"did you mean `{close}`?" if close else did_you_mean(word.text, words) or hint
+        self.at(code, word, message, meant, replace=close, safe=safe)
+
+    def once(self, table: dict[str, Span], name: PlacedWord, what: str) -> None:
+        """Enter a declared name; one that is there already is reported."""
+        span = self.span(name.start, name.end)
+        first = table.setdefault(name.text, span)
+        if first is not span:
+            self.declared_twice(name, f"{what} `{name.text}`", first)
 
     def declared_twice(self, place: Placed, what: str, first: Span) -> None:
         """Report a second declaration of one name, and where the first stands."""

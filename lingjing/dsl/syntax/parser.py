@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import is_certain, nearest
+from lingjing.dsl.source.suggest import nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.builder import Builder
 from lingjing.dsl.syntax.lexer import lex
@@ -135,9 +135,8 @@ class Parser:
         if first.type == "NAME" and fault - begin <= 1 and token.type in _AFTER_KEYWORD:
             close = nearest(first.text, STATEMENTS)
             if close is not None:
-                message, hint = f"no statement is called `{first.text}`", f"did you mean `{close}`?"
-                certain = is_certain(first.text, STATEMENTS)
-                self.report.at("LJ0011", first, message, hint, replace=close, safe=certain)
+                message = f"no statement is called `{first.text}`"
+                self.report.unknown("LJ0011", first, message, STATEMENTS, sure=True)
                 tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
                 self._drop_statement()
                 return begin
@@ -154,14 +153,11 @@ class Parser:
             tokens.insert(fault, Token("EQUAL", "=", token.start, token.start))
             return fault
         if token.type == "NAME":
-            due = self._due()
-            close = nearest(token.text, self._words_due(due))
+            words = self._words_due(self._due())
+            close = nearest(token.text, words)
             if close is not None:
                 where = f" in `{first.text}`" if first.text in STATEMENTS else ""
-                message = f"`{token.text}` does not fit here{where}"
-                certain = is_certain(token.text, self._words_due(due))
-                hint = f"did you mean `{close}`?"
-                self.report.at("LJ0010", token, message, hint, replace=close, safe=certain)
+                self.report.unknown("LJ0010", token, f"`{token.text}` does not fit here{where}", words, sure=True)
                 kind = INNER.get(close) or STATEMENTS[close]
                 tokens[fault] = Token(kind, close, token.start, token.end)
                 return fault
