@@ -90,17 +90,6 @@ def slope(components: Sequence[WaveComponent], x: float, y: float, t: float) -> 
     return east, north
 
 
-def orbital_velocity(components: Sequence[WaveComponent], x: float, y: float, t: float) -> tuple[float, float]:
-    """Horizontal velocity (east, north) of the water at the surface, m/s."""
-    east = north = 0.0
-    for wave in components:
-        speed = wave.amplitude_m * 2.0 * math.pi / wave.period_s * math.cos(wave.angle(x, y, t))
-        bearing = math.radians(wave.direction_deg)
-        east += speed * math.sin(bearing)
-        north += speed * math.cos(bearing)
-    return east, north
-
-
 def wind_velocity(weather: Weather) -> tuple[float, float]:
     """Where the mean wind blows *to*, (east, north) m/s."""
     bearing = math.radians(weather.wind_from_deg)

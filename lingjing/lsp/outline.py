@@ -6,29 +6,6 @@ from dataclasses import dataclass, field
 
 from lingjing.dsl.syntax import tree as s
 
-_KEYWORDS = {
-    "MissionBlock": "mission",
-    "Param": "param",
-    "RegionLine": "region",
-    "GridBlock": "grid",
-    "CameraBlock": "camera",
-    "AgentBlock": "agent",
-    "MessageLine": "message",
-    "RuleBlock": "adjudicate",
-    "UnlockLine": "unlock",
-    "StageBlock": "stage",
-    "RecordBlock": "record",
-    "VerbLine": "verb",
-    "InteractionBlock": "interaction",
-    "PartBlock": "part",
-    "LimitLine": "limit",
-    "InspectionBlock": "inspection",
-    "ConstraintBlock": "constraint",
-    "EventBlock": "event",
-    "SweepLine": "sweep",
-}
-"""Statements that an outline shows, with what they are called."""
-
 
 @dataclass(slots=True)
 class OutlineEntry:
@@ -55,7 +32,7 @@ def _entries(items: tuple[s.Statement, ...]) -> list[OutlineEntry]:
         inner = getattr(item, "item", item)
         block = getattr(inner, "block", None)
         children = _entries(block.items) if isinstance(block, s.BracedBlock) else []
-        keyword = inner.keyword if isinstance(inner, s.EntityBlock) else _KEYWORDS.get(type(inner).__name__)
+        keyword = inner.keyword if isinstance(inner, s.EntityBlock) else s.DECLARING.get(type(inner))
         name = getattr(inner, "name", None)
         if keyword is None or not isinstance(name, s.Name):
             found.extend(children)

@@ -13,8 +13,8 @@ import msgspec
 
 from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
+from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.faults import lines_of, schema_faults
-from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -64,20 +64,11 @@ def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mis
     return instantiate_document(text, path, templates)
 
 
-def encode_instance(instance: Instance) -> bytes:
-    """The instance as compact JSON, equal bytes for equal instances."""
-    return msgspec.json.encode(instance)
-
-
-def decode_instance(data: bytes) -> Instance:
-    """The instance of `encode_instance`'s bytes; raises `msgspec.ValidationError` on anything else."""
-    return msgspec.json.decode(data, type=Instance)
-
-
 def schemas() -> dict[str, bytes]:
     """File name to contents of every schema of this package, formatted as they are committed."""
     return {
         "mission.schema.json": _formatted({"$schema": DIALECT, **msgspec.json.schema(Mission)}),
+        "diagnostics.schema.json": _formatted(_diagnostics()),
         "reset-scenario.schema.json": _formatted(_reset_scenario()),
     }
 
@@ -88,6 +79,11 @@ def main(arguments: Sequence[str] = ()) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, contents in schemas().items():
         (folder / name).write_bytes(contents)
+
+
+def _diagnostics() -> dict[str, object]:
+    """What `lingjing validate --output-format json` prints."""
+    return {"$schema": DIALECT, "title": "diagnostics", **msgspec.json.schema(tuple[Diagnostic, ...])}
 
 
 def _reset_scenario() -> dict[str, object]:

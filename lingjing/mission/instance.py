@@ -381,6 +381,6 @@ class Instance(Record, frozen=True, kw_only=True):
         )
 
     def __repr__(self) -> str:
-        """One line; `lingjing.mission.document.encode_instance` writes the whole."""
+        """One line, where the whole would fill pages."""
         held = f"{len(self.entities)} entities, {len(self.agents)} agents"
         return f"<Instance {self.mission} seed {self.seed} {self.mode}: {held}>"

@@ -190,29 +190,11 @@ def _key(item: s.Statement) -> tuple[str, str] | None:
         return "mode", ""
     if isinstance(item, s.EntityBlock):
         return item.keyword, item.name.text
-    for kind, keyword in _NAMED.items():
-        if isinstance(item, kind):
-            return keyword, item.name.text  # type: ignore[attr-defined]
+    if type(item) in s.DECLARING:
+        return s.DECLARING[type(item)], item.name.text  # type: ignore[attr-defined]
     if isinstance(item, s.RelationLine):
         return "relation", f"{item.kind.text} {item.source.text} {item.target.text}"
     return None
-
-
-_NAMED: dict[type, str] = {
-    s.Param: "param",
-    s.RegionLine: "region",
-    s.GridBlock: "grid",
-    s.AgentBlock: "agent",
-    s.MessageLine: "message",
-    s.RuleBlock: "adjudicate",
-    s.UnlockLine: "unlock",
-    s.StageBlock: "stage",
-    s.LimitLine: "limit",
-    s.ConstraintBlock: "constraint",
-    s.InspectionBlock: "inspection",
-    s.EventBlock: "event",
-    s.SweepLine: "sweep",
-}
 
 
 def _amended(old: s.Statement, new: s.Statement) -> s.Statement:

@@ -51,16 +51,6 @@ def conclusion(diagnostics: Iterable[Diagnostic]) -> str:
     return "\n".join(lines)
 
 
-def diagnostics_schema() -> bytes:
-    """The JSON Schema of `render_json`'s output, as it is committed in `schemas/diagnostics.schema.json`."""
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "diagnostics",
-        **msgspec.json.schema(tuple[Diagnostic, ...]),
-    }
-    return msgspec.json.format(msgspec.json.encode(schema), indent=2) + b"\n"
-
-
 def _one(item: Diagnostic, source: SourceText, paint: type[_Plain]) -> str:
     place = visible(f"{item.span.path}:{item.span.line}:{item.span.column}")
     kind = paint.put(item.severity, f"{item.severity}[{item.code}]")

@@ -12,13 +12,12 @@ from typing import Any
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, RANKS, STATE_FIELDS
-from lingjing.mission.units import BY_DIMENSION, LENGTH, NAMED, NONE, Dimension, multiply, si_value, unit_of
+from lingjing.mission.units import BY_DIMENSION, si_value, unit_of
 
 RANGE, SUM, OPERAND = RANKS[".."], RANKS["+"], 8
 """Ranks: of a range, of its ends, and of what binds tighter than any operator."""
 _MOST_DIGITS = 17
 _FIELDS = {lowered: name for name, (lowered, _) in STATE_FIELDS.items()}
-_SUFFIXES = sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True)
 LocalNames = Mapping[str, str]
 """Bound names → the group or the message kind they range over."""
 
@@ -69,7 +68,6 @@ class Phrases:
 
     def __init__(self, mission: model.Mission) -> None:
         self.groups = {group.name: group for group in mission.groups}
-        self.parameters = {parameter.name: parameter.default for parameter in mission.parameters}
         self._writers: dict[type, Callable[[Any, int, LocalNames], str]] = {
             ex.Number: lambda node, _rank, _locals: number_text(node.value, node.unit),
             ex.Text: lambda node, _rank, _locals: quoted(node.value),
@@ -86,7 +84,7 @@ class Phrases:
             ex.Unary: self._unary,
             ex.Binary: self._binary,
             ex.Quantified: self._quantified,
-            **{kind: self._aggregate for kind in (getattr(ex, "Aggregate", None),) if kind is not None},
+            ex.Aggregate: self._aggregate,
         }
 
     def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
@@ -97,23 +95,6 @@ class Phrases:
         """The declared properties as they are written, by (group, property)."""
         groups = self.groups.values()
         return {(group.name, prop.name): self.text(prop.value) for group in groups for prop in group.properties}
-
-    def dimension(self, node: ex.Expr, names: LocalNames | None = None) -> Dimension | None:
-        """The dimension of a quantity; None if it is none, or cannot be told."""
-        if isinstance(node, ex.Number):
-            unit = unit_of(node.unit) if node.unit else None
-            return unit.dimension if unit else NONE
-        if isinstance(node, ex.Ref):
-            return self._dimension_of_name(node)
-        if isinstance(node, ex.Unary):
-            return self.dimension(node.operand, names) if node.operator == "-" else None
-        if isinstance(node, ex.Binary):
-            return self._dimension_of_operation(node, names)
-        if isinstance(node, ex.Attr):
-            return self._dimension_of_attribute(node)
-        if isinstance(node, ex.Call | ex.Draw):
-            return self._dimension_of_call(node, names)
-        return None
 
     def field(self, source: ex.Expr, lowered: str, names: LocalNames | None = None) -> str:
         """The author's name of a lowered field of an entity (or of what is none: then the name itself)."""
@@ -187,45 +168,9 @@ class Phrases:
         body = self.text(node.body, 0, {**names, node.variable: node.domain})
         return _bracketed(f"{node.quantifier} {node.variable} in {node.domain}: {body}", rank > 0)
 
-    def _aggregate(self, node: Any, _rank: int, names: LocalNames) -> str:
+    def _aggregate(self, node: ex.Aggregate, _rank: int, names: LocalNames) -> str:
         body = self.text(node.body, 0, {**names, node.variable: node.domain})
         return f"{node.function}({body} for {node.variable} in {node.domain})"
-
-    # -- dimensions
-
-    def _dimension_of_name(self, node: ex.Ref) -> Dimension | None:
-        if node.kind == "param":
-            default = self.parameters.get(node.name)
-            return None if default is None else self.dimension(default)
-        return NONE if node.kind == "local" else None
-
-    def _dimension_of_operation(self, node: ex.Binary, names: LocalNames | None) -> Dimension | None:
-        left, right = self.dimension(node.left, names), self.dimension(node.right, names)
-        if node.operator in ("+", "-"):
-            return left if left is not None else right
-        if node.operator not in ("*", "/") or left is None or right is None:
-            return None
-        return multiply(left, right, 1 if node.operator == "*" else -1)
-
-    def _dimension_of_attribute(self, node: ex.Attr) -> Dimension | None:
-        if node.name in ("east", "north", "elevation", "x", "y", "z"):
-            return LENGTH
-        suffix = next((suffix for suffix in _SUFFIXES if node.name.endswith(suffix)), "")
-        return next((entry.dimension for entry in NAMED if suffix and entry.suffix == suffix), None)
-
-    def _dimension_of_call(self, node: ex.Call | ex.Draw, names: LocalNames | None) -> Dimension | None:
-        name = node.function if isinstance(node, ex.Call) else node.distribution
-        signature = FUNCTIONS.get(name) or DISTRIBUTIONS.get(name)
-        if signature is None or (isinstance(node, ex.Call) and node.rule):
-            return None
-        if not signature.same and signature.result.kind != "any":
-            return (signature.result.dimension or NONE) if signature.result.kind == "quantity" else None
-        for argument in node.arguments:
-            for part in argument.items if isinstance(argument, ex.Sequence) else (argument,):
-                found = self.dimension(part, names)
-                if found is not None and (signature.same or isinstance(argument, ex.Sequence)):
-                    return found
-        return None
 
 
 def _bracketed(text: str, needed: bool) -> str:

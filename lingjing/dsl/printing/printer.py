@@ -131,11 +131,10 @@ class Printer:
         return _block(f"record {kind.type} : {kind.category}", map(self._field, kind.fields), spread=True)
 
     def _field(self, given: model.Field) -> str:
-        unit = getattr(given, "unit", "")
-        named = next((name for name, known in BY_NAME.items() if unit and known.unit == unit), given.type)
+        named = next((name for name, known in BY_NAME.items() if given.unit and known.unit == given.unit), given.type)
         words = [f"{given.name}: {named}"]
         if given.minimum is not None and given.maximum is not None:
-            low, high = (self.text(ex.Number(bound, unit)) for bound in (given.minimum, given.maximum))
+            low, high = (number_text(bound, given.unit) for bound in (given.minimum, given.maximum))
             words.append(f"in {low}..{high}")
         return " ".join([*words, "optional"] if given.optional else words)
 
@@ -231,9 +230,8 @@ class Printer:
             lines = [f"observes {', '.join(map(self.channel, agent.observes))}"] if agent.observes else []
             if agent.prompt:
                 lines.append(f"prompt {long_text(agent.prompt, 6)}")
-            allowance = getattr(agent, "budget", None)
-            if allowance is not None:
-                lines.append(_block("budget", self._fields(allowance, "<=")))
+            if agent.budget is not None:
+                lines.append(_block("budget", self._fields(agent.budget, "<=")))
             yield _block(head, lines, spread=len(lines) > 1) if lines else head
         for authority in self.mission.authorities:
             yield f"authority {authority.role} may command {self.text(authority.resource)}{self._when(authority.when)}"
@@ -281,27 +279,26 @@ class Printer:
 
     def limits(self) -> Iterable[str]:
         """Counted budgets, permits, constraints, inspections."""
-        yield from map(self._limit, self._all("limits"))
-        for permit in self._all("permits"):
+        yield from map(self._limit, self.mission.limits)
+        for permit in self.mission.permits:
             verb = permit.verb or "*"
             yield f"permit {self.text(permit.resource)}.{verb} when {self.text(permit.condition)}"
-        for one in self._all("constraints"):
+        for one in self.mission.constraints:
             lines = [f"always {self.text(one.condition, 0, _bound(one))}"]
             if one.penalty is not None:
                 lines.append(f"penalty = {self.text(one.penalty)}")
             yield _block(f"constraint {one.kind} {one.name}{_per(one)}{self._when(one.when)}", lines)
-        for one in self._all("inspections"):
-            lines = [f"within = {self.text(one.within)}"]
-            lines.extend([f"order = {one.order}"] if one.order != "strict" else [])
-            lines.extend([f"replan = {one.replan}"] if one.replan else [])
-            lines.extend([] if one.destination is None else [f"destination = {self.text(one.destination)}"])
-            head = f"inspection {one.name} of {self.text(one.asset)} by {', '.join(map(self.text, one.by))}"
-            yield _block(f"{head}{self._when(one.when)}", lines)
+        for way in self.mission.inspections:
+            lines = [f"within = {self.text(way.within)}"]
+            lines.extend([f"order = {way.order}"] if way.order != "strict" else [])
+            lines.extend([f"replan = {way.replan}"] if way.replan else [])
+            lines.extend([] if way.destination is None else [f"destination = {self.text(way.destination)}"])
+            head = f"inspection {way.name} of {self.text(way.asset)} by {', '.join(map(self.text, way.by))}"
+            yield _block(f"{head}{self._when(way.when)}", lines)
 
-    def _limit(self, limit: Any) -> str:
+    def _limit(self, limit: model.Limit) -> str:
         counted = ", ".join(
-            one.name if one.kind == "message" else f"{self.text(one.resource)}.{one.name or '*'}"
-            for one in limit.counts
+            one.name if one.resource is None else f"{self.text(one.resource)}.{one.name or '*'}" for one in limit.counts
         )
         return f"limit {limit.name} <= {self.text(limit.most, RANGE)} counts {counted}{self._when(limit.when)}"
 
@@ -309,11 +306,10 @@ class Printer:
         """Stages per target."""
         for stage in self.mission.stages:
             lines = [f"done when {self.text(stage.condition, 0, _bound(stage))}"]
-            for name, relation in (("ticks", "<="), ("weight", "=")):
-                value = getattr(stage, name, None)
+            for name, value in (("ticks <=", stage.ticks), ("weight =", stage.weight)):
                 if value is not None:
-                    lines.append(f"{name} {relation} {self.text(value)}")
-            lines.extend(map(self._limit, getattr(stage, "limits", ())))
+                    lines.append(f"{name} {self.text(value)}")
+            lines.extend(map(self._limit, stage.limits))
             yield _block(f"stage {stage.name}{_per(stage)}", lines)
 
     def relations(self) -> Iterable[str]:
@@ -328,22 +324,22 @@ class Printer:
 
     def events(self) -> Iterable[str]:
         """What happens by itself."""
-        for event in self._all("events"):
+        for event in self.mission.events:
             at = f"{'~ ' if isinstance(event.at, ex.Draw) else ''}{self.text(event.at, RANGE)}"
             lines = [line for change in event.changes for line in self._change(change)]
             yield _block(f"event {event.name} at {at}{self._when(event.when)}", lines, spread=len(lines) > 1)
 
     def sweeps(self) -> Iterable[str]:
         """The matched studies."""
-        for sweep in self._all("sweeps"):
+        for sweep in self.mission.sweeps:
             axes = ", ".join(
                 f"{name} in [{', '.join(map(self.text, values))}]"
                 for name, values in zip(sweep.parameters, sweep.values, strict=True)
             )
             yield f"sweep {sweep.name} over {axes}{self._when(sweep.when)}"
 
-    def _change(self, change: Any) -> Iterable[str]:
-        if change.kind == "weather":
+    def _change(self, change: model.Change) -> Iterable[str]:
+        if change.entity is None:
             yield _block("weather", self.properties(change.weather))
         else:
             yield f"{change.kind} {self.text(change.entity)}"
@@ -375,7 +371,7 @@ class Printer:
             name, value, partner = self._joined(prop, known)
             done.add(partner.name if partner else "")
             drawn = prop.relation == "~" or (partner is not None and partner.relation == "~")
-            marks = ("hidden ",) * prop.hidden + ("state ",) * getattr(prop, "state", False)
+            marks = ("hidden ",) * prop.hidden + ("state ",) * prop.state
             lines.append(f"{''.join(marks)}{name} {'~' if drawn else prop.relation} {value}")
         return lines
 
@@ -404,10 +400,6 @@ class Printer:
 
     def _when(self, guard: model.Guard | None) -> str:
         return f" when {self.text(guard.condition)}" if guard else ""
-
-    def _all(self, name: str) -> tuple[Any, ...]:
-        found: tuple[Any, ...] = getattr(self.mission, name, ())
-        return found
 
 
 _PARTS: tuple[Callable[[Printer], Iterable[str]], ...] = (

@@ -526,3 +526,27 @@ class File(SyntaxNode, frozen=True, gc=False):
     """A whole file."""
 
     items: tuple[Statement, ...]
+
+
+DECLARING: dict[type, str] = {
+    MissionBlock: "mission",
+    Param: "param",
+    RegionLine: "region",
+    GridBlock: "grid",
+    CameraBlock: "camera",
+    AgentBlock: "agent",
+    MessageLine: "message",
+    RuleBlock: "adjudicate",
+    UnlockLine: "unlock",
+    StageBlock: "stage",
+    RecordBlock: "record",
+    VerbLine: "verb",
+    InteractionBlock: "interaction",
+    PartBlock: "part",
+    LimitLine: "limit",
+    InspectionBlock: "inspection",
+    ConstraintBlock: "constraint",
+    EventBlock: "event",
+    SweepLine: "sweep",
+}
+"""Statements that declare a name, with the words they begin with; an `EntityBlock` holds its own."""
