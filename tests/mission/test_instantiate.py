@@ -6,10 +6,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-import msgspec
 from msgspec.structs import replace
 
 from lingjing.errors import MissionError, UsageError
