@@ -100,9 +100,31 @@ def contains(polygon: Sequence[Vector2], east: float, north: float) -> bool:
     return inside
 
 
-def edge_distance(polygon: Sequence[Vector2], east: float, north: float) -> float:
-    """Metres from the point to the nearest edge."""
-    return min(_segment_distance(start, end, (east, north)) for start, end in edges(polygon))
+def edge_distance(polygon: Sequence[Vector2], x: float, y: float) -> float:
+    """Distance from a point to the polygon's outline, metres."""
+    nearest = math.inf
+    before_x, before_y = polygon[-1]
+    for here_x, here_y in polygon:
+        along_x, along_y = here_x - before_x, here_y - before_y
+        length = along_x * along_x + along_y * along_y
+        share = 0.0 if length == 0.0 else ((x - before_x) * along_x + (y - before_y) * along_y) / length
+        share = min(max(share, 0.0), 1.0)
+        nearest = min(nearest, math.hypot(x - before_x - share * along_x, y - before_y - share * along_y))
+        before_x, before_y = here_x, here_y
+    return nearest
+
+
+def convex_hull(points: Sequence[Vector2]) -> Polygon:
+    """The convex hull, anticlockwise (Andrew's monotone chain)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return tuple(ordered)
+    return (*_chain(ordered)[:-1], *_chain(ordered[::-1])[:-1])
+
+
+def turn(a: Vector2, b: Vector2, c: Vector2) -> float:
+    """Twice the area of a triangle; positive anticlockwise."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def clipped(polygon: Sequence[Vector2], box: Extent) -> Polygon:
@@ -163,17 +185,13 @@ def _outline(shape: Any, what: str) -> Polygon:
     return normalised([(round(x, 3), round(y, 3)) for x, y in shape.exterior.coords])
 
 
-def bearing_deg(start: Vector2, end: Vector2) -> float:
-    """The compass bearing in [0, 360) from `start` to `end`, clockwise from north."""
-    return math.degrees(math.atan2(end[0] - start[0], end[1] - start[1])) % 360.0
-
-
-def _segment_distance(start: Vector2, end: Vector2, point: Vector2) -> float:
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    length = dx * dx + dy * dy
-    share = 0.0 if length == 0 else ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / length
-    share = max(0.0, min(1.0, share))
-    return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
+def _chain(points: Sequence[Vector2]) -> list[Vector2]:
+    chain: list[Vector2] = []
+    for point in points:
+        while len(chain) > 1 and turn(chain[-2], chain[-1], point) <= 0.0:
+            chain.pop()
+        chain.append(point)
+    return chain
 
 
 def _half_plane(outline: Sequence[Vector2], axis: int, limit: float, sign: float) -> list[Vector2]:
@@ -226,16 +244,12 @@ def _crossing_of_many(sides: tuple[tuple[Vector2, Vector2], ...]) -> tuple[int, 
     return None
 
 
-def _side(a: Vector2, b: Vector2, p: Vector2) -> float:
-    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-
-
 def _within(a: Vector2, b: Vector2, p: Vector2) -> bool:
     return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
 
 
 def _meet(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
-    sides = _side(a, b, c), _side(a, b, d), _side(c, d, a), _side(c, d, b)
+    sides = turn(a, b, c), turn(a, b, d), turn(c, d, a), turn(c, d, b)
     if sides[0] * sides[1] < 0 and sides[2] * sides[3] < 0:
         return True
     touches = ((sides[0], a, b, c), (sides[1], a, b, d), (sides[2], c, d, a), (sides[3], c, d, b))
@@ -245,7 +259,7 @@ def _meet(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
 def _folds_back(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
     """Whether two neighbouring edges, which share one corner, lie on top of each other."""
     shared, one, other = (b, a, d) if b == c else (a, b, c)
-    if _side(shared, one, other) != 0:
+    if turn(shared, one, other) != 0:
         return False
     ahead = (one[0] - shared[0]) * (other[0] - shared[0]) + (one[1] - shared[1]) * (other[1] - shared[1])
     return ahead > 0

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.mission.geometry2d import Extent, Vector2
+from lingjing.mission.geometry2d import Extent, Vector2, convex_hull
 from lingjing.scene.city import City
-from lingjing.scene.shapes import Capsule, OrientedBox, Shape, shapes_of, turn
+from lingjing.scene.shapes import Capsule, OrientedBox, Shape, shapes_of
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
@@ -83,7 +83,7 @@ def _draw(drawing: ObstacleMap, shape: Shape, terrain: Terrain) -> None:
     np.minimum(part, away, out=part)
 
 
-def _footprint(shape: Shape) -> tuple[list[Vector2], float, float, float]:
+def _footprint(shape: Shape) -> tuple[Sequence[Vector2], float, float, float]:
     """A convex outline (anticlockwise) or a segment, the radius around it, and the lowest and highest elevation."""
     if isinstance(shape, OrientedBox):
         (x, y, z), (length, width, height) = shape.centre, shape.half
@@ -94,7 +94,7 @@ def _footprint(shape: Shape) -> tuple[list[Vector2], float, float, float]:
         low, high = sorted((shape.start[2], shape.end[2]))
         return [shape.start[:2], shape.end[:2]], shape.radius_m, low - shape.radius_m, high + shape.radius_m
     levels = [corner[2] for corner in shape.corners]
-    return _hull([corner[:2] for corner in shape.corners]), 0.0, min(levels), max(levels)
+    return convex_hull([corner[:2] for corner in shape.corners]), 0.0, min(levels), max(levels)
 
 
 def _distance(
@@ -110,23 +110,6 @@ def _distance(
         np.minimum(nearest, np.hypot(xs - ax - share * east, ys - ay - share * north), out=nearest)
         inside &= east * (ys - ay) - north * (xs - ax) >= 0.0
     return np.where(inside, 0.0, nearest)
-
-
-def _hull(points: Sequence[Vector2]) -> list[Vector2]:
-    """The convex hull, anticlockwise (Andrew's monotone chain)."""
-    ordered = sorted(set(points))
-    if len(ordered) < 3:
-        return ordered
-    return _chain(ordered)[:-1] + _chain(ordered[::-1])[:-1]
-
-
-def _chain(points: Sequence[Vector2]) -> list[Vector2]:
-    chain: list[Vector2] = []
-    for x, y in points:
-        while len(chain) > 1 and turn(chain[-2], chain[-1], (x, y)) <= 0.0:
-            chain.pop()
-        chain.append((x, y))
-    return chain
 
 
 def _draw_water(drawing: ObstacleMap, terrain: Terrain) -> None:

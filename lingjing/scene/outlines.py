@@ -9,12 +9,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lingjing.mission.geometry2d import Polygon, Vector2
+from lingjing.mission.geometry2d import Polygon, Vector2, edge_distance
 
 
 def compass(angle_deg: float) -> float:
     """An angle as a bearing in [0, 360); taken twice, because a tiny negative angle rounds up to 360 the first time."""
     return angle_deg % 360.0 % 360.0
+
+
+def wrapped(angle_rad: float) -> float:
+    """An angle in [-pi, pi), radians."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def inside(polygon: Sequence[Vector2], x: float, y: float) -> bool:
@@ -26,20 +31,6 @@ def inside(polygon: Sequence[Vector2], x: float, y: float) -> bool:
             found = not found
         before_x, before_y = here_x, here_y
     return found
-
-
-def edge_distance(polygon: Sequence[Vector2], x: float, y: float) -> float:
-    """Distance from a point to the polygon's outline, metres."""
-    nearest = math.inf
-    before_x, before_y = polygon[-1]
-    for here_x, here_y in polygon:
-        along_x, along_y = here_x - before_x, here_y - before_y
-        length = along_x * along_x + along_y * along_y
-        share = 0.0 if length == 0.0 else ((x - before_x) * along_x + (y - before_y) * along_y) / length
-        share = min(max(share, 0.0), 1.0)
-        nearest = min(nearest, math.hypot(x - before_x - share * along_x, y - before_y - share * along_y))
-        before_x, before_y = here_x, here_y
-    return nearest
 
 
 def within(polygon: Sequence[Vector2], x: float, y: float, margin_m: float = 0.0) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from lingjing.mission.geometry2d import Polygon, Vector2
+from lingjing.mission.geometry2d import Polygon, Vector2, turn
 from lingjing.mission.instance import Vector
 from lingjing.scene.blocks import PIER_M, pier_places
 from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Prop, Slope, Solid
@@ -209,11 +209,6 @@ def _without_straights(outline: Sequence[Vector2]) -> tuple[Vector2, ...]:
     ]
     area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(kept, kept[1:] + kept[:1], strict=True))
     return tuple(kept) if area > 0.0 else tuple(reversed(kept))
-
-
-def turn(a: Vector2, b: Vector2, c: Vector2) -> float:
-    """Twice the area of a triangle; positive anticlockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _as_box(thing: str, part: Sequence[Vector2], base_m: float, top_m: float) -> OrientedBox | None:

@@ -71,13 +71,6 @@ def test_circle_has_the_area_of_the_circle() -> None:
     assert geometry2d.signed_area(geometry2d.circle((3.0, 4.0), 50.0)) == pytest.approx(math.pi * 2500)
 
 
-@pytest.mark.parametrize(
-    ("end", "bearing"), [((0.0, 1.0), 0), ((1.0, 0.0), 90), ((0.0, -1.0), 180), ((-1.0, 0.0), 270)]
-)
-def test_bearing_is_a_compass(end: geometry2d.Vector2, bearing: float) -> None:
-    assert geometry2d.bearing_deg((0.0, 0.0), end) == pytest.approx(bearing)
-
-
 @given(RING)
 def test_the_sweep_over_many_edges_agrees_with_comparing_all(ring: geometry2d.Polygon) -> None:
     sides = tuple(geometry2d.edges(geometry2d.normalised(ring)))

@@ -22,6 +22,7 @@ from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.weather_words import SKIES, sky_of, word_for
+from lingjing.plugins.geometry import bearing_deg
 
 ROOT = Path(__file__).resolve().parents[2]
 LISTING = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="utf-8")
@@ -89,8 +90,8 @@ def test_the_search_area_bears_31_degrees_from_the_lifeboat_that_heads_30(ssr: m
     instance = instantiate(read(ssr, LISTING)[0])
     boat, polygon = entity(instance, "boat"), instance.regions[0].polygon
     corners = tuple(statistics.fmean(values) for values in zip(*polygon, strict=True))
-    assert geometry2d.bearing_deg(boat.position[:2], (corners[0], corners[1])) == pytest.approx(31.0, abs=0.05)
-    assert geometry2d.bearing_deg(boat.position[:2], geometry2d.centroid(polygon)) == pytest.approx(31.0, abs=0.5)
+    assert bearing_deg(boat.position[:2], (corners[0], corners[1])) == pytest.approx(31.0, abs=0.05)
+    assert bearing_deg(boat.position[:2], geometry2d.centroid(polygon)) == pytest.approx(31.0, abs=0.5)
     assert boat.heading_deg == 30.0
 
 

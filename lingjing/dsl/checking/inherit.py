@@ -17,7 +17,7 @@ from lingjing.dsl.checking.scope import MissionDecl
 from lingjing.dsl.checking.toplevel import FileChecker, Files
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
-from lingjing.dsl.source.text import JoinedSource, SourceText, read_source
+from lingjing.dsl.source.text import JoinedSource, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
 from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
@@ -247,9 +247,3 @@ def _line(item: s.Statement) -> tuple[str, str] | None:
     if isinstance(item, s.SettingsBlock):
         return item.keyword, ""
     return None
-
-
-def source_of(report: Reporter) -> SourceText:
-    """The source of the mission itself, without its bases."""
-    source = report.source
-    return source.own if isinstance(source, JoinedSource) else source

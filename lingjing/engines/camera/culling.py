@@ -13,6 +13,7 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.engines.camera.meshes import vector_of
 from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
@@ -120,7 +121,7 @@ def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> ShadowWin
     side = next((s for s in SHADE_SIZES_M if s >= need), SHADE_SIZES_M[-1])
     step = side / 8.0
     corner = np.floor(((low + high - side) / 2.0) / step + 0.5) * step
-    return ShadowWindow(_tuple(right), _tuple(up), sun, (float(corner[0]), float(corner[1])), side)
+    return ShadowWindow(vector_of(right), vector_of(up), sun, (float(corner[0]), float(corner[1])), side)
 
 
 def _shown(pose: CameraPose) -> npt.NDArray[np.float64]:
@@ -163,10 +164,6 @@ def light_matrix(window: ShadowWindow, boxes: Boxes) -> npt.NDArray[np.float64]:
     matrix[2, :3], matrix[2, 3] = -z * 2.0 / (high - low), (high + low) / (high - low)
     matrix[3, 3] = 1.0
     return matrix
-
-
-def _tuple(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 __all__ = ["ShadowWindow", "blunt_from", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix",

@@ -104,7 +104,7 @@ def solid(shape: str, length: float, width: float, height: float, colour: Linear
     if shape == "box":
         return box((0.0, 0.0, 0.0), (width, length, height), colour)
     if shape == "sphere":
-        return ellipsoid((0.0, 0.0, 0.0), _point(half), colour, rows=12, sides=24)
+        return ellipsoid((0.0, 0.0, 0.0), vector_of(half), colour, rows=12, sides=24)
     top = 0.0 if shape == "cone" else 1.0
     mesh = cylinder((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, top), colour, sides=24)
     mesh[:, :3] *= half.astype(np.float32)
@@ -130,7 +130,7 @@ def torus(centre: Vector, radius: float, tube: float, colours: Sequence[LinearRg
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     spine = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(sides + 1)], 1) + np.array(centre)
     for k in range(sides):
-        start, end = _point(spine[k]), _point(spine[k + 1])
+        start, end = vector_of(spine[k]), vector_of(spine[k + 1])
         parts.append(cylinder(start, end, (tube, tube), colours[k * len(colours) // sides], 0.2, sides=8))
     return merge(*parts)
 
@@ -173,5 +173,6 @@ def _rows(points: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], col
     return np.hstack([points, normals, paint]).astype(np.float32)
 
 
-def _point(values: npt.NDArray[np.float64]) -> Vector:
+def vector_of(values: npt.NDArray[np.floating]) -> Vector:
+    """Three numbers of an array as plain values."""
     return float(values[0]), float(values[1]), float(values[2])

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lingjing.engines.camera.instances import Batch
-from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, merge
+from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, merge, vector_of
 
 SLIGHT = ("lamp", "bench")
 PLANTS = ("tree", "pine", "palm", "bush", "hedge")
@@ -97,7 +97,7 @@ def _made(name: str, fineness: Fineness, key: _Key) -> Mesh:
                          sides=6 if fineness.trunk else 4)  # fmt: skip
     else:
         size = radii * (fineness.size, fineness.size, 1.0)
-        shape = ellipsoid(_point(centre), _point(size), colour, rows=fineness.rows, sides=fineness.sides)
+        shape = ellipsoid(vector_of(centre), vector_of(size), colour, rows=fineness.rows, sides=fineness.sides)
         shape[:, 6:9] *= (0.80 + 0.35 * (shape[:, 2:3] - low[2]) / max(high[2] - low[2], 0.1)).astype(np.float32)
     if not fineness.trunk:
         return shape
@@ -124,7 +124,3 @@ def _coarse(name: str, cells: float, key: _Key) -> Mesh:
     mesh = key.mesh.copy()
     mesh[:, :3] = means[group]
     return np.ascontiguousarray(mesh.reshape(-1, 3, mesh.shape[1])[kept].reshape(-1, mesh.shape[1]))
-
-
-def _point(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])

@@ -12,7 +12,7 @@ import shapely
 from lingjing.engines.camera.ground import MATERIALS
 from lingjing.engines.camera.ground import SURFACES as GROUND
 from lingjing.engines.camera.mesh_rows import Floats, MeshPart, faces, joined, oriented, prism, sheet, walls
-from lingjing.engines.camera.meshes import cylinder
+from lingjing.engines.camera.meshes import cylinder, vector_of
 from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Bridge, Pipe, Slope, Solid
 
@@ -139,12 +139,8 @@ def pipe(given: Pipe, number: int) -> MeshPart:
 
 
 def _tube(start: Floats, end: Floats, radius: float, colour: LinearRgb, number: int) -> MeshPart:
-    mesh = cylinder(_point(start), _point(end), (radius, radius), colour, 0.4, sides=10)
+    mesh = cylinder(vector_of(start), vector_of(end), (radius, radius), colour, 0.4, sides=10)
     part = faces(mesh[:, :3], colour, number, gloss=0.4)
     if len(part.vertices) == len(mesh):
         part.vertices["normal"] = mesh[:, 3:6]
     return part
-
-
-def _point(values: Floats) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])

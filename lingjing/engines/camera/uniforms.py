@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import hypot
 
 import numpy as np
-import numpy.typing as npt
 
 from lingjing.engines.camera.light import Light
+from lingjing.engines.camera.meshes import vector_of
 from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
 from lingjing.plugins.geometry import SPACE_M, camera_axes, focal_px
 from lingjing.trace.records import CameraPose
@@ -77,7 +77,7 @@ def space(light: Light, height_m: float) -> dict[str, object]:
 def haze(light: Light) -> tuple[float, float, float]:
     """The haze as a developed colour: the sky's at the horizon (`shaders.COMMON`)."""
     v = np.sqrt(1.0 - np.exp(-1.9 * np.maximum(light.haze, 0.0)))
-    return _rgb(v + 0.55 * (v * v * (3.0 - 2.0 * v) - v))
+    return vector_of(v + 0.55 * (v * v * (3.0 - 2.0 * v) - v))
 
 
 def _sky(light: Light) -> dict[str, tuple[float, float, float]]:
@@ -87,11 +87,7 @@ def _sky(light: Light) -> dict[str, tuple[float, float, float]]:
     clear, grey = day * (1.0 - light.cloud), day * light.cloud
     dusk = np.array(light.dusk)
     return {
-        "u_sky_top": _rgb(clear * ZENITH + grey * GREY + light.dark * NIGHT),
-        "u_sky_rise": _rgb(grey * (GREY_ABOVE - GREY)),
-        "u_sky_low": _rgb(clear * (HORIZON - ZENITH) + 0.7 * dusk),
+        "u_sky_top": vector_of(clear * ZENITH + grey * GREY + light.dark * NIGHT),
+        "u_sky_rise": vector_of(grey * (GREY_ABOVE - GREY)),
+        "u_sky_low": vector_of(clear * (HORIZON - ZENITH) + 0.7 * dusk),
     }
-
-
-def _rgb(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])

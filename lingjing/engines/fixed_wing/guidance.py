@@ -11,6 +11,7 @@ import math
 
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Vector
+from lingjing.scene.outlines import wrapped
 
 MAX_BANK = math.radians(35.0)
 CIRCLE_BANK = math.radians(25.0)
@@ -47,8 +48,7 @@ def reachable(position: Vector, course: float, speed: float, goal: Vector) -> bo
 
 def turn(course: float, wanted: float, feed: float = 0.0) -> float:
     """Bank angle that brings the track from `course` to `wanted`; `feed` is the bank that the path itself needs."""
-    error = (wanted - course + math.pi) % (2.0 * math.pi) - math.pi
-    return min(max(_COURSE_GAIN * error + feed, -MAX_BANK), MAX_BANK)
+    return min(max(_COURSE_GAIN * wrapped(wanted - course) + feed, -MAX_BANK), MAX_BANK)
 
 
 def around(position: Vector, centre: tuple[float, float], radius: float, speed: float) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.pack import Sense
+from lingjing.scene.outlines import wrapped
 
 PATIENCE_S = 4.0
 CLIMBING_PATIENCE_S = 24.0
@@ -47,11 +48,6 @@ _PUSH_S, _RETREATS_S = 1.4, (0.7, 1.0, 0.5, 1.2)
 """A walk that comes no further pushes on for so long, then steps back for the next of these, in turn."""
 
 _GAINED_M, _GAINED_RAD = 0.1, math.radians(5.0)
-
-
-def wrapped(angle: float) -> float:
-    """An angle in radians within [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @dataclass(slots=True, kw_only=True)

@@ -75,11 +75,6 @@ class Simulation:
         self.route.add(route, list(edges))
         self.vehicle.add(name, route, kind, departLane=str(lane), departPos=str(front_m), departSpeed="0")
 
-    @property
-    def running(self) -> bool:
-        """Whether it has not been closed."""
-        return self in _running
-
     def close(self) -> None:
         """End it; twice does no harm."""
         if self in _running:

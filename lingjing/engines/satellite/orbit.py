@@ -33,10 +33,6 @@ class JulianDate:
         """The instant some seconds later."""
         return JulianDate(self.day, self.fraction + seconds / DAY_S)
 
-    def since(self, other: JulianDate) -> float:
-        """Seconds since another instant."""
-        return ((self.day - other.day) + (self.fraction - other.fraction)) * DAY_S
-
 
 def instant(text: str) -> JulianDate:
     """An instant from ISO 8601 (UTC where it names no zone); `UsageError` for anything else."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from lingjing.engines.satellite.earth import Horizon, earth_fixed, elevation_deg, off_track_km
 from lingjing.engines.satellite.orbit import DAY_S, JulianDate, Orbit, circular, circular_rate
 from lingjing.mission.instance import Vector
+from lingjing.scene.outlines import wrapped
 
 LEAST_ELEVATION_DEG = 30.0
 """From which elevation pictures are worth taking."""
@@ -107,15 +108,11 @@ def passing(name: str, start: JulianDate, over: Horizon, latitude_deg: float, at
     for _ in range(_ROUNDS):
         orbit = circular(name, start, HEIGHT_KM, inclination, node, anomaly)
         below = _direction(earth_fixed(orbit, start.later(at_s))[0])
-        anomaly += _turned(latitude - below[0]) / slope
-        node += _turned(longitude - below[1])
+        anomaly += wrapped(latitude - below[0]) / slope
+        node += wrapped(longitude - below[1])
     return circular(name, start, HEIGHT_KM, inclination, node, anomaly)
 
 
 def _direction(place: Vector) -> tuple[float, float]:
     """Geocentric latitude and longitude of an Earth-fixed place."""
     return math.atan2(place[2], math.hypot(place[0], place[1])), math.atan2(place[1], place[0])
-
-
-def _turned(angle: float) -> float:
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi

@@ -10,6 +10,7 @@ import math
 
 from lingjing.engines.vessel.hull import STEP_S, YAW_INERTIA, HullForcing, HullState, ground_velocity, surge_drag
 from lingjing.mission.geometry2d import Vector2
+from lingjing.scene.outlines import wrapped
 
 ARRIVED_M = 5.0
 """A move is complete this close to its goal."""
@@ -69,14 +70,14 @@ class Steering:
     def _steer(self, state: HullState, course: float, speed: float) -> tuple[float, float]:
         abeam = self._drift[0] * math.cos(course) - self._drift[1] * math.sin(course)
         heading = course - math.asin(min(max(abeam / max(speed, 0.1), -0.95), 0.95))
-        off = _wrapped(heading - state[2])
+        off = wrapped(heading - state[2])
         return self._surge(state, speed * max(math.cos(off), 0.2)), self._turn(state, heading)
 
     def _surge(self, state: HullState, speed: float) -> float:
         return min(max(surge_drag(speed) + _SURGE_GAIN * (speed - state[3]), -_REVERSE * self._most), self._most)
 
     def _turn(self, state: HullState, heading: float) -> float:
-        error = min(max(_wrapped(heading - state[2]), -_MAX_HEADING_ERROR), _MAX_HEADING_ERROR)
+        error = min(max(wrapped(heading - state[2]), -_MAX_HEADING_ERROR), _MAX_HEADING_ERROR)
         moment = YAW_INERTIA * (_HEADING_GAIN * error - _YAW_DAMPING * state[5])
         return min(max(moment, -_MAX_MOMENT), _MAX_MOMENT)
 
@@ -100,7 +101,3 @@ def line_of_sight(here: Vector2, start: Vector2, goal: Vector2) -> float:
         return math.atan2(goal[0] - here[0], goal[1] - here[1])
     off = east * math.cos(along) - north * math.sin(along)
     return along - math.atan2(off, _LOOKAHEAD_M)
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi

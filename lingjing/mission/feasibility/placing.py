@@ -7,7 +7,7 @@ import math
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof, spelled
 from lingjing.mission.feasibility.spread import Where
-from lingjing.mission.geometry2d import Polygon, Vector2, signed_area
+from lingjing.mission.geometry2d import convex_hull, signed_area
 
 MILLIMETRE = 0.001
 """Places are drawn in steps of this; a smaller distance between them asks for nothing."""
@@ -46,25 +46,3 @@ def most_places(where: Where) -> float:
     around = sum(math.dist(a, b) for a, b in zip(hull, (*hull[1:], hull[0]), strict=True))
     apart = where.apart
     return math.floor(2.0 / math.sqrt(3.0) * abs(signed_area(hull)) / apart**2 + around / (2.0 * apart) + 1.0 + 1e-9)
-
-
-def convex_hull(points: tuple[Vector2, ...]) -> Polygon:
-    """The convex hull, anticlockwise (Andrew's monotone chain)."""
-    ordered = sorted(set(points))
-    if len(ordered) < 3:
-        return tuple(ordered)
-    lower, upper = _chain(ordered), _chain(ordered[::-1])
-    return (*lower[:-1], *upper[:-1])
-
-
-def _chain(ordered: list[Vector2]) -> list[Vector2]:
-    kept: list[Vector2] = []
-    for point in ordered:
-        while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 0:
-            kept.pop()
-        kept.append(point)
-    return kept
-
-
-def _turn(a: Vector2, b: Vector2, c: Vector2) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

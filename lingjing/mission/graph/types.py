@@ -118,7 +118,3 @@ class MissionGraph(msgspec.Struct, frozen=True, kw_only=True):
     def out_of(self, identity: str, *kinds: EdgeKind) -> Iterator[GraphEdge]:
         """Edges that leave a node, of the given kinds or of all."""
         return (e for e in self.edges if e.source == identity and (not kinds or e.kind in kinds))
-
-    def into(self, identity: str, *kinds: EdgeKind) -> Iterator[GraphEdge]:
-        """Edges that reach a node, of the given kinds or of all."""
-        return (e for e in self.edges if e.target == identity and (not kinds or e.kind in kinds))

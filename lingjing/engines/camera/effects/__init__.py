@@ -29,7 +29,7 @@ is the same picture, whatever was drawn before.
 
 from __future__ import annotations
 
-from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, EffectSolid, joined
+from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, EffectSolid
 from lingjing.engines.camera.effects.targets import SHOWING, effects_of, prop_effects
 from lingjing.engines.camera.effects.town_changes import (
     Site,
@@ -53,7 +53,6 @@ __all__ = [
     "changes_of",
     "effects_of",
     "faced",
-    "joined",
     "prop_effects",
     "site_of",
     "with_changes",

@@ -78,17 +78,6 @@ class Effects:
     solids: tuple[EffectSolid, ...] = ()
 
 
-def joined(*parts: Effects) -> Effects:
-    """Effects of several as one."""
-    if not parts:
-        return Effects()
-    return Effects(
-        np.concatenate([p.billboards for p in parts]),
-        np.concatenate([p.decals for p in parts]),
-        tuple(solid for p in parts for solid in p.solids),
-    )
-
-
 def seed_of(name: str) -> int:
     """A number that is the same for a name in every process."""
     return zlib.crc32(name.encode())
