@@ -8,7 +8,6 @@ true of and in which modes a declaration exists are answered by it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -16,54 +15,33 @@ from lingjing.mission import operations
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import ANYTHING, Bounds, Estimate, both, either, exactly, greatest, least, total
-from lingjing.mission.values import Area, Interval, Place, Value, is_number
+from lingjing.mission.values import Area, EvaluationContext, Interval, Place, Value, is_number
 
 
-class Knowledge(Protocol):
-    """What is known. Numbers are `Bounds`; None is what is not known."""
+class Knowledge:
+    """What is known: nothing, so that constants alone are certain; the base of what knows something.
+
+    Numbers are `Bounds`; None is what is not known.
+    """
 
     def name(self, ref: ex.Ref) -> Value:
         """What a reference means that is bound to nothing here."""
-        ...
+        return None
 
     def field(self, value: Value, name: str) -> Value:
         """A field of an entity."""
-        ...
+        return None
 
     def members(self, domain: str) -> Sequence[Value] | None:
         """The members of a group, or the messages of a kind; None if they are not known."""
-        ...
+        return None
 
     def spot(self, value: Value) -> Estimate | None:
         """Where an entity is."""
-        ...
+        return None
 
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
         """What a rule answers, or a function of a running mission."""
-        ...
-
-
-class Nothing:
-    """Knowledge of nothing: constants alone are certain. The base of what knows something."""
-
-    def name(self, ref: ex.Ref) -> Value:
-        """Nothing is known by name."""
-        return None
-
-    def field(self, value: Value, name: str) -> Value:
-        """No entity is known."""
-        return None
-
-    def members(self, domain: str) -> Sequence[Value] | None:
-        """No group is known."""
-        return None
-
-    def spot(self, value: Value) -> Estimate | None:
-        """No place is known."""
-        return None
-
-    def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
-        """No mission runs."""
         return None
 
 
@@ -139,7 +117,7 @@ class _Certain:
                     return done.bounds(*seen)
             if isinstance(node, ex.Call) and done.running:
                 return known(knowledge.answer(node, values))
-            return _exactly(done.value, values)
+            return exact(done.value, _Exact(), values)
 
         return applied
 
@@ -178,12 +156,13 @@ def _estimate(value: Value, knowledge: Knowledge) -> Value:
     return value if isinstance(value, Bounds) else knowledge.spot(value)
 
 
-def _exactly(function: operations.Function, values: Sequence[Value]) -> Value:
+def exact(function: operations.Function, context: EvaluationContext, values: Sequence[Value]) -> Value:
+    """What a function gives of values that are all exact; None where one is not, or where it has no value."""
     if any(value is None or (isinstance(value, Bounds) and not value.exact) for value in values):
         return None
     plain = [value.low if isinstance(value, Bounds) else value for value in values]
     try:
-        return known(function(_Exact(), *plain))
+        return known(function(context, *plain))
     except MissionError:
         return None
 

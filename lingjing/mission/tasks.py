@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lingjing.mission.certain import Nothing, known, truth
+from lingjing.mission.certain import Knowledge, known, truth
 from lingjing.mission.expression import Expr, Ref
 from lingjing.mission.feasibility.needs import Performed, mentions
 from lingjing.mission.feasibility.outline import Outline, of_instance
@@ -93,7 +93,7 @@ def declared(entity: Entity, field: str) -> float | None:
     return entity.number(field)
 
 
-class _Declarations(Nothing):
+class _Declarations(Knowledge):
     """What can be said beforehand: declared numbers. Whatever depends on the run (places, task events, reports, what
     interactions take and give) is not known."""
 

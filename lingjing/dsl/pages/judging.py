@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.certain import Nothing, truth
+from lingjing.mission.certain import Knowledge, truth
 from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.values import Value
@@ -51,7 +51,7 @@ def interactions(mission: model.Mission) -> Iterator[tuple[model.Group, model.In
             yield group, one, before
 
 
-class _Start(Nothing):
+class _Start(Knowledge):
     """What is known before anything is done: the time is not negative."""
 
     def name(self, ref: ex.Ref) -> Value:

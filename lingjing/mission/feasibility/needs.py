@@ -18,6 +18,7 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import operations
+from lingjing.mission.certain import exact, known
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.spread import Where, outlines_of, point
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
@@ -291,7 +292,7 @@ class _Needs:
         if isinstance(node, ex.Flag):
             return lambda names, on: NOTHING if node.value else Never("the condition is `false`", on.at)
         constant = node.name if isinstance(node, ex.Symbol) else node.value
-        return lambda names, on: _plain(constant)
+        return lambda names, on: known(constant)
 
     def name(self, node: ex.Ref) -> Meaning:
         if node.kind == "local":
@@ -345,13 +346,9 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
     return lambda names, on: _computed(node, [one(names, on) for one in operands], on)
 
 
-def _plain(value: Value) -> Value:
-    return exactly(value) if is_number(value) else value
-
-
 def _declared(node: ex.Ref, on: Unfolding) -> Value:
     try:
-        return _plain(on.outline.scope.refer(node)) if node.name != "now" else None
+        return known(on.outline.scope.refer(node)) if node.name != "now" else None
     except MissionError:
         return None
 
@@ -377,7 +374,7 @@ def _field(base: Value, name: str) -> Value:
             return base
         case Place() | Area() | Interval():
             try:
-                return _plain(operations.field(base, name))
+                return known(operations.field(base, name))
             except MissionError:
                 return None
     return None
@@ -390,15 +387,9 @@ def _computed(node: Composite, values: list[Value], on: Unfolding) -> Value:
     done = operation(node)
     if done is None or done.running:
         return None
-    if done.bounds is not None and all(isinstance(_plain(value), Bounds) or value is None for value in values):
+    if done.bounds is not None and all(isinstance(known(value), Bounds) or value is None for value in values):
         return done.bounds(*[_bounds(value) for value in values])
-    if any(value is None or (isinstance(value, Bounds) and not value.exact) for value in values):
-        return None
-    try:
-        plain = [value.low if isinstance(value, Bounds) else value for value in values]
-        return _plain(done.value(on.outline.scope, *plain))
-    except MissionError:
-        return None
+    return exact(done.value, on.outline.scope, values)
 
 
 def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: Unfolding) -> Need:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from lingjing.errors import LingjingError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.certain import Nothing, known, truth
+from lingjing.mission.certain import Knowledge, known, truth
 from lingjing.mission.feasibility.outline import Body, Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.functions import operation
@@ -38,7 +38,7 @@ def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
     return (Proof("LJ0510", "success", message, "ask for what has to be brought about"),)
 
 
-class Beginning(Nothing):
+class Beginning(Knowledge):
     """What is known at boundary 0 of an outline."""
 
     def __init__(self, outline: Outline) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from lingjing.mission import expression as ex
-from lingjing.mission.certain import Nothing, truth
+from lingjing.mission.certain import Knowledge, truth
 from lingjing.mission.graph.spelling import spell
 from lingjing.mission.model import Guard
 from lingjing.mission.values import Value
@@ -46,7 +46,7 @@ def either(found: Iterable[Presence], modes: tuple[str, ...]) -> Presence | None
     return Presence("" if "" in guards else " or ".join(guards), possible)
 
 
-class _Mode(Nothing):
+class _Mode(Knowledge):
     """All that is known before a run is its mode: parameters may still be set."""
 
     def __init__(self, mode: str) -> None:
