@@ -1,32 +1,23 @@
-"""The cached tables are those of the grammar; without any cache lark makes the same."""
+"""The tables that ship are those of the grammar, and nothing heavy is loaded to use them."""
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 import sys
 from pathlib import Path
 
-import msgspec
-import pytest
+from lingjing.dsl.syntax.tables import FILE
 
-from lingjing.dsl.syntax import tables
+ROOT = Path(__file__).parents[2]
 
 
 def test_the_shipped_tables_are_those_of_the_grammar() -> None:
-    shipped = msgspec.msgpack.decode(tables.PACKAGED_FILE.read_bytes(), type=tables.Tables)
-    assert shipped == tables.build_tables(tables.GRAMMAR_FILE.read_text(), tables.load_tables().key)
-
-
-def test_without_tables_they_are_made_and_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "PACKAGED_FILE", tmp_path / "none")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    made = tables.load_tables()
-    (cached,) = (tmp_path / "cache" / "lingjing").iterdir()
-    assert tables.load_tables() == made
-    cached.write_bytes(b"\x00broken")
-    assert tables.load_tables() == made
-    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    assert tables.load_tables() == made
+    spec = importlib.util.spec_from_file_location("grammar_tables_tool", ROOT / "tools" / "grammar_tables.py")
+    assert spec is not None and spec.loader is not None
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    assert FILE.read_bytes() == tool.tables(), "run: python tools/grammar_tables.py"
 
 
 def test_compiling_imports_nothing_heavy() -> None:
@@ -35,6 +26,6 @@ def test_compiling_imports_nothing_heavy() -> None:
         "heavy = {'lark', 'numpy', 'pluggy', 'rich', 'pydantic', 'mujoco', 'libsumo', 'jsbsim', 'mcap', 'cv2'};"
         "print(sorted(heavy & sys.modules.keys()))"
     )
-    ssr = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
+    ssr = ROOT / "scenarios" / "ssr.ljs"
     done = subprocess.run([sys.executable, "-c", script, str(ssr)], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

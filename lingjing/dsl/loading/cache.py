@@ -125,7 +125,7 @@ def _compiler() -> str:
     found = []
     while waiting:
         for item in sorted(os.scandir(waiting.pop()), key=lambda item: item.name):
-            if item.name.endswith((".py", ".lark")):
+            if item.name.endswith((".py", ".tables")):
                 stat = item.stat()
                 found.append(f"{item.name} {stat.st_size} {stat.st_mtime_ns}")
             elif "." not in item.name and item.name != "__pycache__":
