@@ -26,6 +26,7 @@ from lingjing_agents.llm.chat import (
 )
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.guard import GuardedClient
+from lingjing_agents.llm.limits import limited
 from lingjing_agents.llm.options import ModelOptions, ModelProfile
 from lingjing_agents.llm.redaction import Redactor
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
@@ -185,11 +186,13 @@ def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:
 def _client(options: ModelOptions, profile: ModelProfile) -> ModelClient:
     """The client that the profile asks for, behind a guard that knows its secrets."""
     given = options.credentials(profile)
+    secrets = (given.key, *given.secrets)
+    client: ModelClient = DirectClient(given.url, given.key, given.login)
     if profile.client == "litellm":
         load_litellm()  # seconds of import: before the first barrier, and a missing package is told at once
-        secrets = (given.key, *given.secrets, *_keys_of_environment())
-        return GuardedClient(LitellmClient(given.url, given.key, given.login), Redactor(secrets))
-    return GuardedClient(DirectClient(given.url, given.key, given.login), Redactor((given.key, *given.secrets)))
+        secrets = (*secrets, *_keys_of_environment())
+        client = LitellmClient(given.url, given.key, given.login)
+    return GuardedClient(limited(client, profile.service, given.url or profile.served), Redactor(secrets))
 
 
 def _keys_of_environment() -> tuple[str, ...]:

@@ -1,0 +1,176 @@
+"""A service's limits hold over threads and processes, and never beyond a deadline."""
+
+import asyncio
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from lingjing_agents.llm.asking import open_model
+from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelCompletion, ModelError
+from lingjing_agents.llm.limits import LimitedClient, limited
+from lingjing_agents.llm.models import ServiceEntry
+from lingjing_agents.llm.options import ModelOptions
+from lingjing_agents.llm.retry import CallDeadline
+
+from agents.tests.chat_server import Reply, serve
+from lingjing.plugins.calls import UnrecordedCalls
+from lingjing.plugins.options import read_options
+from lingjing.plugins.policy import UsageError
+
+REQUEST = ChatRequest("m", (ChatMessage("user", "x" * 400),))
+
+
+@pytest.fixture(autouse=True)
+def own_turns(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+def service(**limits: float) -> ServiceEntry:
+    return ServiceEntry.model_validate(limits)
+
+
+class Counting:
+    """A model that notes how many ask it at once, and when."""
+
+    def __init__(self, tokens: int = 0) -> None:
+        self.now = self.most = 0
+        self.times: list[float] = []
+        self.tokens = tokens
+        self.lock = threading.Lock()
+
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
+        with self.lock:
+            self.now += 1
+            self.most = max(self.most, self.now)
+            self.times.append(time.monotonic())
+        await asyncio.sleep(0.02)
+        with self.lock:
+            self.now -= 1
+        return ModelCompletion("ok", "stop", self.tokens, 0)
+
+
+async def test_calls_at_a_time_are_limited_over_clients_and_threads() -> None:
+    model = Counting()
+
+    def ask() -> None:
+        async def several() -> None:
+            await asyncio.gather(
+                *(LimitedClient(model, service(concurrency=3), "u").complete(REQUEST, 60) for _ in range(5))
+            )
+
+        asyncio.run(several())
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(model.times) == 20
+    assert model.most == 3
+
+
+async def test_requests_are_paced() -> None:
+    model = Counting()
+    client = LimitedClient(model, service(requests_per_minute=1200), "u")
+    await asyncio.gather(*(client.complete(REQUEST, 60) for _ in range(10)))
+    times = sorted(model.times)
+    assert times[-1] - times[0] >= 9 * 0.05 - 0.01
+
+
+async def test_tokens_are_counted_as_they_were_taken() -> None:
+    model = Counting(tokens=1000)
+    client = LimitedClient(model, service(tokens_per_minute=600_000), "u")
+    for _ in range(4):
+        await client.complete(REQUEST, 60)
+    assert model.times[-1] - model.times[0] >= 3 * 0.1 - 0.02
+
+
+async def test_other_services_are_not_held_up() -> None:
+    model = Counting()
+    slow = service(requests_per_minute=0.001)
+    await LimitedClient(model, slow, "a").complete(REQUEST, 60)
+    await LimitedClient(model, slow, "b").complete(REQUEST, 60)
+    with pytest.raises(ModelError, match=r"^no turn at a within 60.0 s: it is limited to 0.001 requests a minute"):
+        await LimitedClient(model, slow, "a").complete(REQUEST, 60)
+    assert len(model.times) == 2
+
+
+HOLD = """
+import asyncio, sys
+from lingjing_agents.llm.limits import LimitedClient
+from agents.tests.test_llm_limits import REQUEST, service
+class Slow:
+    async def complete(self, request, timeout_s):
+        print("asked", flush=True)
+        await asyncio.sleep(3600)
+asyncio.run(LimitedClient(Slow(), service(concurrency=1), "u").complete(REQUEST, 3600))
+"""
+
+
+async def test_a_turn_of_another_process_is_waited_for_and_freed_by_its_death() -> None:
+    model, root = Counting(), Path(__file__).parents[2]
+    client = LimitedClient(model, service(concurrency=1), "u")
+    with subprocess.Popen([sys.executable, "-c", HOLD], stdout=subprocess.PIPE, cwd=root) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"asked\n"
+        with pytest.raises(ModelError, match="limited to 1 calls at a time") as caught:
+            await client.complete(REQUEST, 0.3)
+        assert caught.value.fault == "service"
+        other.kill()
+    assert (await client.complete(REQUEST, 60)).text == "ok"
+
+
+async def test_a_turn_is_given_back_whatever_becomes_of_the_call() -> None:
+    class Failing:
+        async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
+            raise ModelError("no")
+
+    for _ in range(3):
+        with pytest.raises(ModelError, match="no"):
+            await LimitedClient(Failing(), service(concurrency=1), "u").complete(REQUEST, 60)
+    waiting = asyncio.create_task(LimitedClient(Counting(), service(concurrency=1), "u").complete(REQUEST, 60))
+    await asyncio.sleep(0)
+    waiting.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await waiting
+    assert (await LimitedClient(Counting(), service(concurrency=1), "u").complete(REQUEST, 60)).text == "ok"
+
+
+async def test_the_deadline_wins_over_the_limits(tmp_path) -> None:
+    with serve([Reply()]) as server:
+        own = tmp_path / "own.toml"
+        own.write_text(
+            f'[services.lab]\nbase_url = "{server.url}"\nrequests_per_minute = 1\n'
+            '[models.ours]\nservice = "lab"\nserved = "ours"\n'
+        )
+        model = open_model(read_options(ModelOptions, {"model": "ours", "models": own}, "p"), UnrecordedCalls())
+        await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(5))
+        started = time.monotonic()
+        with pytest.raises(ModelError, match="no turn"):
+            await model.ask(1, (ChatMessage("user", "hi"),), CallDeadline(5))
+        assert time.monotonic() - started < 4
+        assert len(server.requests) == 1
+
+
+def test_what_others_may_write_is_not_trusted(tmp_path) -> None:
+    LimitedClient(Counting(), service(concurrency=1), "u")
+    (folder,) = tmp_path.glob("lingjing-turns-*")
+    folder.chmod(0o777)
+    with pytest.raises(UsageError, match="not a folder of this user alone"):
+        LimitedClient(Counting(), service(concurrency=1), "u")
+
+
+async def test_a_broken_file_of_moments_and_a_clock_that_started_anew_hold_nobody_up(tmp_path) -> None:
+    client = LimitedClient(Counting(), service(requests_per_minute=1000), "u")
+    (due,) = [folder / "due" for folder in tmp_path.glob("lingjing-turns-*/*")]
+    for text in ("", "{", '{"request": 1e300, "tokens": 1e300}', "[]"):
+        due.write_text(text)
+        assert (await client.complete(REQUEST, 5)).text == "ok"
+
+
+def test_without_limits_nothing_is_in_between() -> None:
+    model = Counting()
+    assert limited(model, service(), "u") is model
