@@ -17,14 +17,14 @@ from typing import ClassVar
 from lingjing.engines.close_pairs import close_pairs
 from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.gust import Gust
+from lingjing.engines.neighbours import Neighbour, Neighbours
 from lingjing.engines.sea import GRAVITY
+from lingjing.engines.stock import Book, booked
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
-from lingjing.plugins.neighbours import Neighbour, Neighbours
 from lingjing.plugins.requests import Refusal
-from lingjing.plugins.stock import Book, booked
 from lingjing.scene.blocks import Block
 from lingjing.scene.city import City
 from lingjing.scene.outlines import compass

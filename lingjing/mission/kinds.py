@@ -165,6 +165,16 @@ def is_described(kind: Literal["scene", "engine"], name: str) -> bool:
     return name in builtin_engines() or any(name in file.by_engine for file in _plugins())
 
 
+def described_by(plugin: str) -> KindsFile:
+    """What the file of an installed entry point describes; nothing if it has none. `PluginError` if it has faults."""
+    from lingjing.mission.kinds_file import read
+
+    file = next((file for name, file in _files() if name == plugin), None)
+    if file is None:
+        return KindsFile()
+    return _builtin() if file.samefile(_BUILTIN) else read(file, plugin)
+
+
 def joined(document: object) -> Any:
     """The decoded text of a file with `like` resolved: each scene with all that the ones it is like say.
 
@@ -249,21 +259,24 @@ def _builtin() -> KindsFile:
 @cache
 def _plugins() -> tuple[KindsFile, ...]:
     """The files of the plug-ins that are installed, in the order of their names."""
+    from lingjing.mission.kinds_file import read
+
+    return tuple(read(file, name) for name, file in _files() if not file.samefile(_BUILTIN))
+
+
+def _files() -> Iterator[tuple[str, Path]]:
+    """The plug-ins that have a file, each by the name of its entry point."""
     from importlib.metadata import entry_points
     from importlib.util import find_spec
 
-    from lingjing.mission.kinds_file import read
-
-    found = []
     for point in sorted(entry_points(group="lingjing"), key=lambda point: point.name):
         top, *below = point.module.split(".")
         spec = find_spec(top)  # a package within it is not asked for: that would import the ones around it
         for folder in (spec.submodule_search_locations or ()) if spec else ():
             within = Path(folder, *below)
             file = (within if within.is_dir() else within.parent) / FILE
-            if file.is_file() and not file.samefile(_BUILTIN):
-                found.append(read(file, point.name))
-    return tuple(found)
+            if file.is_file():
+                yield point.name, file
 
 
 def _joined(scene: dict[str, Any], named: dict[str, Any], passed: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -6,16 +6,15 @@
   policy that asks models is given beside its options
 - `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from a foreign program
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
-- `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
-- `bodies`, `neighbours`   measures of mirrors, and which of them is touched
-- `terrain`       the ground and what stands on it; `roads` the public roads; `geometry` camera rays and headings
-- `conformance`   tests for engines and policies
+- `tasks`         what a mission asks for, for policies that may see its rules
+- `bodies`        measures of entities; `terrain` the ground and what stands on it; `roads` the public roads
+- `geometry`      camera rays and headings
+- `conformance`   tests for engines, policies, types, evaluators, scenes and files of kinds
 
 Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 """
 
 __all__ = [
     "bodies", "building", "calls", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry",
-    "hookspecs", "host", "loading", "neighbours", "options", "policy", "requests", "roads", "step_clock", "stock",
-    "tasks", "terrain",
+    "hookspecs", "host", "loading", "options", "policy", "requests", "roads", "step_clock", "tasks", "terrain",
 ]  # fmt: skip

@@ -1,17 +1,13 @@
-"""What engines know of others that reach them only as mirrors: how large they are, and whether they are in the way.
+"""How large an entity is, and whether one can bump into it, by what its type or its mission declares.
 
-An entity's type or its mission declares `length`, `width`, `height`, `shape` and `origin` (docs/language.md).
-Background traffic is of a kind (`BodyState.kind`), which `scene.sizes` measures.
+These are `length`, `width`, `height`, `shape` and `origin` (docs/language.md).
 """
 
 from __future__ import annotations
 
-from math import hypot
-
 from lingjing.mission.appearance import BARE, MEASURES, UNSAID_M
 from lingjing.mission.instance import Entity
-from lingjing.scene.sizes import SIZES, Size
-from lingjing.trace.records import BodyState
+from lingjing.scene.sizes import Size
 
 
 def entity_size(entity: Entity) -> Size:
@@ -31,27 +27,6 @@ def solid_size(entity: Entity) -> Size | None:
     return entity_size(entity)
 
 
-def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:
-    """Dimensions of a mirrored body that one can bump into: an entity, or background traffic of a known kind."""
-    return solid_size(entity) if entity is not None and not state.kind else SIZES.get(state.kind)
-
-
-def shape_of(entity: Entity | None) -> str:
-    """What fills the box of a body's dimensions: a box, a cylinder, a sphere or a cone."""
-    return "box" if entity is None else str(entity.properties.get("shape", "box"))
-
-
-def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
-    """Whether a point lies in a shape that fills the box from -1 to 1 along each axis."""
-    if max(abs(ahead), abs(abeam), abs(up)) >= 1.0:
-        return False
-    if shape == "sphere":
-        return hypot(ahead, abeam, up) < 1.0
-    if shape == "cylinder":
-        return hypot(ahead, abeam) < 1.0
-    return shape != "cone" or 2.0 * hypot(ahead, abeam) < 1.0 - up
-
-
 def sunk_m(entity: Entity | None) -> float:
     """How far an entity reaches below its position: half of its height if its origin is its middle."""
     if entity is None or entity.properties.get("origin") != "middle":
@@ -59,9 +34,4 @@ def sunk_m(entity: Entity | None) -> float:
     return entity_size(entity).height_m / 2.0
 
 
-def floats(entity: Entity) -> bool:
-    """Whether an entity is afloat where there is water: a vessel, what drifts, and what stands on water."""
-    return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"
-
-
-__all__ = ["UNSAID_M", "entity_size", "floats", "mirror_size", "shape_of", "solid_size", "sunk_m", "within"]
+__all__ = ["UNSAID_M", "entity_size", "solid_size", "sunk_m"]

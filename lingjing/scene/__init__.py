@@ -15,6 +15,8 @@ In the order in which an episode meets them:
 - `obstacles`   where legs can go; `shapes`, `props`, `sizes` what can be touched, and how large it is
 - `roofs`       how high a city can be at many places at once
 - `regions`     regions that only the city knows, such as those along a road
+- `camera_geometry`   pixels, rays and points; headings; where a body's cameras sit
+- `city_checks`       what every city must be
 - `plan`        the city from above: flat shapes in painting order, and their painter
 
 Invariants: a provider's result is a pure function of its `SceneSpec` (and the content of the map it names): the same

@@ -187,6 +187,10 @@ class LateStart(Sound):
         return msgspec.structs.replace(super().reset(spec, city, seed), time_s=0.5)
 
 
+class Ignorant(Sound):
+    verbs = ("stop",)
+
+
 class Forgetful(Sound):
     def submit(self, commands):
         return super().submit(commands)[1:]
@@ -454,6 +458,7 @@ class Clinging(Sound):
 BROKEN = [
     (Misplaced, kit.check_ready),
     (LateStart, kit.check_ready),
+    (Ignorant, kit.check_commands),
     (Forgetful, kit.check_admission),
     (Backwards, kit.check_admission),
     (Eager, kit.check_admission),

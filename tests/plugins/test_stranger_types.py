@@ -168,7 +168,7 @@ def test_nobody_collides_with_a_shape_of_none(instance: Instance) -> None:
 
 
 def test_a_sphere_is_not_hit_beside_where_its_box_would_be(instance: Instance) -> None:
-    from lingjing.plugins.neighbours import Neighbours
+    from lingjing.engines.neighbours import Neighbours
 
     around = Neighbours(instance)
     around.look([BodyState(id="balloon", position=(0.0, 0.0, 30.0))], 0.0)

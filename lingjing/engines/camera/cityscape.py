@@ -34,7 +34,7 @@ from lingjing.engines.camera.tile_mesh import CASTERS, TileMesh, crossings_of, m
 from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.engines.camera.view import MAPPED_FROM, TownView, choose
 from lingjing.engines.camera.wall_order import Walls, planes_of, walls_of
-from lingjing.plugins.geometry import focal_px
+from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.city import City, Pieces, Prop, Tile
 from lingjing.scene.tiles import TileKey, Tiles
 from lingjing.trace.records import CameraPose

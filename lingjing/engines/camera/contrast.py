@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lingjing.engines.camera.classes import FIRST_ENTITY
 from lingjing.engines.camera.targets import PixelRect
-from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.trace.records import Box, CameraPose
 
 LEAST_CONTRAST = 5.0

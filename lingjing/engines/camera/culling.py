@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lingjing.engines.camera.meshes import vector_of
 from lingjing.engines.camera.surroundings import HIGH_M
-from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
 Boxes = npt.NDArray[np.float64]

@@ -42,7 +42,7 @@ from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, PixelRect, Tar
 from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
 from lingjing.engines.camera.view import TownView
 from lingjing.mission.instance import Vector, Weather
-from lingjing.plugins.geometry import focal_px
+from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 

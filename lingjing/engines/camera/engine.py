@@ -29,8 +29,8 @@ from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
 from lingjing.mission.instance_entities import DRAWN_MOST
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
-from lingjing.plugins.geometry import mounted_camera_pose
 from lingjing.plugins.options import engine_options
+from lingjing.scene.camera_geometry import mounted_camera_pose
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles

@@ -15,7 +15,7 @@ from lingjing.engines.camera.meshes import Mesh
 from lingjing.engines.camera.models import prop_model
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.mission.instance import Entity
-from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.scene.city import Pieces, Prop
 from lingjing.trace.records import BodyState, CameraPose
 

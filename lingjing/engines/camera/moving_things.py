@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.engines.bodies import floats
 from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY
 from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.engines.camera.effects.night import road_light
@@ -17,7 +18,6 @@ from lingjing.engines.camera.lamps import vehicle_rows, vehicles_lit
 from lingjing.engines.camera.meshes import Mesh
 from lingjing.engines.camera.models import ModelPart, ambient_parts, entity_parts, look_of
 from lingjing.mission.instance import Entity, Weather
-from lingjing.plugins.bodies import floats
 from lingjing.trace.records import BodyState
 
 Support = Callable[[float, float, float], float]

@@ -25,7 +25,7 @@ from lingjing.engines.camera.reduced_meshes import (
     reduced,
     slight,
 )
-from lingjing.plugins.geometry import focal_px
+from lingjing.scene.camera_geometry import focal_px
 from lingjing.trace.records import CameraPose
 
 LEAST_PROP_PX = 1.2

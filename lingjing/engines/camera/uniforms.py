@@ -9,7 +9,7 @@ import numpy as np
 from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.meshes import vector_of
 from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
-from lingjing.plugins.geometry import SPACE_M, camera_axes, focal_px
+from lingjing.scene.camera_geometry import SPACE_M, camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
 FAR_M = 40_000.0

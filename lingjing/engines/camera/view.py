@@ -25,7 +25,7 @@ from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.skyline import Skyline
 from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.engines.camera.town_ground import TownGround
-from lingjing.plugins.geometry import focal_px
+from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.tiles import TileKey
 from lingjing.trace.records import CameraPose
 

@@ -17,9 +17,9 @@ from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.pack import Pack, Sense
 from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
+from lingjing.engines.stock import Stock
 from lingjing.mission.instance import Entity, Vector
 from lingjing.plugins.requests import Refusal, number
-from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState, Command
 

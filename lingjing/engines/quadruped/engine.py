@@ -17,12 +17,12 @@ from lingjing.engines.quadruped.moving_boxes import POOL, Lookout
 from lingjing.engines.quadruped.pack import DogMemory, Pack, Sense, StandingPlace
 from lingjing.engines.quadruped.physics import MovingBox, Touch
 from lingjing.engines.quadruped.surroundings import DogSurroundings
+from lingjing.engines.stock import booked
 from lingjing.mission.instance import Vector
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
-from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DORMANT, BodyState, Command

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from lingjing.engines.neighbours import SolidMirror, solid_mirror
 from lingjing.engines.quadruped.physics import MovingBox
 from lingjing.mission.instance import Instance, Vector
 from lingjing.plugins.bodies import solid_size
-from lingjing.plugins.neighbours import SolidMirror, solid_mirror
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 

@@ -13,10 +13,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from lingjing.engines.bodies import floats, mirror_size
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
-from lingjing.plugins.bodies import floats, mirror_size
 from lingjing.scene.sizes import Size
 from lingjing.trace.records import DORMANT, BodyState
 

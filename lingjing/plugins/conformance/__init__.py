@@ -9,12 +9,13 @@ In a test of your own plug-in:
 
 or `check_engine(plugin, instance, city, …)` for all at once; `case_of(plugin, mission, {resource: (verb, arguments)})`
 makes a case of a mission. `check_body(mission, entity)` tries the body that an entity's type declares: whether it is
-seen as large as it says, and whether it can be hit. Each check makes engines of its own from the plug-in's
+seen as large as it says, and whether it can be hit. `check_evaluator(plugin, instance)`, `check_scene(spec)` and
+`check_kinds(entry_point)` try the rest of what a plug-in offers. Each check makes engines of its own from the plug-in's
 factory, raises `ConformanceError` with one sentence, and needs nothing but the contract of `lingjing.plugins.engine`.
 The commands of a case should be admissible ones that take a while; they are submitted at time 0.
 
 `case` (what is tried, how it is played) → `boundaries` (what every boundary must be) → `engines` and `requests` (the
-checks of an engine), `policies` (those of a policy) and `bodies` (those of a type's body).
+checks of an engine), `policies` (those of a policy), `bodies` (those of a type's body) and `providers` (the rest).
 """
 
 from lingjing.plugins.conformance.bodies import BODY_CHECKS, BodyCase, check_body, check_can_be_hit, check_is_seen
@@ -39,21 +40,56 @@ from lingjing.plugins.conformance.policies import (
     check_policy,
     check_same_decisions,
 )
+from lingjing.plugins.conformance.providers import check_evaluator, check_kinds, check_scene
 from lingjing.plugins.conformance.requests import (
     UNKNOWN_RESOURCE,
     UNKNOWN_VERB,
     check_admission,
     check_arguments,
     check_busy,
+    check_commands,
     check_preemption,
     check_receipts,
     check_refusals,
 )
 
 __all__ = [
-    "BODY_CHECKS", "ENGINE_CHECKS", "POLICY_CHECKS", "UNKNOWN_RESOURCE", "UNKNOWN_VERB", "BodyCase", "ConformanceError",
-    "EngineCase", "PolicyCase", "Run", "case_of", "check_admission", "check_advance", "check_arguments", "check_body",
-    "check_busy", "check_can_be_hit", "check_capture", "check_close", "check_cuts", "check_decisions", "check_engine",
-    "check_fork", "check_is_seen", "check_name", "check_policy", "check_preemption", "check_ready", "check_receipts",
-    "check_refusals", "check_repeatable", "check_same_decisions", "check_strangers", "check_values",
+    "BODY_CHECKS",
+    "ENGINE_CHECKS",
+    "POLICY_CHECKS",
+    "UNKNOWN_RESOURCE",
+    "UNKNOWN_VERB",
+    "BodyCase",
+    "ConformanceError",
+    "EngineCase",
+    "PolicyCase",
+    "Run",
+    "case_of",
+    "check_admission",
+    "check_advance",
+    "check_arguments",
+    "check_body",
+    "check_busy",
+    "check_can_be_hit",
+    "check_capture",
+    "check_close",
+    "check_commands",
+    "check_cuts",
+    "check_decisions",
+    "check_engine",
+    "check_evaluator",
+    "check_fork",
+    "check_is_seen",
+    "check_kinds",
+    "check_name",
+    "check_policy",
+    "check_preemption",
+    "check_ready",
+    "check_receipts",
+    "check_refusals",
+    "check_repeatable",
+    "check_same_decisions",
+    "check_scene",
+    "check_strangers",
+    "check_values",
 ]  # fmt: skip

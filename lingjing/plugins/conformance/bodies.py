@@ -23,7 +23,10 @@ from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Box, CameraPose, Command
 
-PIXELS = 400
+PIXELS = (400, 1600)
+"""A picture is as many pixels wide and high as the thinnest side of the entity needs, within these bounds."""
+
+THIN_PX = 4.0
 HFOV_DEG = 60.0
 BEARINGS = 8
 """From so many sides the entity is looked at, until a picture shows it."""
@@ -31,8 +34,11 @@ BEARINGS = 8
 MOST_TIMES = 2.0
 """A body that declares its size is drawn at most so many times as wide or as high, and at least half as much."""
 
+EDGE_PX = 2.0
+"""A box may be so many pixels larger or smaller than what it shows: thin bodies are few pixels high from afar."""
+
 _PROBE = "conformance"
-_ABOVE_M, _SECONDS = 4.0, 30.0
+_ABOVE_M, _LIFT_M, _SECONDS = 4.0, 20.0, 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,34 +74,39 @@ def check_is_seen(case: BodyCase) -> None:
     """A picture from some side shows the entity, and one that declares its size about as large as that."""
     size = solid_size(case.entity)
     about_m = 1.0 if size is None else max(size.length_m, size.width_m, size.height_m)
-    away_m = 3.0 * about_m + 2.0
-    seen = [box for box in _boxes(case, away_m) if box is not None]
+    away_m = 1.5 * about_m + 2.0
+    frame_m = 2.0 * away_m * math.tan(math.radians(HFOV_DEG) / 2.0)
+    thin_m = about_m if size is None else min(size.length_m, size.width_m, size.height_m)
+    pixels = round(min(max(PIXELS[0], frame_m * THIN_PX / thin_m), PIXELS[1]))
+    seen = [box for box in _boxes(case, away_m, pixels) if box is not None]
     require(bool(seen), f"no picture from {away_m:g} m away shows `{case.entity.id}`")
     if size is None or not any(case.entity.number(f"{name}_m") for name in ("length", "width", "height")):
         return
-    pixels_m = PIXELS / (2.0 * away_m * math.tan(math.radians(HFOV_DEG) / 2.0))
-    wide = max(box.box[2] - box.box[0] for box in seen) * PIXELS / pixels_m
-    high = max(box.box[3] - box.box[1] for box in seen) * PIXELS / pixels_m
+    wide = max(box.box[2] - box.box[0] for box in seen) * frame_m
+    high = max(box.box[3] - box.box[1] for box in seen) * frame_m
     for what, drawn, said in (
         ("wide", wide, math.hypot(size.length_m, size.width_m)),
         ("high", high, size.height_m),
     ):
-        right = said / MOST_TIMES <= drawn <= said * MOST_TIMES
+        edge_m = EDGE_PX * frame_m / pixels
+        right = said / MOST_TIMES - edge_m <= drawn <= said * MOST_TIMES + edge_m
         require(right, f"`{case.entity.id}` is drawn {drawn:.1f} m {what}, by its measures it is up to {said:.1f} m")
 
 
 def check_can_be_hit(case: BodyCase) -> None:
-    """A multirotor that comes down on the entity collides with it, if it is a body."""
+    """A multirotor that comes down on the entity, in the air, collides with it, if it is a body."""
     if solid_size(case.entity) is None:
         return
-    x, y, _ = case.entity.position
-    top_m = case.middle_m + entity_size(case.entity).height_m / 2.0
+    x, y, z = case.entity.position
+    lifted = msgspec.structs.replace(case.state, position=(x, y, z + _LIFT_M))  # clear of the ground's own rules
+    middle_m = case.middle_m + _LIFT_M
+    top_m = middle_m + entity_size(case.entity).height_m / 2.0
     probe = Entity(id=_PROBE, group=_PROBE, index=1, role="asset", type=_PROBE, engine="multirotor",
                    position=(x, y, top_m + _ABOVE_M), verbs=(VerbSpec(name="setDestination"),))  # fmt: skip
     others = tuple(one for one in case.instance.entities if one.engine != probe.engine or one.id == case.entity.id)
     instance = msgspec.structs.replace(case.instance, entities=(*others, probe))
     down = Command(id="c0-1", tick=0, sender=_PROBE, resource=_PROBE, verb="setDestination",
-                   arguments={"x": x, "y": y, "z": case.middle_m})  # fmt: skip
+                   arguments={"x": x, "y": y, "z": middle_m})  # fmt: skip
     engine = PluginHost().engine(probe.engine).factory()
     met: list[tuple[str, ...]] = []
     try:
@@ -103,7 +114,7 @@ def check_can_be_hit(case: BodyCase) -> None:
         engine.submit((down,))
         step_s = instance.clock.sync_s
         for number in range(1, round(_SECONDS / step_s) + 1):
-            boundary = engine.advance(number * step_s, (case.state,))
+            boundary = engine.advance(number * step_s, (lifted,))
             met += [event.entities for event in boundary.events if event.kind == "collided"]
     finally:
         engine.close()
@@ -115,7 +126,7 @@ BODY_CHECKS: tuple[Callable[[BodyCase], None], ...] = (check_is_seen, check_can_
 """Every check of a body."""
 
 
-def _boxes(case: BodyCase, away_m: float) -> list[Box | None]:
+def _boxes(case: BodyCase, away_m: float, pixels: int) -> list[Box | None]:
     """The entity's boxes in pictures from all sides, level with its middle; None where it is not in sight."""
     x, y, _ = case.entity.position
     engine = PluginHost().engine("camera").factory()
@@ -127,7 +138,7 @@ def _boxes(case: BodyCase, away_m: float) -> list[Box | None]:
             bearing = math.radians(360.0 * number / BEARINGS)
             place = (x - away_m * math.sin(bearing), y - away_m * math.cos(bearing), case.middle_m)
             pose = CameraPose(position=place, heading_deg=math.degrees(bearing), tilt_deg=0.0, hfov_deg=HFOV_DEG,
-                              width=PIXELS, height=PIXELS)  # fmt: skip
+                              width=pixels, height=pixels)  # fmt: skip
             requests.append(CaptureRequest(frame=f"f{number}", entity=case.entity.id, camera=_PROBE, tick=0,
                                            time_s=1.0, pose=pose))  # fmt: skip
         frames = engine.capture(tuple(requests))
@@ -136,7 +147,4 @@ def _boxes(case: BodyCase, away_m: float) -> list[Box | None]:
     return [next((b for b in frame.info.boxes if b.entity == case.entity.id), None) for frame in frames]
 
 
-__all__ = [
-    "BEARINGS", "BODY_CHECKS", "HFOV_DEG", "MOST_TIMES", "PIXELS", "BodyCase", "check_body", "check_can_be_hit",
-    "check_is_seen",
-]  # fmt: skip
+__all__ = ["BODY_CHECKS", "BodyCase", "check_body", "check_can_be_hit", "check_is_seen"]

@@ -16,6 +16,7 @@ from lingjing.plugins.conformance.requests import (
     check_admission,
     check_arguments,
     check_busy,
+    check_commands,
     check_preemption,
     check_receipts,
     check_refusals,
@@ -174,6 +175,7 @@ def check_close(case: EngineCase) -> None:
 
 
 ENGINE_CHECKS: tuple[Callable[[EngineCase], None], ...] = (
+    check_commands,
     check_ready,
     check_admission,
     check_refusals,

@@ -17,6 +17,23 @@ STOP = "stop"
 SENDER = "conformance"
 
 
+def check_commands(case: EngineCase) -> None:
+    """The commands of the case are for entities of the engine, with verbs that they have: others would try nothing."""
+    owned = {entity.id: entity for entity in case.owned}
+    for command in case.commands:
+        what = f"the case's command {command.id}"
+        require(command.resource in owned, f"{what}: the engine owns {', '.join(owned)} and no `{command.resource}`")
+        verbs = [verb.name for verb in owned[command.resource].verbs]
+        known = command.verb in verbs or command.origin != "agent" or not verbs
+        require(known, f"{what}: `{command.resource}` has no verb `{command.verb}`, it has {', '.join(verbs)}")
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        receipts = engine.submit(case.commands)
+    for receipt in receipts:
+        knows = receipt.reason not in ("unknown_verb", "unknown_resource")
+        require(knows, f"the case's command {receipt.request} is rejected: {receipt.reason} {receipt.detail}".rstrip())
+
+
 def check_admission(case: EngineCase) -> None:
     """`submit` answers each command once, in order, with `accepted` or `rejected`."""
     with engine_of(case) as engine:
@@ -168,5 +185,5 @@ def _preempt(case: EngineCase, command: Command) -> None:
 
 __all__ = [
     "SENDER", "STOP", "UNKNOWN_RESOURCE", "UNKNOWN_VERB", "check_admission", "check_arguments", "check_busy",
-    "check_preemption", "check_receipts", "check_refusals",
+    "check_commands", "check_preemption", "check_receipts", "check_refusals",
 ]  # fmt: skip

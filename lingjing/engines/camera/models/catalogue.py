@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from functools import cache
 from math import cos, hypot, radians, sin
 
+from lingjing.engines.bodies import shape_of
 from lingjing.engines.camera.meshes import Mesh, box, merge, repainted, solid
 from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
 from lingjing.engines.camera.models.shapes import HERE, ModelPart, Placement, at, turned
 from lingjing.mission.appearance import BARE, COLOURS, MEASURES
 from lingjing.mission.instance import Datum, Entity
 from lingjing.mission.model import BodyPart
-from lingjing.plugins.bodies import entity_size, shape_of, solid_size, sunk_m
+from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.trace.records import BodyState
 
 MOST_IN_LINE = 40

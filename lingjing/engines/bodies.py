@@ -1,0 +1,40 @@
+"""What engines know of others that reach them only as mirrors: how large they are, and what fills their boxes.
+
+Entities declare their measures (`lingjing.plugins.bodies`). Background traffic is of a kind (`BodyState.kind`), which
+`scene.sizes` measures.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+
+from lingjing.mission.instance import Entity
+from lingjing.plugins.bodies import solid_size
+from lingjing.scene.sizes import SIZES, Size
+from lingjing.trace.records import BodyState
+
+
+def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:
+    """Dimensions of a mirrored body that one can bump into: an entity, or background traffic of a known kind."""
+    return solid_size(entity) if entity is not None and not state.kind else SIZES.get(state.kind)
+
+
+def shape_of(entity: Entity | None) -> str:
+    """What fills the box of a body's dimensions: a box, a cylinder, a sphere or a cone."""
+    return "box" if entity is None else str(entity.properties.get("shape", "box"))
+
+
+def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
+    """Whether a point lies in a shape that fills the box from -1 to 1 along each axis."""
+    if max(abs(ahead), abs(abeam), abs(up)) >= 1.0:
+        return False
+    if shape == "sphere":
+        return hypot(ahead, abeam, up) < 1.0
+    if shape == "cylinder":
+        return hypot(ahead, abeam) < 1.0
+    return shape != "cone" or 2.0 * hypot(ahead, abeam) < 1.0 - up
+
+
+def floats(entity: Entity) -> bool:
+    """Whether an entity is afloat where there is water: a vessel, what drifts, and what stands on water."""
+    return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"

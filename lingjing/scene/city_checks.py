@@ -1,0 +1,53 @@
+"""What every city must be, whoever builds it: finite, as wide as it says, of whole shapes, with names of their own."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from lingjing.mission.instance import SceneSpec
+from lingjing.mission.kinds import extent_m
+from lingjing.scene.city import City, Pieces
+
+_LEAST = {"polygon": 3, "top": 3, "path": 2, "shape": 2}
+"""How many points a piece's field of that name has at least."""
+
+
+def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
+    """What of a city is not as its scene and the contract say, in words."""
+    west, south, east, north = city.bounds
+    if not (west < east and south < north):
+        yield f"its bounds {city.bounds} are no (west, south, east, north)"
+    half_m = (extent_m(spec) or 0.0) / 2.0
+    if half_m and not (west <= -half_m and south <= -half_m and half_m <= east and half_m <= north):
+        yield f"its bounds {city.bounds} do not hold the {2.0 * half_m:g} m that the scene is wide"
+    if not (-85.0 <= city.origin[0] <= 85.0 and -180.0 <= city.origin[1] <= 180.0):
+        yield f"its origin {city.origin} is no latitude and longitude"
+    if city.datum_m != spec.datum_m:
+        yield f"its water lies at {city.datum_m:g} m, the mission says {spec.datum_m:g} m"
+    if msgspec.msgpack.decode(msgspec.msgpack.encode(city), type=City) != city:
+        yield "it changes on the way to another process (msgpack)"
+    for kind in Pieces.__struct_fields__:
+        pieces = getattr(city, kind)
+        for name, count in Counter(getattr(piece, "id", None) for piece in pieces).items():
+            if name is not None and count > 1:
+                yield f"{count} of its {kind} are called `{name}`"
+        for number, piece in enumerate(pieces):
+            yield from _piece_faults(f"{kind}[{number}]", msgspec.to_builtins(piece))
+
+
+def _piece_faults(where: str, value: Any) -> Iterator[str]:
+    """Numbers that are none, and lines and outlines of too few points, at their paths."""
+    if isinstance(value, float) and not math.isfinite(value):
+        yield f"{where} is {value}"
+    for key, part in value.items() if isinstance(value, dict) else ():
+        least = _LEAST.get(key, 0)
+        if least and len(part) < least:
+            yield f"{where}.{key} has {len(part)} points, {least} are due"
+        yield from _piece_faults(f"{where}.{key}", part)
+    for number, part in enumerate(value if isinstance(value, list | tuple) else ()):
+        yield from _piece_faults(f"{where}[{number}]", part)

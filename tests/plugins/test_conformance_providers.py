@@ -1,0 +1,242 @@
+"""The conformance kit on evaluators, scenes, files of kinds, thin bodies and cases that would try nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.engines import builtin
+from lingjing.errors import PluginError, UsageError
+from lingjing.mission import kinds
+from lingjing.mission.instance import Instance, SceneSpec
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins import conformance as kit
+from lingjing.plugins.evaluator import Evaluation, EvaluatorPlugin, Standing
+from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.options import Field, PluginOptions
+from lingjing.scene.bay import build
+from lingjing.scene.city import City, Road, Water
+from lingjing.scene.city import Lane as CityLane
+from lingjing.trace.records import Command
+
+MISSION = """\
+ljs 1
+use std.air { quadrotor }
+target thing { engine = city, on = ground, length = %g m, width = %g m, height = %g m, colour = blue }
+mission thin "Thin" {
+  goal "Look."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 5, policy <= 9 s, engine <= 30 s, capture <= 10 s }
+  mode single
+  target thing : thing { position = (330 m, -600 m, 1 m) }
+  asset uav : quadrotor { position = (0 m, -700 m, 20 m), band = 10 m..60 m, actions { takeoff, stop } }
+  agent pilot as flyer controls uav { observes uav.* }
+  adjudicate aloft() { when uav.position.z >= 5000 m }
+  success when aloft()
+}
+"""
+
+
+def instance_with(length: float = 1.0, width: float = 1.0, height: float = 1.0) -> Instance:
+    mission = compile_text(MISSION % (length, width, height)).mission
+    assert mission is not None
+    return instantiate(mission)
+
+
+@pytest.mark.parametrize("size", [(100.0, 0.5, 0.5), (0.5, 0.5, 100.0), (0.3, 0.3, 0.3)])
+def test_bodies_far_from_a_cube_are_seen_and_hit(size: tuple[float, float, float]) -> None:
+    mission = compile_text(MISSION % size).mission
+    assert mission is not None
+    kit.check_body(mission, "thing")
+
+
+# -- cases
+
+
+def engine_case(*commands: Command) -> kit.EngineCase:
+    plugin = next(plugin for plugin in builtin.lingjing_engines() if plugin.name == "multirotor")
+    return kit.EngineCase(plugin, instance_with(), build(SceneSpec(kind="bay", datum_m=-3.5)), commands, seconds=2.0)
+
+
+def order(resource: str, verb: str, **arguments: float) -> Command:
+    return Command(id="c0-1", tick=0, sender="test", resource=resource, verb=verb, arguments=arguments)
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (order("uaw", "takeoff"), "the engine owns uav and no `uaw`"),
+        (order("thing", "takeoff"), "the engine owns uav and no `thing`"),
+        (order("uav", "tkeoff"), "`uav` has no verb `tkeoff`, it has takeoff, stop"),
+    ],
+)
+def test_a_case_that_would_try_nothing_fails(command: Command, said: str) -> None:
+    with pytest.raises(kit.ConformanceError, match=f"breaks its contract: commands: the case's command c0-1: {said}"):
+        case = engine_case(command)
+        kit.check_engine(case.plugin, case.instance, case.city, case.commands, seconds=2.0)
+
+
+def test_a_case_whose_commands_the_engine_does_not_know_fails() -> None:
+    """Of an entity that declares no verbs the engine says which it knows."""
+    case = engine_case(order("uav", "somersault"))
+    entities = tuple(msgspec.structs.replace(one, verbs=()) for one in case.instance.entities)
+    bare = msgspec.structs.replace(case.instance, entities=entities)
+    with pytest.raises(kit.ConformanceError, match="the case's command c0-1 is rejected: unknown_verb"):
+        kit.check_commands(kit.EngineCase(case.plugin, bare, case.city, case.commands, seconds=2.0))
+    kit.check_commands(engine_case(order("uav", "takeoff")))
+
+
+# -- evaluators
+
+
+class Share(PluginOptions):
+    reward: float = Field(0.5, ge=0.0, le=1.0)
+
+
+def evaluator(evaluate: Callable[[Standing, object], object], **declared: object) -> EvaluatorPlugin:
+    """One whose `evaluate` is this function."""
+    made = type("Made", (), {"evaluate": staticmethod(evaluate)})
+    return EvaluatorPlugin(name="made", build=lambda instance, *options: made(), **declared)  # type: ignore[arg-type]
+
+
+def test_an_evaluator_that_keeps_its_contract_passes() -> None:
+    kit.check_evaluator(evaluator(lambda standing, events: Evaluation(0.5, standing.tick == 2)), instance_with())
+    told: list[float] = []
+
+    def build_share(instance: Instance, options: Share) -> object:
+        told.append(options.reward)
+        return type("Made", (), {"evaluate": lambda self, standing, events: Evaluation(options.reward, False)})()
+
+    plugin = EvaluatorPlugin(name="share", build=build_share, options=Share)  # type: ignore[arg-type]
+    kit.check_evaluator(plugin, instance_with(), {"reward": "0.25"})
+    assert told == [0.25, 0.25]
+    with pytest.raises(UsageError, match="option `reward` is '3', at most 1 is due"):
+        kit.check_evaluator(plugin, instance_with(), {"reward": "3"})
+
+
+def _forgetful(standing: Standing, events: object) -> Evaluation:
+    standing.states.clear()  # type: ignore[attr-defined]
+    return Evaluation(0.0, False)
+
+
+def _counting() -> Callable[[Standing, object], Evaluation]:
+    asked: list[int] = []
+
+    def evaluate(standing: Standing, events: object) -> Evaluation:
+        asked.append(standing.tick)
+        return Evaluation(min(1.0, len(asked) / 10), False)
+
+    return evaluate
+
+
+@pytest.mark.parametrize(
+    ("evaluate", "said"),
+    [
+        (lambda standing, events: 0.5, "at tick 0 answers a float instead of an Evaluation"),
+        (lambda standing, events: Evaluation(standing.tick * 0.75, False), "at tick 2: its reward is 1.5"),
+        (lambda standing, events: Evaluation(0.5, True, "bored"), "its reason is 'bored'"),
+        (_counting(), "it keeps something"),
+        (_forgetful, "changes the boundary that it is shown"),
+    ],
+)
+def test_an_evaluator_that_breaks_its_contract_fails(evaluate: Callable[[Standing, object], object], said: str) -> None:
+    with pytest.raises(kit.ConformanceError, match=said):
+        kit.check_evaluator(evaluator(evaluate), instance_with())
+
+
+# -- scenes
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        SceneSpec(kind="bay", datum_m=-3.5, seed=3),
+        SceneSpec(kind="residential", options={"extent_m": 300.0}, seed=3),
+        SceneSpec(kind="coastal", datum_m=-3.0, options={"extent_m": 400.0}, seed=3),
+    ],
+    ids=lambda spec: spec.kind,
+)
+def test_the_built_in_scenes_conform(spec: SceneSpec) -> None:
+    kit.check_scene(spec)
+
+
+def scenes(*cities: City) -> PluginHost:
+    """A host whose scene `moon` is built as these cities, one after the other."""
+    left = list(cities)
+    offered = [ScenePlugin(name="moon", build=lambda spec: left.pop(0))]
+    hook = staticmethod(hookimpl(lambda: offered, specname="lingjing_scenes"))
+    return PluginHost(entry_points=False, extra=(type("Wrong", (), {"lingjing_scenes": hook, "__name__": "Wrong"}),))
+
+
+GOOD = City(id="moon", origin=(0.0, 0.0), bounds=(-50.0, -50.0, 50.0, 50.0))
+SQUARE = ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
+
+
+def _changed(**changes: object) -> City:
+    return msgspec.structs.replace(GOOD, **changes)
+
+
+@pytest.mark.parametrize(
+    ("city", "said"),
+    [
+        (_changed(bounds=(50.0, -50.0, -50.0, 50.0)), "are no \\(west, south, east, north\\)"),
+        (_changed(origin=(120.0, 30.0)), "is no latitude and longitude"),
+        (_changed(datum_m=2.0), "its water lies at 2 m, the mission says 0 m"),
+        (_changed(waters=(Water(polygon=SQUARE[:2], level_m=0.0),)), r"waters\[0\].polygon has 2 points, 3 are due"),
+        (_changed(waters=(Water(polygon=SQUARE, level_m=float("nan")),)), r"waters\[0\].level_m is nan"),
+        (
+            _changed(roads=(Road(id="r", lanes=()), Road(id="r", lanes=(CityLane(id="l", shape=(), width_m=3.0),)))),
+            r"2 of its roads are called `r`; roads\[1\].lanes\[0\].shape has 0 points",
+        ),
+    ],
+)
+def test_a_city_that_is_none_fails(city: City, said: str) -> None:
+    with pytest.raises(kit.ConformanceError, match=said):
+        kit.check_scene(SceneSpec(kind="moon"), scenes(city, city))
+
+
+def test_a_scene_that_is_built_otherwise_the_second_time_fails() -> None:
+    kit.check_scene(SceneSpec(kind="moon"), scenes(GOOD, GOOD))
+    with pytest.raises(kit.ConformanceError, match="builds another city"):
+        kit.check_scene(SceneSpec(kind="moon"), scenes(GOOD, _changed(attribution="x")))
+
+
+# -- kinds.json
+
+
+def test_the_built_in_kinds_are_those_that_are_offered() -> None:
+    kit.check_kinds("builtin")
+
+
+def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package, info = tmp_path / "acme_kinds", tmp_path / "acme_kinds-1.0.dist-info"
+    package.mkdir()
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-kinds\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[lingjing]\nacme = acme_kinds\n")
+    (package / "__init__.py").write_text(
+        "from lingjing.plugins.hookspecs import ScenePlugin, hookimpl\n"
+        "@hookimpl\ndef lingjing_scenes():\n    yield ScenePlugin(name='moon', build=lambda spec: None)\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    kinds._plugins.cache_clear()
+    with pytest.raises(kit.ConformanceError, match="does not describe the scenes moon that `acme` offers"):
+        kit.check_kinds("acme")
+    file = package / "kinds.json"
+    file.write_text(json.dumps({"scenes": [{"name": "moon"}]}))
+    kit.check_kinds("acme")
+    file.write_text(json.dumps({"scenes": [{"name": "moon"}], "engines": [{"name": "rover"}]}))
+    with pytest.raises(kit.ConformanceError, match="describes engines that `acme` does not offer: rover"):
+        kit.check_kinds("acme")
+    file.write_text(json.dumps({"scenes": [{"name": "moon", "extent_m": -1, "lacks": ["air"]}]}))
+    with pytest.raises(PluginError) as told:
+        kit.check_kinds("acme")
+    assert {fault.where for fault in told.value.faults} == {"scenes[0].extent_m", "scenes[0].lacks[0]"}
+    kinds._plugins.cache_clear()
