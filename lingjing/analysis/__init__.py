@@ -7,6 +7,9 @@
 - `idleness`    the share of agent steps with nothing assigned and nothing done
 - `repetition`  how often a target was asked for or entered again
 - `incidents`   who crashed, fell, ran out of energy, when and where
+- `registries`  the kernel's registry at every boundary, from the records alone
+- `clauses`     what a condition lacks, with the values it had
+- `ending`      `why(trace)`: why it ended as it did
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics
 - `history`     what a picture of the episode needs, gathered by entity and by tick
 - `played_city` the city of an episode, built again, and whom to name for its map

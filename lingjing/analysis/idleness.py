@@ -58,21 +58,26 @@ class _Duty:
 
 def idle_fraction(trace: Trace) -> float | None:
     """Idle steps over all steps of agents with a body; None if there was none."""
+    steps = idle_steps(trace)
+    return ratio(sum(map(sum, steps.values())), sum(map(len, steps.values())))
+
+
+def idle_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
+    """Whether each step of each agent with a body was idle, in order."""
     instance = trace.header.instance
     bodies = {agent.id: agent.controls for agent in instance.agents if agent.controls}
     duties = {body: _Duty() for controls in bodies.values() for body in controls}
     completed: set[str] = set()
-    idle = steps = 0
+    steps: dict[str, list[bool]] = {agent: [] for agent in bodies}
     for record in trace.boundaries:
         asked = [made.agent for made in record.decisions if made.agent in bodies]
         began = _begin(record, duties)
         _assign(instance, record, duties, completed)
         for agent in asked:
-            steps += 1
-            idle += not any(duties[body].busy or body in began for body in bodies[agent])
+            steps[agent].append(not any(duties[body].busy or body in began for body in bodies[agent]))
         completed |= completed_at(instance, record)
         _end(record, bodies, duties, completed)
-    return ratio(idle, steps)
+    return {agent: tuple(made) for agent, made in steps.items()}
 
 
 def _begin(record: BoundaryRecord, duties: Mapping[str, _Duty]) -> set[str]:

@@ -9,7 +9,7 @@
 - `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
 - `bench`                                          a suite of many episodes: its rows, its tables
-- `verify`, `replay`                               a trace: whether it is what was written, whether it happens again
+- `verify`, `replay`, `why`                        a trace: is it what was written, does it happen again, why it ended
 - `calls`                                          what an episode's policies asked chat models
 - `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks

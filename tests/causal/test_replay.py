@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing.analysis.registries import registries
 from lingjing.bench.columns import shipped
 from lingjing.causal.recorded import RecordedRun
 from lingjing.causal.replay import Replay, replay
@@ -129,6 +130,20 @@ def test_a_run_goes_on_from_any_boundary_with_other_decisions(search: Trace) -> 
         assert idle.tick == 4 and idle.decisions == () and idle.digest != search.boundaries[4].digest
         with pytest.raises(UsageError, match="no decisions at boundary 12"):
             recorded.decisions(len(search.boundaries) - 1)
+
+
+def test_the_registry_of_every_boundary_follows_from_the_records(search: Trace) -> None:
+    """Without engines: adjudication gives the events that the kernel gave."""
+    rebuilt = list(registries(search))
+    assert all(one.faithful for one in rebuilt) and len(rebuilt) == len(search.boundaries)
+    assert any(one.record.events for one in rebuilt)
+    with RecordedRun(search, world="inline") as recorded:
+        recorded.advance_to(len(search.boundaries) - 1)
+        there = recorded.kernel.state.registry
+    here = rebuilt[-1].registry
+    assert dict(here.achieved) == dict(there.achieved) and here.stages == there.stages
+    assert here.pending == there.pending and here.assignments == there.assignments and here.visits == there.visits
+    assert here.progress == there.progress and here.sightings == there.sightings and here.emitted == there.emitted
 
 
 def test_the_verb_says_so(search: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

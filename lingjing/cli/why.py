@@ -1,0 +1,31 @@
+"""`lingjing why TRACE...`: why episodes ended as they did, each in a screenful."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from lingjing.errors import ExitCode
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("why", help="say why an episode ended as it did", description=__doc__)
+    parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
+    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Print the endings, with an empty line between two."""
+    from lingjing.analysis.ending import why
+    from lingjing.trace.reader import read_trace
+
+    endings = [why(read_trace(path)) for path in args.traces]
+    if args.output_format == "json":
+        import msgspec
+
+        print(json.dumps(msgspec.to_builtins(endings), indent=2, ensure_ascii=False))
+    else:
+        print("\n\n".join(ending.text for ending in endings))
+    return ExitCode.OK

@@ -1,0 +1,128 @@
+"""`why` of an episode: what success lacked with its values, what ended it, and what had set that in motion."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.analysis.clauses import reading, unmet
+from lingjing.analysis.ending import why
+from lingjing.analysis.registries import registries
+from lingjing.cli.main import main
+from lingjing.mission.expression import Binary, Call, Number, Quantified, Ref
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Outcome
+from tests.trace import synthetic
+
+replace = msgspec.structs.replace
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """Thirty ticks of the synthetic rescue: the boat has reached one of three."""
+    path = tmp_path_factory.mktemp("lost") / "trace.mcap"
+    synthetic.write_episode(path, ticks=30, width=32, height=18)
+    return read_trace(path)
+
+
+def distances(trace: Trace, one: str, other: str) -> list[float]:
+    found = []
+    for record in trace.boundaries:
+        at = {state.id: state.position for state in record.snapshots[-1].states}
+        found.append(math.dist(at[one][:2], at[other][:2]))
+    return found
+
+
+def with_(trace: Trace, records: tuple[BoundaryRecord, ...] | None = None, outcome: Outcome | None = None) -> Trace:
+    return Trace(trace.path, trace.header, records or trace.boundaries, outcome, False, trace.places)
+
+
+def test_the_clauses_that_failed_have_their_values_and_the_nearest_ones(lost: Trace) -> None:
+    told = why(lost)
+    assert told.episode == "ssr broadcast seed 7, heuristic: tick 30 of 60 (300 s), score 0.33, SCR 0.33"
+    apart = distances(lost, "boat", "victim[1]")
+    least = min(apart)
+    measured = f"{apart[-1]:.4g} (least {least:.4g} at tick {apart.index(least)})"
+    assert told.lacking[0] == "rescued(victim[1]): never came true"
+    assert told.lacking[1] == f"  distance_xy(boat, victim[1]) <= 50 m: distance_xy(boat, victim[1]) = {measured}"
+    assert told.lacking[2] == "rescued(victim[2]): never came true"
+    assert told.lacking[-1] == "1 other part of it held"
+
+
+def test_each_target_is_followed_to_where_it_stopped(lost: Trace) -> None:
+    first, _, done = why(lost).targets
+    pictures = [frame for frame in lost.frames.values() if any(box.entity == "victim[1]" for box in frame.boxes)]
+    assert first.startswith(f"victim[1]: in {len(pictures)} of {len(lost.frames)} pictures, first {pictures[0].id}, ")
+    assert first.endswith("first matched at tick 9; detect at 9, locate at 9, handoff at 29, execute never")
+    assert done == "completed: victim[3] at tick 29"
+
+
+def test_refusals_and_replaced_answers_are_counted_with_the_first(lost: Trace) -> None:
+    troubles = why(lost).troubles
+    assert troubles[0] == "scout[2]: 1 refused (conflict), first setDestination at tick 12"
+    crash = DecisionRecord(agent="scout[1]", decision=Decision(), substituted="policy_error", detail="KeyError: 'x'")
+    records = tuple(
+        replace(
+            one,
+            decisions=tuple(crash if made.agent == "scout[1]" and one.tick > 20 else made for made in one.decisions),
+        )
+        for one in lost.boundaries
+    )
+    told = why(with_(lost, records, lost.outcome)).troubles
+    assert told[0] == "scout[1]: 10 of 30 answers replaced (policy_error), first at tick 20: KeyError: 'x'"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"reason": "budget"}, "the mission's ticks ran out: 60 ticks, and no stage's own bound was passed before"),
+        ({"reason": "late", "detail": "the stage `a` …"}, "a stage used up its own ticks: the stage `a` …"),
+        ({"reason": "infrastructure-abort", "detail": "camera died", "hint": "restart"}, "camera died (hint: restart)"),
+        ({"reason": "interrupted"}, "interrupted from outside"),
+        ({"reason": "error"}, "a fault of a program"),
+    ],
+)
+def test_what_ended_it_tells_a_stages_deadline_from_the_budget(
+    lost: Trace, changes: dict[str, object], words: str
+) -> None:
+    assert lost.outcome is not None
+    told = why(with_(lost, outcome=replace(lost.outcome, **changes)))  # type: ignore[arg-type]
+    assert words in told.cause
+
+
+def test_a_killed_episode_and_one_without_a_boundary_are_told(lost: Trace) -> None:
+    told = why(with_(lost, lost.boundaries[:10]))
+    assert "no outcome" in told.cause and "tick 9 of 60" in told.episode and told.lacking
+    told = why(Trace(lost.path, lost.header, (), None, False))
+    assert "no boundary" in told.episode and told.lacking == told.targets == told.troubles == ()
+
+
+def test_success_lacks_nothing(lost: Trace) -> None:
+    assert lost.outcome is not None
+    told = why(with_(lost, outcome=replace(lost.outcome, reason="success", success=True)))
+    assert told.lacking == () and "every part" in told.cause
+
+
+def test_an_exists_is_followed_to_the_candidate_that_came_closest(lost: Trace) -> None:
+    history = list(registries(lost))
+    kind = lost.header.instance.messages[0].kind
+    assert kind == "detection"
+    near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(1.0, "m"))
+    condition = Quantified("exists", "v", "victim", near)
+    (nobody,) = unmet(condition, history)
+    assert (nobody.text, nobody.had) == ("exists v: distance_xy(boat, v) <= 1 m", "none of 3")
+    nothing = Quantified("exists", "r", "detection", near)
+    told = list(unmet(nothing, history[:1]))
+    assert [one.had for one in told] == ["there was no detection"]
+    victim = next(one for one in lost.header.instance.entities if one.id == "victim[2]")
+    assert reading(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
+
+
+def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["why", str(lost.path)]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert len(out) <= 24 and out[1].startswith("ended by: ") and "success lacked:" in out
+    assert main(["why", "--output-format", "json", str(lost.path)]) == 0
+    assert '"cause"' in capsys.readouterr().out
+    assert main(["why", str(Path("nothing.mcap"))]) == 2
