@@ -22,7 +22,7 @@ from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
-from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
+from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource, RouteEnds
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     DORMANT,
@@ -90,6 +90,19 @@ class Projector:
             range_m=instance.comms.range_m,
             loss=instance.comms.loss,
             road_network="" if self._city is None else self._city.network,
+            route_ends=self._route_ends,
+        )
+
+    @cached_property
+    def _route_ends(self) -> tuple[RouteEnds, ...]:
+        return tuple(
+            RouteEnds(
+                vehicle=one.asset,
+                start=self._entities[one.asset].position,
+                end=self._entities[one.destination].position,
+            )
+            for one in self._instance.inspections
+            if one.destination in self._public and one.asset in self._public
         )
 
     @cached_property

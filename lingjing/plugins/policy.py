@@ -77,6 +77,14 @@ class Peer(msgspec.Struct, frozen=True, kw_only=True):
     resources: tuple[str, ...]
 
 
+class RouteEnds(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the route of an inspected vehicle begins (its place at reset) and ends, both public."""
+
+    vehicle: str
+    start: Vector
+    end: Vector
+
+
 class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """All an agent is told at reset. `seed` starts the policy's own random stream and
     says nothing about the instance's; `classes` are the names a
@@ -87,6 +95,7 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     to places within `bounds` (west, south, east, north in metres; None: anywhere). A message of at most `payload_bytes`
     arrives `delay_ticks` after it was sent, at agents whose bodies are within `range_m` (None: at any distance), and is
     lost with probability `loss`. `road_network` is the file of the roads (`lingjing.plugins.roads` reads it) or "".
+    `route_ends` are those of the routes that are to be inspected.
     """
 
     agent: str
@@ -115,6 +124,7 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     range_m: float | None = None
     loss: float = 0.0
     road_network: str = ""
+    route_ends: tuple[RouteEnds, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,5 +240,5 @@ __all__ = [
     "CellView", "City", "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo",
     "Inbox", "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation",
     "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route",
-    "TaskEvent", "Usage", "UsageError", "Vector", "VerbSpec", "Weather",
+    "RouteEnds", "TaskEvent", "Usage", "UsageError", "Vector", "VerbSpec", "Weather",
 ]  # fmt: skip

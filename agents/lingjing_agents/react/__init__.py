@@ -1,7 +1,7 @@
 """`react`: perceive, reason, act over a chat model: the paper's agent.
 
-In the order of a call: `options` (what it is played with; `prompt_files`, `prompts` its prompt) → `ablation` (what is
-shown of brief and observation), `facts` (brief → what may be commanded and said, what is known), `road_costs`, `state`
+In the order of a call: `options` (what it is played with; `prompt_files`, `prompts` its prompt) → `ablation`,
+`route_guidance` (what is shown of brief and observation; the interventions A0 to A3), `facts` (brief → what may be commanded and said, what is known), `road_costs`, `state`
 (observation and inbox → one line of JSON), `pictures` (pixels → JPEG, whole, in tiles or cut out, and what is known of
 each), `history` (earlier turns, bounded) make the request; `answer` finds the step in what comes back and `step` checks
 it against the schema of `lingjing.plugins.decisions` and reads commitments and plan; `search_budget` bounds how often

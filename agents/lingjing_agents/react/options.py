@@ -34,6 +34,12 @@ class ReactOptions(ModelOptions):
         "model", description="who decides: the model, or in its place the rules of `heuristic` (no call is made)"
     )
 
+    intervention: Literal["", "A0", "A1", "A2", "A3"] = Field(
+        "",
+        description="what is given of an inspected route: A0 pictures alone, A1 its ends, A2 roads and a route too, "
+        "A3 the next node chosen by A*; not given: what the mission shows",
+    )
+
     @field_validator("prompt")
     @classmethod
     def _is_prompt(cls, name: str) -> str:

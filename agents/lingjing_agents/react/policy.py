@@ -37,6 +37,7 @@ from lingjing_agents.react.pictures import SentImage, image, images
 from lingjing_agents.react.prompt_files import prompt_text
 from lingjing_agents.react.remedy import explained, remedy
 from lingjing_agents.react.road_costs import road_costs
+from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.state import RequestLedger, observation_text
 from lingjing_agents.react.step import Crop, Step, StepFormat
@@ -77,7 +78,8 @@ class ReactPolicy:
 
     async def reset(self, brief: Brief) -> None:
         """Forget everything; the system prompt is written at the first boundary."""
-        self._brief = shown_brief(brief, self._options)
+        self._guidance = RouteGuidance(brief, self._options.intervention)
+        self._brief = shown_brief(self._guidance.brief(brief), self._options)
         self._refused = 0
         self._answers, self._valid = 0, 0
         self._system: ChatMessage | None = None
@@ -93,7 +95,7 @@ class ReactPolicy:
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Ask for a step, show what it wants to see closer, repair it if need be. Raises `ReactError` if no valid step
         came in time, and `InfrastructureError` if the service refuses to answer at all."""
-        observation = shown_observation(observation, self._brief, self._options)
+        observation = self._guidance.observation(shown_observation(observation, self._brief, self._options))
         self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
@@ -114,6 +116,9 @@ class ReactPolicy:
     def _system_text(self, observation: Observation) -> str:
         parts = [self._prompt.filled(self._brief), interface(self._brief)]
         costs = road_costs(self._brief, observation)
+        given = self._guidance.given()
+        if given:
+            parts.append(f"GIVEN OF THE ROUTE\n{compact(given)}")
         if costs is not None:
             parts.append(f"ROADS (shortest ways when they are empty)\n{compact(costs)}")
         if self._schema is None:
@@ -133,7 +138,7 @@ class ReactPolicy:
     def _own_state(self) -> dict[str, object]:
         """What the agent is told of itself: its memory, what was withheld, what it may still search again."""
         left = {"pictures_of_searched_cells_left": self._search.left} if self._search.applies else {}
-        return {**self._memory, "withheld": self._withheld, **left}
+        return {**self._memory, "withheld": self._withheld, **left, "next_node": self._guidance.next_node()}
 
     def _idle(self, observation: Observation, inbox: Inbox) -> bool:
         """Whether a single pass is over and there is nothing to answer."""
@@ -151,7 +156,7 @@ class ReactPolicy:
     def _decided(
         self, step: Step, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
     ) -> Decision:
-        decision = step.decision
+        decision = msgspec.structs.replace(step.decision, command=self._guidance.command(step.decision.command))
         self._withheld = self._search.withheld(decision.command, observation)
         if self._withheld:
             decision = msgspec.structs.replace(decision, command=None)

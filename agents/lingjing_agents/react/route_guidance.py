@@ -1,0 +1,129 @@
+"""`RouteGuidance`: the paper's staged interventions on an inspected route (last-mile delivery), A0 to A3.
+
+A0: pictures alone. Coordinates in the goal and the task, routes, and the places of the vehicles whose routes are
+inspected are left out. A1 gives the ends of the route. A2 gives the roads around it and the shortest way too. A3
+chooses the next node of that way by A* in the model's place: a flier that is sent somewhere goes to the node. Without
+an intervention everything is as the mission shows it. Nothing here is hidden: ends and roads are public.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import msgspec
+
+from lingjing.plugins.geometry import distance_xy
+from lingjing.plugins.policy import Action, Brief, Datum, EntityView, Observation, RouteEnds, Vector
+from lingjing.plugins.roads import RoadMap, read_road_map
+
+NOT_GIVEN = "(not given: find it in pictures)"
+REACHED_M = 20.0
+"""A node counts as visited from this near above it; an inspection asks for 25 m in the paper's missions."""
+
+AROUND_M = 250.0
+"""Roads are given as far as this around the ends of the route."""
+
+_PLACE = re.compile(r"\(-?\d+(?:\.\d+)?, -?\d+(?:\.\d+)?\)")
+_MOVES = ("setDestination", "forward", "backward", "left", "right", "up", "down", "takeoff")
+
+
+class RouteGuidance:
+    """What one agent is given of the first inspected route, and what is chosen for it."""
+
+    def __init__(self, brief: Brief, intervention: str) -> None:
+        self._name = intervention
+        self._ends: RouteEnds | None = brief.route_ends[0] if brief.route_ends and intervention else None
+        self._roads, self._way = None, None
+        if self._ends is not None and intervention in ("A2", "A3") and brief.road_network:
+            self._roads = read_road_map(brief.road_network)
+            self._way = self._roads.way(self._ends.start[:2], self._ends.end[:2])
+        self._fliers = {
+            resource.id: resource
+            for resource in brief.resources
+            if resource.embodied and any(len(verb.arguments) == 3 for verb in resource.verbs)
+        }
+        self._next = 0
+        self._height: dict[str, float] = {}
+
+    def brief(self, brief: Brief) -> Brief:
+        """The brief that is shown: in A0 without coordinates in its texts."""
+        if self._ends is None or self._name != "A0":
+            return brief
+        goal, task = (_PLACE.sub(NOT_GIVEN, text) for text in (brief.goal, brief.prompt))
+        return msgspec.structs.replace(brief, goal=goal, prompt=task, road_network="", route_ends=())
+
+    def observation(self, observation: Observation) -> Observation:
+        """The observation that is shown: routes are A2's to give, and the vehicle's place is A1's. Follows the agent's
+        fliers along the way."""
+        if self._ends is None:
+            return observation
+        for view in observation.entities:
+            if view.id in self._fliers and view.position is not None:
+                self._height[view.id] = view.position[2]
+                self._pass_nodes(view.position)
+        return replace(observation, entities=tuple(map(self._shown, observation.entities)))
+
+    def given(self) -> dict[str, object]:
+        """What the intervention gives once: the ends, the roads and the way."""
+        if self._ends is None or self._name == "A0":
+            return {}
+        ends = {"vehicle": self._ends.vehicle, "start": _rounded(self._ends.start), "target": _rounded(self._ends.end)}
+        if self._roads is None or self._way is None:
+            return {"endpoints": ends}
+        return {
+            "endpoints": ends,
+            "road_graph": _graph(self._roads, self._ends),
+            "route_hint": [_rounded(point) for point in self._way.points],
+        }
+
+    def next_node(self) -> list[float] | None:
+        """The node that A* chooses next, in A3; None when all were visited."""
+        if self._name != "A3" or self._way is None or self._next >= len(self._way.points):
+            return None
+        return _rounded(self._way.points[self._next])
+
+    def command(self, command: Action | None) -> Action | None:
+        """The command that is given: in A3 a flier that the model moves goes to the next node, at its own height."""
+        node = self.next_node()
+        if node is None or command is None or command.verb not in _MOVES or command.resource not in self._fliers:
+            return command
+        z = command.arguments.get("z", self._height.get(command.resource, 0.0))
+        place: dict[str, Datum] = {"x": node[0], "y": node[1], "z": z}
+        return msgspec.structs.replace(command, verb="setDestination", arguments=place)
+
+    def _pass_nodes(self, place: Vector) -> None:
+        points = () if self._way is None else self._way.points
+        while self._next < len(points) and distance_xy(place, points[self._next]) <= REACHED_M:
+            self._next += 1
+
+    def _shown(self, view: EntityView) -> EntityView:
+        assert self._ends is not None
+        route = view.route if self._name in ("A2", "A3") else None
+        placed = self._name != "A0" or view.id != self._ends.vehicle
+        return msgspec.structs.replace(view, route=route, position=view.position if placed else None)
+
+
+def _graph(roads: RoadMap, ends: RouteEnds) -> dict[str, object]:
+    """The junctions around the route with their places, and the roads that lead from one to another."""
+    west, east = sorted((ends.start[0], ends.end[0]))
+    south, north = sorted((ends.start[1], ends.end[1]))
+    places: dict[str, list[tuple[float, float]]] = {}
+    links: list[tuple[str, str]] = []
+    for segment in roads.segments.values():
+        middle = segment.shape[len(segment.shape) // 2]
+        inside_x = west - AROUND_M <= middle[0] <= east + AROUND_M
+        if inside_x and south - AROUND_M <= middle[1] <= north + AROUND_M:
+            places.setdefault(segment.start, []).append(segment.shape[0])
+            places.setdefault(segment.end, []).append(segment.shape[-1])
+            links.append((segment.start, segment.end))
+    number = {name: at for at, name in enumerate(places)}
+    middles = [
+        [round(math.fsum(axis) / len(points)) for axis in zip(*points, strict=True)] for points in places.values()
+    ]
+    return {"nodes_east_north": middles, "roads_from_to": [[number[a], number[b]] for a, b in dict.fromkeys(links)]}
+
+
+def _rounded(point: tuple[float, ...]) -> list[float]:
+    return [round(value, 1) for value in point[:2]]

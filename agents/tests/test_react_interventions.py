@@ -1,0 +1,110 @@
+"""The interventions A0 to A3 of last-mile delivery: what each gives of the route, to whom, and what A3 decides."""
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from agents.tests.agent_kit import react
+from agents.tests.chat_server import NOOP, Reply, serve
+from agents.tests.test_react_request import Told, brief_of, everybody, placed, registry_of
+from lingjing.kernel.visibility import Projector
+from lingjing.plugins.policy import Action, Inbox
+from lingjing.plugins.roads import read_road_map
+
+COLUMN = "ld-star"
+FORWARD = {
+    **NOOP,
+    "command": {"verb": "setDestination", "arguments": {"x": 7, "y": 8, "z": 55}, "resource": "uav"},
+}
+
+
+async def asked(agent_id: str, intervention: str, answer: dict = NOOP) -> tuple[Told, Action | None]:
+    instance, city = placed(COLUMN)
+    agent = next(one for one in everybody(COLUMN) if one.id == agent_id)
+    options = {"intervention": intervention} if intervention else {}
+    with serve([Reply(answer)]) as server:
+        policy = react(model="m", base_url=server.url, **options)
+        await policy.reset(brief_of(COLUMN, agent))
+        seen = Projector(instance, 0, city).observe(agent, registry_of(instance, 3))
+        decision = await policy.act(replace(seen, pictures=()), Inbox())
+    return Told(server.requests[0]), decision.command
+
+
+def ends() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    instance, _ = placed(COLUMN)
+    (route,) = instance.inspections
+    by_id = {entity.id: entity.position for entity in instance.entities}
+    return by_id[route.asset], by_id[route.destination]
+
+
+async def test_without_one_the_mission_shows_the_route():
+    told, _ = await asked("driver", "")
+    assert "GIVEN OF THE ROUTE" not in told.system
+    assert "(260, 178" in told.system
+    assert next(one for one in told.state["entities"] if one["id"] == "van")["route"]
+
+
+@pytest.mark.parametrize("agent", ["coordinator", "inspector", "driver", "courier"])
+async def test_a0_holds_no_geometry_of_the_route(agent: str):
+    told, _ = await asked(agent, "A0")
+    start, end = ends()
+    numbers = set(re.findall(r"-?\d+(?:\.\d+)?", told.whole.split("JSON SCHEMA")[0]))
+    assert "GIVEN OF THE ROUTE" not in told.system
+    assert "route" not in json.dumps(told.state.get("entities", []))
+    for place in (start, end):
+        assert not {f"{place[0]:g}", f"{place[1]:g}"} <= numbers
+    van = next((one for one in told.state["entities"] if one["id"] == "van"), {})
+    assert "position" not in van
+
+
+async def test_a1_gives_the_ends_and_no_roads():
+    told, _ = await asked("inspector", "A1")
+    given = json.loads(told.system.split("GIVEN OF THE ROUTE\n", 1)[1].split("\n", 1)[0])
+    start, end = ends()
+    assert given == {
+        "endpoints": {
+            "vehicle": "van",
+            "start": [round(start[0], 1), round(start[1], 1)],
+            "target": [round(end[0], 1), round(end[1], 1)],
+        }
+    }
+    assert "route" not in json.dumps((await asked("driver", "A1"))[0].state["entities"])
+
+
+async def test_a2_gives_the_roads_and_a_way_along_them():
+    told, command = await asked("inspector", "A2", FORWARD)
+    given = json.loads(told.system.split("GIVEN OF THE ROUTE\n", 1)[1].split("\n", 1)[0])
+    start, end = ends()
+    way = read_road_map(placed(COLUMN)[1].network).way(start[:2], end[:2])
+    assert way is not None
+    assert given["route_hint"] == [[round(x, 1), round(y, 1)] for x, y in way.points]
+    graph = given["road_graph"]
+    assert {at for link in graph["roads_from_to"] for at in link} == set(range(len(graph["nodes_east_north"])))
+    assert len(graph["roads_from_to"]) > 20
+    assert command is not None
+    assert command.arguments == {"x": 7.0, "y": 8.0, "z": 55.0}  # the model still chooses
+    assert "next_node" not in told.state
+
+
+async def test_a3_sends_the_flier_to_the_next_node_of_the_shortest_way():
+    told, command = await asked("inspector", "A3", FORWARD)
+    node = told.state["next_node"]
+    assert command is not None
+    assert (command.verb, command.arguments) == ("setDestination", {"x": node[0], "y": node[1], "z": 55.0})
+    looking = {**NOOP, "command": {"verb": "takePhoto", "arguments": {"camera": "nadir"}, "resource": "uav"}}
+    _, command = await asked("inspector", "A3", looking)
+    assert command is not None
+    assert command.verb == "takePhoto"  # what is seen and said stays the model's
+
+
+async def test_missions_without_an_inspected_route_are_as_ever():
+    (agent,) = everybody("bi-single")
+    with serve([Reply()]) as server:
+        for options in ({}, {"intervention": "A0"}):
+            policy = react(model="m", base_url=server.url, **options)
+            await policy.reset(brief_of("bi-single", agent))
+            instance, city = placed("bi-single")
+            await policy.act(Projector(instance, 0, city).observe(agent, registry_of(instance, 3)), Inbox())
+    assert server.requests[0] == server.requests[1]

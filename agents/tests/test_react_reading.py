@@ -1,0 +1,29 @@
+"""Whole episodes of a "model" that knows what its requests say and nothing else: what they say suffices to win."""
+
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from agents.tests.chat_server import serve
+from agents.tests.text_reader import ReadingModel
+from lingjing.analysis.metrics import metrics
+from lingjing.data import data_path
+from lingjing.trace.reader import read_trace
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "mode", "seed"), [("ssr", "star", 1), ("cd", "broadcast", 1), ("ld", "star", 1)])
+def test_what_requests_say_suffices_to_win(name: str, mode: str, seed: int, tmp_path: Path):
+    with serve(ReadingModel()) as server:
+        result = lingjing.run(
+            data_path("scenarios") / f"{name}.ljs",
+            mode=mode,
+            seed=seed,
+            policy="react",
+            policy_args={"model": "reader", "base_url": server.url, "history_tokens": "0"},
+            out=tmp_path / "run",
+        )
+    found = metrics(read_trace(result.trace))
+    assert (found.json_compliance, found.substitutions) == (1.0, 0)
+    assert result.success, (result.reason, result.scr, found.stages)
