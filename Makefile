@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check bench study pictures missions selfcheck clean
+.PHONY: help setup demo test check bench study ray pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -12,6 +12,7 @@ help:
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
+	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
@@ -38,6 +39,10 @@ bench: setup
 
 study: setup
 	@$(BIN)/lingjing bench $(STUDY)
+
+ray: setup
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt ray
+	@$(BIN)/python -m pytest -q -p no:xdist -m ray tests/bench/test_on_ray.py
 
 selfcheck: setup
 	@$(BIN)/python -m lingjing.play.selfcheck

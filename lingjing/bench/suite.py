@@ -124,6 +124,7 @@ class Suite(SuitePart):
     )
     sweeps: bool = Field(False, description="play the values that the missions' sweeps declare")
     evaluators: tuple[ShortText, ...] = Field(("mission",), min_length=1, strict=False, description="who scores")
+    executor: Literal["local", "ray"] = Field("local", description="processes of this machine, or a Ray cluster")
     tables: tuple[TableKind, ...] = Field(("success",), min_length=1, strict=False, description="what is printed")
 
     @model_validator(mode="after")

@@ -15,6 +15,8 @@ from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from lingjing.bench.countdown import Countdown
+    from lingjing.bench.executors import Executor
+    from lingjing.bench.folder import ResultsFolder
     from lingjing.bench.planning import SuiteCell, SuitePlan
     from lingjing.bench.rows import SuiteRow
     from lingjing.bench.running import Shard, SuiteRun
@@ -70,6 +72,8 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds, to try it")
     play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of all its entrants")
     play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
+    play.add_argument("--executor", choices=("local", "ray"), help="who plays: this machine, or a Ray cluster")
+    play.add_argument("--ray-address", metavar="ADDRESS", default="auto", help="the cluster (default: the one here)")
     play.add_argument("--max-cost", metavar="USD", type=float, help="the most that all calls of models may cost")
     play.add_argument("--keep", action="store_true", help="keep every trace (those of models are kept anyway)")
     play.add_argument("--other-code", action="store_true", help="go on in a folder whose rows other code has played")
@@ -84,7 +88,6 @@ def handler(args: argparse.Namespace) -> int:
 
 def _play(args: argparse.Namespace) -> int:
     """Play what is missing, keep rows and tables in the folder, print the suite's tables."""
-    from lingjing.bench.executors import LocalExecutor
     from lingjing.bench.folder import open_results
     from lingjing.bench.money import check_ready, is_paid
     from lingjing.bench.planning import read_plan
@@ -113,10 +116,21 @@ def _play(args: argparse.Namespace) -> int:
     part = f"-{shard.number}of{shard.count}" if shard else ""
     folder = args.output or RUNS / "bench" / f"{plan.suite.name}-{code[:12]}{part}"
     with open_results(folder) as results:
-        run = SuiteRun(plan, results, code, LocalExecutor(args.jobs), keep=args.keep, max_cost=args.max_cost)
+        executor = _executor(args, plan, results)
+        run = SuiteRun(plan, results, code, executor, keep=args.keep, max_cost=args.max_cost)
         run.check_resumable(other_code=args.other_code)
         results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
         return _run(run, cells, seeds, shard)
+
+
+def _executor(args: argparse.Namespace, plan: SuitePlan, results: ResultsFolder) -> Executor:
+    if (args.executor or plan.suite.executor) == "ray":
+        from lingjing.bench.on_ray import RayExecutor
+
+        return RayExecutor(results.folder / "lock", args.ray_address)
+    from lingjing.bench.executors import LocalExecutor
+
+    return LocalExecutor(args.jobs)
 
 
 def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> int:

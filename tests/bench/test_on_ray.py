@@ -1,0 +1,165 @@
+"""A suite on a real Ray cluster of two local nodes (`make ray`): the same rows; a killed worker costs one episode."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench.folder import open_results, read_results
+from lingjing.bench.on_ray import RayExecutor, RayTask, play_on_node
+from lingjing.bench.planning import read_plan
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.running import SuiteRun
+from lingjing.cli.main import main
+from lingjing.errors import UsageError
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeTask
+from lingjing.plugins.host import PluginHost
+from tests.bench.suite_kit import SMALL
+
+pytest.importorskip("ray", reason="Ray is installed by `make ray`")
+pytestmark = [
+    pytest.mark.ray,
+    pytest.mark.skipif("'ray' not in config.getoption('markexpr')", reason="it takes minutes: `make ray`"),
+]
+
+SUITE = (
+    SMALL.replace('"bi", "cd"', '"bi", "upr"').replace("seeds = 2", "seeds = [3]").replace('"random"', '"heuristic"')
+)
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    """A cluster of two nodes with one CPU each."""
+    import ray
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    cluster.add_node(num_cpus=1)
+    cluster.wait_for_nodes()
+    yield cluster.address
+    ray.shutdown()
+    cluster.shutdown()
+
+
+def same(rows: list[SuiteRow]) -> dict[object, tuple[object, ...]]:
+    """What does not depend on who played: all but times and places."""
+    return {
+        row.key: (
+            msgspec.structs.replace(row, wall_s=0.0, policy_seed=0, salt_sha256="", report=None, options=None),
+            row.report.digest, row.report.frames_digest, row.report.reason, row.report.scr, row.report.ticks,
+            msgspec.structs.replace(row.report.metrics, wall_s=None),
+        )
+        for row in rows
+    }  # fmt: skip
+
+
+def test_the_same_rows_whoever_plays(address: str, tmp_path: Path) -> None:
+    suite = tmp_path / "small.toml"
+    suite.write_text(SUITE)
+    for name, more in (("local", ("-j", "2")), ("ray", ("--executor", "ray", "--ray-address", address))):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "salt").write_text("the same\n")
+        assert main(["bench", str(suite), "--entrants", "oracle", "-o", str(tmp_path / name), *more]) == 0
+    local, ray = (read_results(tmp_path / name) for name in ("local", "ray"))
+    assert len(ray) == 2 and same(ray) == same(local)
+    assert {row.policy_seed for row in ray} == {row.policy_seed for row in local}
+
+
+def ray_workers() -> list[int]:
+    """The processes of this machine's Ray workers that play an episode."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            if b"ray::play_on_node" in (place / "cmdline").read_bytes():
+                found.append(int(place.name))
+        except OSError:
+            continue
+    return found
+
+
+def test_a_worker_killed_in_mid_episode_costs_that_episode_only(address: str, tmp_path: Path) -> None:
+    suite = tmp_path / "small.toml"
+    suite.write_text(SUITE)
+    killed: list[int] = []
+
+    def kill_one() -> None:
+        runs = tmp_path / "out" / "runs"
+        deadline = time.monotonic() + 200
+        while not killed and time.monotonic() < deadline:
+            started = list(runs.glob("heuristic-upr*/trace.mcap.part")) if runs.is_dir() else []
+            if started and started[0].stat().st_size > 0:
+                killed.extend(_workers_playing(started[0].parent))
+            time.sleep(0.1)
+        for pid in killed:
+            os.kill(pid, signal.SIGKILL)
+
+    plan = read_plan(suite, PluginHost())
+    cells = [cell for cell in plan.cells if (cell.player.name, cell.column.mission) != ("heuristic", "bi")]
+    with open_results(tmp_path / "out") as results:
+        run = SuiteRun(plan, results, "code", RayExecutor(tmp_path / "out" / "lock", address))
+        killer = threading.Thread(target=kill_one)
+        killer.start()
+        run.play(run.due((3,), cells))
+        killer.join()
+    assert len(killed) == 1
+    rows = read_results(tmp_path / "out")
+    told = sorted((row.entrant, row.mission, row.tries, row.standing) for row in rows)
+    assert told == [
+        ("heuristic", "upr", 1, "aborted"), ("heuristic", "upr", 2, "counted"),
+        ("oracle", "bi", 1, "counted"), ("oracle", "upr", 1, "counted"),
+    ]  # fmt: skip
+    (aborted,) = [row for row in rows if row.standing == "aborted"]
+    assert aborted.report.detail.startswith("its Ray worker was lost: ")
+
+
+def _workers_playing(folder: Path) -> list[int]:
+    """The Ray worker whose descendant has the episode's trace open."""
+    parents = {}
+    holder = 0
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            parents[int(place.name)] = int((place / "stat").read_text().rpartition(")")[2].split()[1])
+            if any(os.readlink(one).startswith(f"{folder}/") for one in (place / "fd").iterdir()):
+                holder = int(place.name)
+        except OSError:
+            continue
+    workers = set(ray_workers())
+    while holder and holder not in workers:
+        holder = parents.get(holder, 0)
+    return [holder] if holder else []
+
+
+def test_a_node_that_does_not_see_the_folder_or_has_other_code_says_so(tmp_path: Path) -> None:
+    (tmp_path / "lock").touch()
+    options = PlayOptions(mission="bi")
+    for lock, code, said in (
+        (tmp_path / "none", "x", "does not see"),
+        (tmp_path / "lock", "x", "has other code"),
+    ):
+        answer = play_on_node(msgspec.json.encode(RayTask(options, str(tmp_path / "run"), str(lock), code)))
+        assert said in msgspec.json.decode(answer)["message"]
+    assert not (tmp_path / "run").exists()
+
+
+def test_what_all_episodes_would_meet_is_raised_with_its_words(address: str, tmp_path: Path) -> None:
+    (tmp_path / "lock").touch()
+    executor = RayExecutor(tmp_path / "lock", address)
+    task = EpisodeTask(PlayOptions(mission="bi", policy="nobody"), tmp_path / "run")
+    with pytest.raises(UsageError, match="no policy is called `nobody`"):
+        list(executor.play([task]))
+
+
+def test_without_a_cluster_it_says_how_to_start_one(tmp_path: Path) -> None:
+    import ray
+
+    ray.shutdown()
+    with pytest.raises(UsageError, match="there is no Ray cluster at"):
+        RayExecutor(tmp_path / "lock", "127.0.0.1:1")
