@@ -115,6 +115,17 @@ class ResultsFolder:
                 self._write(file, f"{self._salt}\n".encode())
         return self._salt
 
+    def take_salt(self, other: Path) -> None:
+        """Draw as another suite's folder did. Raises `UsageError` where this one has a salt of its own already."""
+        salt = (other / "salt").read_text().strip()
+        own = self.folder / "salt"
+        if own.is_file() and own.read_text().strip() != salt:
+            raise UsageError(
+                f"`{self.folder}` draws by another salt than `{other}`", hint="replay into a new folder, with -o"
+            )
+        self._salt = salt
+        self._write(own, f"{salt}\n".encode())
+
     def write(self, name: str, text: str) -> Path:
         """Write a text beside the results; its path."""
         self._write(self.folder / name, text.encode())

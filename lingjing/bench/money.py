@@ -45,7 +45,7 @@ def prices_of(player: Player) -> tuple[float, float] | None:
     given = [player.args.get(name) for name in ("price_in", "price_out")]
     listed = (player.model.price_in, player.model.price_out) if player.model else (None, None)
     price_in, price_out = (
-        float(text) if text is not None else known for text, known in zip(given, listed, strict=True)
+        float(told) if isinstance(told, int | float | str) else known for told, known in zip(given, listed, strict=True)
     )
     return None if price_in is None or price_out is None else (price_in, price_out)
 
@@ -104,7 +104,7 @@ def _decisions(cell: SuiteCell, missions: Mapping[str, Mission]) -> int:
 
 def _calls_of_decision(cell: SuiteCell) -> int:
     """The calls of one decision at most: the first, its repairs, closer looks at its pictures."""
-    return 1 + int(cell.args.get("repairs", REPAIRS)) + int(cell.args.get("crops", 0))
+    return 1 + _whole(cell, "repairs", REPAIRS) + _whole(cell, "crops", 0)
 
 
 def _about(cell: SuiteCell, decisions: int, measured: Mapping[tuple[str, str, str, str], Sequence[float]]) -> float:
@@ -117,7 +117,13 @@ def _about(cell: SuiteCell, decisions: int, measured: Mapping[tuple[str, str, st
 
 
 def _most(cell: SuiteCell) -> float:
-    return _usd(cell, CONTEXT_TOKENS, int(cell.args.get("max_tokens", LONGEST_ANSWER)))
+    return _usd(cell, CONTEXT_TOKENS, _whole(cell, "max_tokens", LONGEST_ANSWER))
+
+
+def _whole(cell: SuiteCell, name: str, usual: int) -> int:
+    """An option that is a whole number, however the suite spells it."""
+    told = cell.args.get(name, usual)
+    return int(told) if isinstance(told, int | float | str) else usual
 
 
 def _usd(cell: SuiteCell, prompt: int, answer: int) -> float:

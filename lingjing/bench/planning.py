@@ -26,6 +26,7 @@ from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.errors import Fault, LingjingError, MissionError, UsageError
+from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
@@ -43,13 +44,13 @@ GROUPS = {"commercial": "Commercial models", "open": "Open-source models"}
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """An entrant with its names looked up: `policy` is how `PlayOptions` names it, `args` its own options as text."""
+    """An entrant with its names looked up: `policy` is how `PlayOptions` names it, `args` its own options."""
 
     name: str
     group: str
     policy: str
     plugin: PolicyPlugin
-    args: Mapping[str, str] = field(default_factory=dict)
+    args: Mapping[str, GivenOption] = field(default_factory=dict)
     model: ModelPlugin | None = None
     policies_for: Mapping[str, str] = field(default_factory=dict)
     blank_pictures: bool = False
@@ -64,7 +65,7 @@ class SuiteCell:
     column: Column
     condition: str = ""
     baseline: bool = False
-    args: Mapping[str, str] = field(default_factory=dict)
+    args: Mapping[str, GivenOption] = field(default_factory=dict)
     place: tuple[int, int] = (0, 0)
 
     @property
@@ -303,7 +304,7 @@ class _Reader:
                   for role, named in entrant.policies_for.items()]  # fmt: skip
         if plugin is None or None in others:
             return None
-        own = {**(model.arguments if model else {}), **{name: text_of(value) for name, value in entrant.args.items()}}
+        own = {**(model.arguments if model else {}), **entrant.args}
         player = Player(
             name=entrant.name or (model.title if model else "") or entrant.called,
             group=entrant.group or (GROUPS[model.tier] if model else ""),
@@ -330,8 +331,8 @@ class _Reader:
         options = options_model(player.plugin)
         taken = set(spellings(options))
         anything = takes_any_name(options)
-        shared = {name: text_of(value) for name, value in args.items() if anything or name in taken}
-        under = {name: text_of(value) for name, value in place.args.items() if anything or name in taken}
+        shared = {name: value for name, value in args.items() if anything or name in taken}
+        under = {name: value for name, value in place.args.items() if anything or name in taken}
         merged = {**shared, **player.args, **under}
         for fault in option_faults(options, merged):
             top = fault.where.partition(".")[0]
@@ -379,13 +380,6 @@ class _Place:
     at: int = 0
 
 
-def text_of(value: Plain) -> str:
-    """A value of TOML as options are written: `yes` and `no` for true and false."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value if isinstance(value, str) else repr(value)
-
-
 def _setting_name(settings: Mapping[str, float]) -> str:
     return ", ".join(f"{name}={value:g}" for name, value in settings.items())
 
@@ -407,4 +401,4 @@ def _parts(document: Mapping[str, Any], name: str, kind: Any) -> Iterator[tuple[
             yield at, part
 
 
-__all__ = ["Player", "SuiteCell", "SuitePlan", "options_of_cell", "read_plan", "text_of"]
+__all__ = ["Player", "SuiteCell", "SuitePlan", "options_of_cell", "read_plan"]

@@ -75,12 +75,19 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def comparable(options: PlayOptions) -> PlayOptions:
-    """The options without what differs from machine to machine or from seed to seed; policies' files by their names."""
+    """The options without what differs from machine to machine or from seed to seed, limits and records of calls too;
+    policies' files by their names."""
     return msgspec.structs.replace(
         options,
         mission="",
         seed=0,
         policy_seed=0,
+        sign=None,
+        calls="record",
+        calls_from="",
+        max_cost=None,
+        max_tokens=None,
+        ledger="",
         policy=_without_folder(options.policy),
         policies_for={role: _without_folder(policy) for role, policy in options.policies_for.items()},
     )

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -26,6 +27,7 @@ from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.play.spending import SpendingLimits
 
 TRIES = 3
 """How often one episode is tried before it is lost."""
@@ -67,7 +69,11 @@ class SuiteEpisode:
 
 @dataclass(slots=True)
 class SuiteRun:
-    """A suite being played into a folder. `max_cost` is how many US dollars all rows there may cost together."""
+    """A suite being played into a folder.
+
+    `max_cost` is how many US dollars all its calls of models may cost together, those of earlier commands too. `calls`
+    says what becomes of them (see `PlayOptions`); replayed ones are those of the suite's folder `calls_from`.
+    """
 
     plan: SuitePlan
     results: ResultsFolder
@@ -75,6 +81,8 @@ class SuiteRun:
     executor: Executor
     keep: bool = False
     max_cost: float | None = None
+    calls: Literal["record", "replay", "live"] = "record"
+    calls_from: Path | None = None
     tell: Callable[[SuiteRow, Countdown], None] = field(default=lambda row, countdown: None)
     is_out_of_money: bool = False
 
@@ -135,6 +143,8 @@ class SuiteRun:
             episode, wall_s = of[task.folder], time.monotonic() - started.pop(task.folder)
             if report.reason == INTERRUPTED:  # it is not over: it is played anew by the next command
                 continue
+            if report.reason == ABORTED and report.detail.startswith("calls:"):
+                raise UsageError(f"{task.folder.name}: {report.detail}", hint=report.hint)
             if report.reason == ABORTED and report.detail.startswith(_LIMITS):
                 self.is_out_of_money = True
                 continue
@@ -153,31 +163,53 @@ class SuiteRun:
     def _tasks(self, of: dict[Path, SuiteEpisode], started: dict[Path, float]) -> Iterator[EpisodeTask]:
         """The tasks, each with what an earlier, unfinished try left taken away; no more once the money is used up."""
         for folder, episode in of.items():
-            if self.max_cost is not None and self.spent() >= self.max_cost:
-                self.is_out_of_money = True
+            self.is_out_of_money |= self.max_cost is not None and self.spent() >= self.max_cost
+            if self.is_out_of_money:
                 return
             take_away(folder)
             started[folder] = time.monotonic()
-            yield EpisodeTask(self._options(episode.cell, episode.seed), folder)
+            yield EpisodeTask(self._counted(self._options(episode.cell, episode.seed), episode), folder)
 
     def spent(self) -> float:
-        """US dollars that all rows of the folder have cost, aborted ones too."""
-        return sum(cost_of(row) for row in self.results.rows)
+        """US dollars that the folder's calls of models have cost, those of aborted and of stopped episodes too."""
+        rows = sum(cost_of(row) for row in self.results.rows)
+        return max(rows, SpendingLimits(None, None, self._ledger).spent().usd if self._ledger.is_file() else 0.0)
+
+    @property
+    def _ledger(self) -> Path:
+        return self.results.folder / "money"
+
+    def _counted(self, options: PlayOptions, episode: SuiteEpisode) -> PlayOptions:
+        """The options with what becomes of calls, where there are any, and where their money is counted."""
+        if not episode.cell.player.plugin.calls:
+            return options
+        record = self._name(episode)
+        return msgspec.structs.replace(
+            options,
+            calls=self.calls,
+            calls_from=str(self.calls_from / "runs" / record) if self.calls_from is not None else "",
+            max_cost=self.max_cost,
+            ledger=str(self._ledger),
+        )
 
     def _options(self, cell: SuiteCell, seed: int) -> PlayOptions:
         salt = self.results.salt()
         return options_of_cell(cell, seed, policy_seed(salt, cell.key, seed), self.plan.suite.evaluators)
 
     def _folder(self, episode: SuiteEpisode) -> Path:
+        return self.results.folder / "runs" / self._name(episode)
+
+    def _name(self, episode: SuiteEpisode) -> str:
+        """What the run's folder is called in the folder of any suite that plays it."""
         cell = episode.cell
         whole = "-".join((*filter(None, cell.key), str(episode.seed)))
         plain = re.sub(r"[^\w.=-]+", "_", whole)[:100]
         unique = "" if plain == whole else f"-{hashlib.sha256(whole.encode()).hexdigest()[:8]}"
-        return self.results.folder / "runs" / f"{plain}{unique}"
+        return f"{plain}{unique}"
 
     def _keeps(self, cell: SuiteCell) -> bool:
         """Whether its runs stay: what a model was asked and answered has been paid for."""
-        return self.keep or cell.player.model is not None
+        return self.keep or cell.player.plugin.calls
 
     def _row(self, episode: SuiteEpisode, options: PlayOptions, report: EpisodeReport, wall_s: float) -> SuiteRow:
         cell = episode.cell
@@ -207,7 +239,7 @@ class SuiteRun:
             salt_sha256=fingerprint(self.results.salt()),
             code=self.code,
             wall_s=wall_s,
-            options=msgspec.structs.replace(options, mission=cell.column.mission),
+            options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from=""),
             report=msgspec.structs.replace(report, trace=kept),
         )
 

@@ -28,7 +28,9 @@ MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 
 SuiteMode = Literal["star", "broadcast", "single"]
-TableKind = Literal["success", "intervals", "modes", "conditions", "stages", "perception", "paired", "cost"]
+TableKind = Literal[
+    "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "paired", "cost"
+]
 
 
 def _seeds(given: object) -> tuple[int, ...]:

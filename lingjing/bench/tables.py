@@ -123,7 +123,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     for (mission, mode), some in _by(rows, lambda row: (row.mission, row.mode)).items():
         lines: list[ResultLine] = []
         stages = tuple(dict.fromkeys(name for row in some for name in Played((row,)).stages()))
-        heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "Cost x", *stages)
+        heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "JSON", "Cost x", *stages)
         for entrant, own in _by(some, lambda row: row.entrant).items():
             group = entrant
             base = Played(tuple(row for row in own if row.baseline)).mean("tokens")
@@ -136,7 +136,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
                 measured.append((condition or "default", (
                     ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
                     percent(played.scr()), _bootstrap_ends(played), plain(played.middle("localisation_error_m"), ".0f"),
-                    percent(played.mean("coverage")), plain(spent, ".2f"),
+                    percent(played.mean("coverage")), percent(played.mean("json_compliance")), plain(spent, ".2f"),
                     *(percent(done.get(stage, math.nan)) for stage in stages),
                 )))  # fmt: skip
             lines += marked([ResultLine(group, (name,), cells) for name, cells in measured], only=(1, 3))
@@ -181,6 +181,23 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             tuple(lines),
             (note,),
         )
+
+
+def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """The paper's behavioural signatures, as far as an episode's metrics hold them: means over episodes."""
+    for condition, some in _by(rows, lambda row: row.condition).items():
+        lines = []
+        for entrant, own in _by(some, lambda row: row.entrant).items():
+            played = Played(tuple(own))
+            cells = (
+                percent(played.mean("coverage")), plain(played.mean("first_discovery_tick"), ".1f"),
+                plain(played.mean("idle_fraction"), ".2f"), plain(played.mean("rejections"), ".1f"),
+                plain(played.mean("substitutions"), ".1f"),
+            )  # fmt: skip
+            lines.append(_line(own[0], (entrant,), cells))
+        heads = ("Coverage", "First discovery tick", "Idle fraction", "Refused", "Replaced answers")
+        named = _titled(title or "Behaviour", condition)
+        yield ResultTable("behaviour", named, ("Entrant",), heads, marked(lines, lower=(1, 2, 3, 4)))
 
 
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
@@ -253,6 +270,7 @@ TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]]
     "modes": _modes,
     "conditions": _conditions,
     "stages": _stages,
+    "behaviour": _behaviour,
     "perception": _perception,
     "paired": _paired,
     "cost": _cost,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lingjing.bench.rows import SuiteRow
     from lingjing.bench.running import Shard, SuiteRun
 
-KINDS = ("success", "intervals", "modes", "conditions", "stages", "perception", "paired", "cost")
+KINDS = ("success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "paired", "cost")
 FORMATS = ("markdown", "latex", "csv", "html")
 
 
@@ -75,6 +75,10 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument("--executor", choices=("local", "ray"), help="who plays: this machine, or a Ray cluster")
     play.add_argument("--ray-address", metavar="ADDRESS", default="auto", help="the cluster (default: the one here)")
     play.add_argument("--max-cost", metavar="USD", type=float, help="the most that all calls of models may cost")
+    play.add_argument(
+        "--calls", choices=("record", "replay", "live"), default="record", help="what becomes of questions to models"
+    )
+    play.add_argument("--calls-from", metavar="DIR", type=Path, help="the suite's folder whose record is replayed")
     play.add_argument("--keep", action="store_true", help="keep every trace (those of models are kept anyway)")
     play.add_argument("--other-code", action="store_true", help="go on in a folder whose rows other code has played")
     play.add_argument("--check", action="store_true", help="check the suite, say what it would play, and stop")
@@ -108,16 +112,20 @@ def _play(args: argparse.Namespace) -> int:
         _tell_cost(plan, cells, seeds)
         return ExitCode.OK
     players = tuple({cell.player.name: cell.player for cell in cells}.values())
-    check_ready(players, args.max_cost)
-    if any(map(is_paid, players)) and args.max_cost is None:
+    if args.calls != "replay":
+        check_ready(players, args.max_cost)
+    if args.calls != "replay" and any(map(is_paid, players)) and args.max_cost is None:
         _tell_cost(plan, cells, seeds)
         raise UsageError("calls of models cost money", hint="say how much may be spent with --max-cost USD")
     code = code_sha256(plan.files)
     part = f"-{shard.number}of{shard.count}" if shard else ""
     folder = args.output or RUNS / "bench" / f"{plan.suite.name}-{code[:12]}{part}"
     with open_results(folder) as results:
+        if args.calls_from is not None:
+            results.take_salt(args.calls_from)
         executor = _executor(args, plan, results)
-        run = SuiteRun(plan, results, code, executor, keep=args.keep, max_cost=args.max_cost)
+        run = SuiteRun(plan, results, code, executor, keep=args.keep, max_cost=args.max_cost,
+                       calls=args.calls, calls_from=args.calls_from)  # fmt: skip
         run.check_resumable(other_code=args.other_code)
         results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
         return _run(run, cells, seeds, shard)
@@ -158,7 +166,7 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
     results.compact()
     if run.is_out_of_money:
         raise UsageError(
-            f"the limit of ${run.max_cost:.2f} is used up (${run.spent():.2f} is spent): {len(due) - done} of "
+            f"the limit of ${run.max_cost:g} is used up (${run.spent():.2f} is spent): {len(due) - done} of "
             f"{len(due)} episodes are left",
             hint="the same command with a higher --max-cost goes on; `lingjing bench table` shows what there is",
         )
@@ -251,6 +259,12 @@ def _check_numbers(args: argparse.Namespace) -> None:
         raise UsageError(f"-j {args.jobs}: at least one")
     if args.max_cost is not None and not 0.0 < args.max_cost < 1e9:
         raise UsageError(f"--max-cost {args.max_cost:g}: an amount of US dollars is due")
+    if (args.calls == "replay") != (args.calls_from is not None):
+        raise UsageError(
+            "--calls replay and --calls-from DIR belong together", hint="name the suite's folder to replay"
+        )
+    if args.calls_from is not None and not (args.calls_from / "salt").is_file():
+        raise UsageError(f"--calls-from: `{args.calls_from}` is no suite's folder")
     if args.limit is not None and args.limit < 1:
         raise UsageError(f"--limit {args.limit}: at least one")
 

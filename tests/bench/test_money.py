@@ -12,7 +12,7 @@ from lingjing.bench.money import estimates, is_paid, prices_of
 from lingjing.bench.planning import SuitePlan, read_plan
 from lingjing.bench.running import SuiteEpisode, SuiteRun
 from lingjing.cli.main import main
-from lingjing.errors import ExitCode
+from lingjing.errors import ExitCode, UsageError
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.host import PluginHost
@@ -133,3 +133,35 @@ def test_an_episode_that_the_limit_ended_is_no_row_and_no_try(suite: Path) -> No
         run.play(run.due((0,), plan.cells))
         assert run.is_out_of_money and results.rows == []
         assert [one.tries for one in run.due((0,), plan.cells)] == [1, 1]
+
+
+def test_a_missing_record_stops_the_suite_with_its_words(suite: Path) -> None:
+    plan = plan_of(suite)
+    missing = AnsweringExecutor(
+        lambda task: answered(task, reason=ABORTED, detail="calls: nothing is recorded of tick 3")
+    )
+    with open_results(suite.parent / "out") as results:
+        run = SuiteRun(plan, results, "code", missing, calls="replay", calls_from=suite.parent / "old")
+        with pytest.raises(UsageError, match=r"bi-single-0.*: calls: nothing is recorded of tick 3"):
+            run.play(run.due((0,), plan.cells))
+        assert results.rows == []
+    first = missing.tasks[0].options
+    assert (first.calls, first.calls_from) == (
+        "replay",
+        str(suite.parent / "old" / "runs" / missing.tasks[0].folder.name),
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--calls", "replay"), "--calls replay and --calls-from DIR belong together"),
+        (("--calls-from", "somewhere"), "--calls replay and --calls-from DIR belong together"),
+        (("--calls", "replay", "--calls-from", "nowhere"), "`nowhere` is no suite's folder"),
+    ],
+)
+def test_what_cannot_be_replayed_is_said(
+    arguments: tuple[str, ...], said: str, suite: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", str(suite), *arguments]) == ExitCode.USAGE
+    assert said in capsys.readouterr().err

@@ -147,7 +147,13 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
             for name, one in zip(names, whole, strict=True)
         )
 
-    full = {"tokens": 1000, "localisation_error_m": 52.0, "coverage": 0.9, "stages": stages(True, True)}
+    full = {
+        "tokens": 1000,
+        "localisation_error_m": 52.0,
+        "coverage": 0.9,
+        "json_compliance": 0.96,
+        "stages": stages(True, True),
+    }
     coarse = {"tokens": 250, "localisation_error_m": None, "coverage": 0.5, "stages": stages(True, False)}
     rows = [
         *column("q", "ssr", "broadcast", 7, condition="Full", baseline=True, metrics=full),
@@ -156,8 +162,8 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
     (table,) = make_tables(rows, ["conditions"])
     assert table.heads[-2:] == ("detect", "locate")
     told = {line.label[0]: [cell.text for cell in line.cells] for line in table.lines}
-    assert told["Full"][:2] == ["10", "70"] and told["Full"][5:] == ["52", "90", "1.00", "100", "100"]
-    assert told["Coarse"][5:] == ["N/A", "50", "0.25", "100", "0"]
+    assert told["Full"][:2] == ["10", "70"] and told["Full"][5:] == ["52", "90", "96", "1.00", "100", "100"]
+    assert told["Coarse"][5:] == ["N/A", "50", "–", "0.25", "100", "0"]
     assert [line.cells[1].mark for line in table.lines] == ["best", "second"]
     assert make_tables(column("q", "ssr", "star", 7), ["conditions"]) == ()
 
