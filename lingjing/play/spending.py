@@ -13,6 +13,7 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -56,8 +57,15 @@ class SpendingLimits:
         """Whether every call must have a price."""
         return self._most[0] is not None
 
+    @property
+    def counts(self) -> bool:
+        """Whether anything is limited or written down."""
+        return self._ledger is not None or self._most != (None, None)
+
     def reserve(self, request: CallRequest) -> None:
         """Set aside what the question can cost. Raises `SpendingLimitError` if that is more than is left."""
+        if not self.counts:
+            return
         bound = Amount(request.most_usd or 0.0, request.most_tokens)
         max_cost, max_tokens = self._most
         with self._counting() as account:
@@ -76,17 +84,20 @@ class SpendingLimits:
                     f"aside, and one may take {bound.tokens}",
                     hint="raise --max-tokens, or shorten what the model is sent",
                 )
-            account.held.setdefault(_process(), Amount()).add(bound)
+            account.held.setdefault(_process(os.getpid()), Amount()).add(bound)
 
     def settle(self, request: CallRequest, result: CallResult) -> None:
         """Count what the question has cost in place of what was set aside for it."""
+        if not self.counts:
+            return
         known = request.most_usd if result.cost_usd is None and not result.failure else result.cost_usd
         tokens = result.prompt_tokens + result.completion_tokens
         with self._counting() as account:
-            held = account.held.setdefault(_process(), Amount())
+            process = _process(os.getpid())
+            held = account.held.setdefault(process, Amount())
             held.add(Amount(request.most_usd or 0.0, request.most_tokens), -1)
             if held.tokens <= 0:
-                del account.held[_process()]
+                del account.held[process]
             account.spent.add(Amount((known or 0.0) + result.unknown_usd, tokens))
 
     def spent(self) -> Amount:
@@ -138,8 +149,9 @@ def _write(file: int, data: bytes, path: Path) -> None:
         raise InfrastructureError(f"cannot write the ledger `{path}`: {error.strerror}") from error
 
 
-def _process() -> str:
-    return f"{os.uname().nodename}:{os.getpid()}:{_started(os.getpid())}"
+@cache
+def _process(pid: int) -> str:
+    return f"{os.uname().nodename}:{pid}:{_started(pid)}"
 
 
 def _is_alive(process: str) -> bool:
