@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.cli.files import print_columns
 from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.call_store import CALLS_NAME, CallReader, calls_of
 from lingjing.trace.calls import CallResult, RecordedCall
@@ -48,7 +49,7 @@ def handler(args: argparse.Namespace) -> int:
     elif args.full:
         _print_full(calls)
     else:
-        _print_table(calls)
+        print_columns([_COLUMNS, *map(_row, calls)])
     return ExitCode.OK
 
 
@@ -77,14 +78,6 @@ def _print_full(calls: Iterable[RecordedCall]) -> None:
         if call.result is not None and not call.result.failure:
             print(f"--- answer ({call.result.finish_reason})\n{call.result.text}")
         print()
-
-
-def _print_table(calls: Iterable[RecordedCall]) -> None:
-    rows = [_COLUMNS, *map(_row, calls)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths[:-1], strict=True)]
-        print("  ".join([*cells, row[-1]]).rstrip())
 
 
 def _row(call: RecordedCall) -> tuple[str, ...]:

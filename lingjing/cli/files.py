@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,14 @@ def write_output(text: str, output: str | None) -> None:
         write_data(text)
     else:
         write_whole(str(output), text)
+
+
+def print_columns(rows: Sequence[tuple[str, ...]]) -> None:
+    """Print aligned columns; the last is as long as it is."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths[:-1], strict=True)]
+        print("  ".join([*cells, row[-1]]).rstrip())
 
 
 def write_whole(path: str, text: str) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import difflib
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from lingjing.cli.files import print_columns
 from lingjing.cli.option_listing import OptionSpec, option_specs
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.mission.kinds import SceneOption, scene_kind
@@ -61,7 +62,7 @@ def handler(args: argparse.Namespace) -> int:
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode(found).decode() + "\n")
     elif args.name is None:
-        _print_rows([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
+        print_columns([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
     else:
         _print_options(found)
     return ExitCode.OK
@@ -174,7 +175,7 @@ def _print_options(found: Iterable[Offer]) -> None:
         print("\n" * (number > 0) + "  ".join(filter(None, (offer.kind, offer.name, offer.source, offer.notes))))
         print(offer.summary or "-")
         if offer.options:
-            _print_rows([(f"  {one.name}", _type(one), _default(one), one.help) for one in offer.options])
+            print_columns([(f"  {one.name}", _type(one), _default(one), one.help) for one in offer.options])
         else:
             print("  no options")
 
@@ -185,11 +186,3 @@ def _type(one: OptionSpec) -> str:
 
 def _default(one: OptionSpec) -> str:
     return "required" if one.required else f"default {one.default}" if one.default else ""
-
-
-def _print_rows(rows: Sequence[tuple[str, ...]]) -> None:
-    """Aligned columns; the last is as long as it is."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths[:-1], strict=True)]
-        print("  ".join([*cells, row[-1]]).rstrip())

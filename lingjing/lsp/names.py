@@ -17,24 +17,9 @@ TextExtent = tuple[int, int]
 NameKey = tuple[str, str, TextExtent | None]
 """Space, name, and for what is known in a part of the text only, that part."""
 
-DECLARES: dict[str, str] = {
-    "MissionBlock.name": "mission",
-    "Param.name": "symbol",
-    "RegionLine.name": "symbol",
-    "GridBlock.name": "symbol",
-    "AgentBlock.name": "agent",
-    "AgentBlock.role": "role",
-    "MessageLine.name": "message",
-    "RuleBlock.name": "rule",
-    "StageBlock.name": "stage",
-    "RecordBlock.name": "record",
-    "LimitLine.name": "limit",
-    "InspectionBlock.name": "inspection",
-    "ConstraintBlock.name": "constraint",
-    "EventBlock.name": "event",
-    "SweepLine.name": "sweep",
-}
-"""Node and field → the space it declares into. Entities and cameras depend on where they stand, see `_declared`."""
+SYMBOLS = frozenset(("param", "region", "grid"))
+"""What these declare shares one space. The rest have a space each, called as they begin; entities and cameras depend on
+where they stand, see `_declared`."""
 
 LOCALS = frozenset(
     ("StageBlock.variable", "ConstraintBlock.variable", "QuantifiedExpr.variable", "ForClause.variable", "Typed.name")
@@ -211,14 +196,18 @@ def _children(node: s.SyntaxNode) -> Iterator[tuple[str, object]]:
 
 
 def _declared(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> str | None:
+    """The space that a name is declared into; None if it is a use of one."""
     inside = any(isinstance(node, s.MissionBlock) for node in above)
+    if place == "AgentBlock.role":
+        return "role"
     if place == "EntityBlock.name":
         return "symbol" if inside else "type"
     if place == "CameraBlock.name":
         return None if inside else "preset"
-    if place in ("VerbLine.name", "InteractionBlock.name"):
-        return "verb" if place == "VerbLine.name" else "interaction"
-    return DECLARES.get(place)
+    if place == "RuleBlock.name":
+        return "rule"
+    word = s.DECLARING.get(type(parent)) if place.endswith(".name") and place not in USES else None
+    return "symbol" if word in SYMBOLS else word
 
 
 def _spaces(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> tuple[str, ...]:

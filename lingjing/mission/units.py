@@ -205,6 +205,11 @@ def field_named(name: str, fields: Collection[str]) -> str | None:
     return next((name + end for end in ("", *_SUFFIXES) if name + end in fields), None)
 
 
+def unit_behind(name: str, field: str) -> str:
+    """The unit that `field` says behind `name`: `kg` for `payload` and `payload_kg`, empty for `payload` itself."""
+    return next(entry.unit for entry in NAMED if name + entry.suffix == field)
+
+
 @lru_cache(maxsize=1024)
 def without_unit(name: str) -> str:
     """A property's name without the unit that ends it: `demand` for `demand_kg`."""

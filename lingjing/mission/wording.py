@@ -11,15 +11,11 @@ import re
 from collections.abc import Callable, Sequence
 
 from lingjing.mission.instance import Datum, Entity
+from lingjing.mission.units import field_named, unit_behind
 
 HOLE = re.compile(r"\{\{|\}\}|\{([^{}\n]*)\}")
 """A doubled brace, or a hole with its inside as group 1."""
 PATH = re.compile(r"\s*(?P<name>[^\W\d]\w*)(?:\[\s*(?P<index>\w+)\s*\])?(?:\.(?P<field>[^\W\d]\w*))?\s*")
-_UNITS = (
-    ("mps2", "m/s^2"), ("mps", "m/s"), ("degps", "deg/s"), ("deg", "deg"), ("bytes", "B"), ("ticks", "tick"),
-    ("usd", "USD"), ("tokens", "token"), ("kg", "kg"), ("m2", "m^2"), ("hz", "Hz"), ("m", "m"), ("s", "s"),
-    ("j", "J"), ("w", "W"), ("n", "N"),
-)  # fmt: skip
 
 
 def fill(text: str, look_up: Callable[[str, str | None, str | None], str | None]) -> str:
@@ -61,17 +57,13 @@ def shown_field(entity: Entity, field: str) -> str | None:
         return shown_point(entity.position)
     if field == "heading":
         return shown_number(entity.heading_deg, "deg")
-    if field in entity.properties:
-        return shown_datum(entity.properties[field])
-    for suffix, unit in _UNITS:
-        if (value := entity.properties.get(f"{field}_{suffix}")) is not None:
-            return shown_datum(value, unit)
-    low, high = (next((v for k, v in entity.properties.items() if k.startswith(f"{field}_{end}")), None)
-                 for end in ("low", "high"))  # fmt: skip
+    known = entity.properties
+    if (stored := field_named(field, known)) is not None:
+        return shown_datum(known[stored], unit_behind(field, stored))
+    low, high = field_named(f"{field}_low", known), field_named(f"{field}_high", known)
     if low is None or high is None:
         return None
-    unit = next((u for s, u in _UNITS if f"{field}_low_{s}" in entity.properties), "")
-    return f"{shown_datum(low)} to {shown_datum(high, unit)}"
+    return f"{shown_datum(known[low])} to {shown_datum(known[high], unit_behind(f'{field}_high', high))}"
 
 
 def shown_datum(value: Datum, unit: str = "") -> str:

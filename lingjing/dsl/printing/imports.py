@@ -20,26 +20,12 @@ from lingjing.mission import model
 
 
 @dataclass(slots=True)
-class LocalType:
-    """A type that no library has, put together again from the groups of it."""
-
-    name: str
-    role: str
-    engine: str
-    properties: tuple[model.Property, ...]
-    verbs: tuple[model.Verb, ...]
-    interactions: tuple[model.Interaction, ...] = ()
-    base: str = ""
-    mounts: tuple[model.CameraMount, ...] = ()
-    parts: tuple[model.BodyPart, ...] = ()
-
-
-@dataclass(slots=True)
 class Imports:
-    """`uses`: library path → names, in the order of first need; `verbs`: type → all its verbs."""
+    """`uses`: library path → names, in the order of first need; `types`: those that no library has, each as a group
+    with all that the type gives; `verbs`: type → all its verbs."""
 
     uses: dict[str, list[str]] = field(default_factory=dict)
-    types: list[LocalType] = field(default_factory=list)
+    types: list[model.Group] = field(default_factory=list)
     records: list[model.MessageKind] = field(default_factory=list)
     verbs: dict[str, tuple[model.Verb, ...]] = field(default_factory=dict)
 
@@ -79,7 +65,7 @@ def _import_type(name: str, mission: model.Mission, libraries: dict[str, Library
             imports.verbs[name] = tuple(decl.verbs.values())
             return
     _import_bases(groups[0], mission, libraries, imports)
-    local = _put_together(name, groups, mission, imports)
+    local = _put_together(groups, imports)
     imports.types.append(local)
     imports.verbs[name] = local.verbs
 
@@ -101,7 +87,8 @@ def _import_bases(group: model.Group, mission: model.Mission, libraries: dict[st
                 imports.verbs[name] = tuple(decl.verbs.values())
                 break
         else:
-            imports.types.append(LocalType(name, group.role, group.engine, (), (), base=above[0] if above else ""))
+            bare = model.Group(name=name, role=group.role, type=name, engine=group.engine, bases=above)
+            imports.types.append(bare)
             imports.verbs[name] = imports.verbs[above[0]] if above else ()
 
 
@@ -150,19 +137,16 @@ def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
     return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
 
 
-def _put_together(name: str, groups: list[model.Group], mission: model.Mission, imports: Imports) -> LocalType:
+def _put_together(groups: list[model.Group], imports: Imports) -> model.Group:
+    """The type of these groups."""
     first = groups[0]
-    base = first.bases[0] if first.bases else ""
     properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
-    verbs = {verb.name: verb for verb in imports.verbs.get(base, ())}
+    verbs = {verb.name: verb for verb in imports.verbs.get(first.bases[0] if first.bases else "", ())}
     for group in groups:
         for verb in map(_without_default, group.verbs):
             known = verbs.get(verb.name)
             verbs[verb.name] = verb if known is None else _wider(known, verb)
-    return LocalType(
-        name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), first.interactions, base,
-        first.mounts, first.parts,
-    )  # fmt: skip
+    return msgspec.structs.replace(first, properties=tuple(properties.values()), verbs=tuple(verbs.values()))
 
 
 def _wider(a: model.Verb, b: model.Verb) -> model.Verb:

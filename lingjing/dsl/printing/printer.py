@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from lingjing.dsl.formatting.formatter import format_text
-from lingjing.dsl.printing.imports import Imports, LocalType, find_imports
+from lingjing.dsl.printing.imports import Imports, find_imports
 from lingjing.dsl.printing.phrases import RANGE, SUM, LocalNames, Phrases, long_text, number_text, quoted
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -95,14 +95,14 @@ class Printer:
 
     # -- before the mission
 
-    def _type(self, local: LocalType) -> str:
+    def _type(self, local: model.Group) -> str:
         lines = [f"engine = {local.engine}"]
         lines.extend(self.properties(local.properties))
         lines.extend(self.verb(verb) for verb in local.verbs)
         lines.extend(_block(f"interaction {one.name}", self.interaction(one)) for one in local.interactions)
         lines.extend(_block(f"mount {one.view}", _mount(one)) for one in local.mounts)
         lines.extend(_block(f"part {one.name} : {one.shape}", _part(one)) for one in local.parts)
-        head = f"{local.role} {local.name} : {local.base}" if local.base else f"{local.role} {local.name}"
+        head = " : ".join([f"{local.role} {local.type}", *local.bases[:1]])
         return _block(head, lines, spread=True)
 
     def interaction(self, one: model.Interaction) -> Iterator[str]:
