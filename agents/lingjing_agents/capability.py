@@ -54,6 +54,12 @@ def rated(resource: Resource, name: str, default: float) -> float:
     return float(value) if isinstance(value, int | float) else default
 
 
+def speed(resource: Resource) -> float:
+    """Its `speed_mps`; 3 m/s where it states none."""
+    stated = rated(resource, "speed_mps", 0.0)
+    return stated if stated > 0 else 3.0
+
+
 def photo(body: Resource, camera: CameraSpec) -> Action:
     """The command that has a body's camera take a picture."""
     return Action(verb="takePhoto", arguments={"camera": camera.name}, resource=body.id)

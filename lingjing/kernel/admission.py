@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping
 
-from lingjing.kernel.candidates import is_number
 from lingjing.mission.instance import ArgumentSpec, Datum, MessageSpec, VerbSpec
 from lingjing.mission.model import Field
+from lingjing.mission.values import is_finite
 from lingjing.plugins.decisions import REACH_M
 
 ValueCheck = Callable[[Datum, Container[str]], str]
@@ -79,14 +79,14 @@ def _name(value: Datum, frames: Container[str]) -> str:
 
 
 def _quantity(value: Datum, frames: Container[str]) -> str:
-    if not isinstance(value, int | float) or not is_number(value):
+    if not is_finite(value):
         return "must be a finite number"
     return "" if abs(value) <= REACH_M else f"must lie within {REACH_M:g}"
 
 
 def _bounded(low: float | None, high: float | None) -> ValueCheck:
     def check(value: Datum, frames: Container[str]) -> str:
-        if not isinstance(value, int | float) or not is_number(value):
+        if not is_finite(value):
             return "must be a finite number"
         outside = (low is not None and value < low) or (high is not None and value > high)
         return f"must lie in {low}..{high}" if outside else ""
@@ -113,7 +113,7 @@ def _names(value: Datum, frames: Container[str]) -> str:
 
 def _box(value: Datum, frames: Container[str]) -> str:
     """A normalised box with 0 ≤ min < max ≤ 1 (the paper's adjudication section)."""
-    if not isinstance(value, tuple | list) or not all(is_number(one) for one in value):
+    if not isinstance(value, tuple | list) or not all(is_finite(one) for one in value):
         return "must be a list of finite numbers"
     if len(value) != 4:
         return "must have four numbers"
@@ -123,7 +123,7 @@ def _box(value: Datum, frames: Container[str]) -> str:
 
 
 def _position(value: Datum, frames: Container[str]) -> str:
-    if not isinstance(value, tuple | list) or not all(is_number(one) for one in value):
+    if not isinstance(value, tuple | list) or not all(is_finite(one) for one in value):
         return "must be a list of finite numbers"
     if len(value) not in (2, 3):
         return "must have two or three numbers"

@@ -49,11 +49,6 @@ def plain(decision: Decision) -> Decision:
     return copy
 
 
-def is_number(value: object) -> bool:
-    """Whether a value is a finite number and not a flag."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
-
-
 def _from_numpy(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()

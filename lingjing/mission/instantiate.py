@@ -8,7 +8,6 @@ and the success condition stay expressions.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 
 import msgspec
@@ -25,6 +24,7 @@ from lingjing.mission.interactions import allowed_from_the_start
 from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.prompt_filling import PromptFiller
 from lingjing.mission.seeding import integer
+from lingjing.mission.values import is_finite
 
 CELLS_MOST = 10_000
 
@@ -164,7 +164,7 @@ def _parameter(mission: model.Mission, parameter: model.Parameter, given: float 
             if fault:
                 raise MissionError(f"the default {value:g} {fault}")
             return value
-        if not _is_finite(given):
+        if not is_finite(given):
             raise _setting_error(parameter, f"= {given!r} is not a number", f"give '{parameter.name}' a number")
         fault = _bound_fault(parameter, float(given), scope)
         if fault:
@@ -178,10 +178,6 @@ def _setting_error(parameter: model.Parameter, message: str, hint: str) -> Usage
 
 def _usage(where: str, message: str, hint: str) -> UsageError:
     return UsageError(message, hint=hint, faults=(Fault(where, message, hint),))
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _bound_fault(parameter: model.Parameter, value: float, scope: Scope) -> str:

@@ -68,6 +68,11 @@ def is_number(value: Value) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def is_finite(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite number and no flag."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
+
+
 def as_number(value: Value) -> float:
     """The value as a finite number."""
     if not is_number(value):

@@ -7,9 +7,9 @@ resource; only `stop` replaces one that is still pending, which then ends as `re
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
+from lingjing.mission.values import is_finite
 from lingjing.trace.records import Command, Receipt, Status
 
 STOP = "stop"
@@ -38,7 +38,7 @@ def optional_number(command: Command, name: str) -> float | None:
     value = command.arguments.get(name)
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not is_finite(value):
         raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must be a finite number, not {value!r}")
     return float(value)
 

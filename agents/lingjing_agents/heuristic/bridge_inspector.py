@@ -15,7 +15,6 @@ from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import (
     Action,
     Brief,
-    Datum,
     Decision,
     Inbox,
     Observation,
@@ -53,11 +52,9 @@ class BridgeInspector:
         self._brief, self._body, self._camera = brief, body, camera
         self._target_type, self._class = target_type_of(brief) or (GAPS, brief.classes[0] if brief.classes else "gap")
         self._report = may_send(brief, "report")
-        low, high = body.properties.get("band_low_m"), body.properties.get("band_high_m")
-        height = brief.settings.get("altitude", 60.0)
-        z = brief.water_level_m + _clamped(height, low, high)
         mates = team(brief)
         floor, ceiling = rated(body, "band_low_m", 0.0), rated(body, "band_high_m", math.inf)
+        z = brief.water_level_m + min(max(brief.settings.get("altitude", 60.0), floor), ceiling)
         self._z = FlightLevels(mates.index(brief.agent), len(mates), floor, ceiling, anchor_m=z).level(z)
         self._line: list[GroundPoint] = []
         self._leg = 0
@@ -115,9 +112,3 @@ class BridgeInspector:
             line = tuple(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2) for a, b in pairwise(line))
         self._leg += 1
         return list(line)
-
-
-def _clamped(value: float, low: Datum, high: Datum) -> float:
-    if isinstance(low, (int, float)):
-        value = max(value, float(low))
-    return min(value, float(high)) if isinstance(high, (int, float)) else value

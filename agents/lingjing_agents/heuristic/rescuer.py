@@ -9,7 +9,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, drive, has_verb, may_send
+from lingjing_agents.capability import compose, drive, has_verb, may_send, speed
 from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m
 from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
@@ -118,7 +118,7 @@ class Rescuer:
             self._sent = self._target
             return drive(self._body, (x, y))
         if math.dist(here, (x, y)) > self._target_type.settle_m / 2:
-            lead_s = math.dist(here, (x, y)) / self._speed()
+            lead_s = math.dist(here, (x, y)) / speed(self._body)
             return drive(self._body, self._sightings.where(self._target, observation.time_s + lead_s))
         return None
 
@@ -134,7 +134,7 @@ class Rescuer:
             return None
         middle = (sum(x for x, _ in corners) / len(corners), sum(y for _, y in corners) / len(corners))
         distance = math.dist(here, middle)
-        hop = min(distance, STAGING_TICKS * self._brief.tick_s * self._speed())
+        hop = min(distance, STAGING_TICKS * self._brief.tick_s * speed(self._body))
         if distance < 2 * self._target_type.settle_m:
             return None
         return drive(self._body, between(here, middle, hop / distance))
@@ -157,7 +157,3 @@ class Rescuer:
         x, y = self._sightings.where(sighting, time_s)
         place = (round(x, 1), round(y, 1), self._brief.water_level_m)
         return (compose(self._status, {"task": self._target_type.task, "state": state, "position": place}),)
-
-    def _speed(self) -> float:
-        speed = self._body.properties.get("speed_mps")
-        return float(speed) if isinstance(speed, (int, float)) and speed > 0 else 3.0

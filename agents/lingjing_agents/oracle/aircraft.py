@@ -266,7 +266,7 @@ class Inspecting(Ability):
             if entity.properties.get("blocks") is True
             and truth.present(entity.id)
             and (entity.id, route.waypoints) not in self._told
-            and _off_route(truth, route, entity) <= _radius(entity)
+            and _off_route(truth, route, entity) <= entity.number_or("radius_m", 0.0)
         ]
         return min(found, key=lambda entity: _segment(truth, route, entity), default=None)
 
@@ -340,8 +340,3 @@ def _segment(truth: PrivilegedState, route: Route, entity: Entity) -> int:
     here = truth.place(entity.id)
     pieces = list(pairwise(_line(truth, route)))
     return min(range(len(pieces)), key=lambda number: (round(distance_to_segment_m(here, *pieces[number]), 1), number))
-
-
-def _radius(entity: Entity) -> float:
-    radius = entity.properties.get("radius_m")
-    return float(radius) if isinstance(radius, int | float) else 0.0

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from lingjing.plugins.policy import Action, Brief, Datum, Outgoing, Resource
 from lingjing.plugins.tasks import Task
+from lingjing_agents.capability import speed
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
@@ -65,7 +65,7 @@ class TargetApproach:
             return None
         if self.verb == "moveTo":
             east, north = truth.drift(task.target)
-            lead_s = max(0.0, math.dist(here, there) - stop_m) / _speed(self.resource.properties)
+            lead_s = max(0.0, math.dist(here, there) - stop_m) / speed(self.resource)
             there = there[0] + lead_s * east, there[1] + lead_s * north
             goal = _rim(here, there, truth.place(onward) if onward else here, stop_m)
         else:
@@ -137,8 +137,3 @@ def _rim(here: GroundPoint, there: GroundPoint, onward: GroundPoint, radius_m: f
     angles = [math.tau * step / 24 for step in range(24)]
     options = [(there[0] + radius_m * math.cos(a), there[1] + radius_m * math.sin(a)) for a in angles]
     return min(options, key=lambda point: math.dist(here, point) + math.dist(point, onward))
-
-
-def _speed(properties: Mapping[str, Datum]) -> float:
-    speed = properties.get("speed_mps")
-    return float(speed) if isinstance(speed, int | float) and speed > 0 else 3.0
