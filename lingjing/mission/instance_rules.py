@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import msgspec
 
@@ -57,6 +57,18 @@ def dormant(mission: model.Mission, scope: Scope) -> frozenset[str]:
     """The entities that some event lets appear: they are not there before."""
     active = (event for event in mission.events if holds(event.when, scope))
     return frozenset(entity for event in active for entity in _entities(event, "appear", scope))
+
+
+def check_members(mission: model.Mission, scope: Scope) -> None:
+    """Raise `MissionError` for a condition that needs a member which its group lacks here: it could never hold.
+
+    A side of an `or` may name one: the other side can say how many there are.
+    """
+    for name, condition in _conditions(mission, scope):
+        for part in _needed(condition):
+            if isinstance(part, ex.Index) and isinstance(part.base, ex.Ref) and part.base.name in scope.members:
+                with at_path(f"{mission.name}/{name}"):
+                    _check_member(name, part.base.name, part.index, scope)
 
 
 def limits(mission: model.Mission, scope: Scope) -> tuple[LimitSpec, ...]:
@@ -142,6 +154,37 @@ def allowance(given: model.AllowanceDeclaration | None, scope: Scope) -> Allowan
         money_usd=None if given.money is None else number(given.money, scope),
         messages=None if given.messages is None else whole(given.messages, scope),
     )
+
+
+def _conditions(mission: model.Mission, scope: Scope) -> Iterator[tuple[str, ex.Expr]]:
+    """Every condition that is judged while this instance runs, beside the name of what it belongs to."""
+    yield from ((rule.name, rule.condition) for rule in mission.rules)
+    yield from ((unlock.interaction, unlock.condition) for unlock in mission.unlocks)
+    yield from ((stage.name, stage.condition) for stage in mission.stages)
+    yield from (("permit", permit.condition) for permit in mission.permits)
+    yield from ((item.name, item.condition) for item in mission.constraints if holds(item.when, scope))
+    yield ("success", mission.success)
+    if mission.failure is not None:
+        yield ("failure", mission.failure)
+
+
+def _needed(expr: ex.Expr) -> Iterator[ex.Expr]:
+    """The parts of a condition that are not on a side of an `or`."""
+    yield expr
+    if not (isinstance(expr, ex.Binary) and expr.operator == "or"):
+        for part in ex.children(expr):
+            yield from _needed(part)
+
+
+def _check_member(name: str, group: str, index: ex.Expr, scope: Scope) -> None:
+    if any(not isinstance(leaf, ex.Number) and getattr(leaf, "kind", "") != "param" for leaf in ex.leaves(index)):
+        return  # known while the mission runs
+    position, most = number(index, scope), len(scope.members[group])
+    if position not in range(1, most + 1):
+        there = f"`{group}` has {most} {'member' if most == 1 else 'members'}"
+        raise MissionError(
+            f"`{name}` asks for `{group}[{position:g}]`, and {there}", hint="members are counted 1, 2, 3, …"
+        )
 
 
 def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, seed: int) -> int:

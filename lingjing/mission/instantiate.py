@@ -50,6 +50,7 @@ def instantiate(
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
     scene = scene_spec(mission, msgspec.structs.replace(scope, areas=_areas(mission, scope)), seed)
     scope = msgspec.structs.replace(scope, members=_members(mission, scope))
+    instance_rules.check_members(mission, scope)
     areas = _areas(mission, scope)
     scope = msgspec.structs.replace(scope, areas=areas)
     members = _entities(mission, scope, seed, scene.datum_m)

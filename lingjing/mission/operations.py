@@ -236,13 +236,17 @@ def of_the_map(name: str) -> Callable[..., Value]:
 # -- lists ----------------------------------------------------------------------------------------------------------
 
 
+INDEX_MOST = 100_000
+"""The highest index of `at(…)`: no group has more members."""
+
+
 def item_at(
     context: EvaluationContext, index: Value, values: Value, *, spread: Value = None, rest: Value = None
 ) -> Value:
     """`at(i, [values], spread d)`: the i-th value; beyond the list they are `rest`, points spread, others repeat."""
     position = as_whole(index)
-    if position < 1:
-        raise MissionError(f"at(…) counts from 1, this is {position}")
+    if not 1 <= position <= INDEX_MOST:
+        raise MissionError(f"at(…) counts from 1 to {INDEX_MOST:,}, this is {position:,}")
     if not isinstance(values, tuple) or not values:
         raise MissionError("at(index, [values]) needs a list with something in it")
     if position <= len(values):

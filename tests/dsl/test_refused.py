@@ -44,6 +44,11 @@ CASES = [
     ("bay {", "bay { extent = 3 km,", "LJ0508", 8, 15, "has no option `extent`"),
     ("bay {", "commercial { deck = 2 m,", "LJ0508", 8, 22, "`deck` is 2.0"),
     ("~ sites(search, apart >= 10 m)", f"~ {FAR.format('uavs * 1e6 m')}", "LJ0211", 19, 23, "is beyond every scene"),
+    ("  param alt", "  sweep all over uavs in [1, 2]\n  stage spare { done when uav[2].heading > 0 deg }\n  param alt",
+        "LJ0507", 15, 9, "with uavs = 1, `spare` asks for `uav[2]`, and `uav` has 1 member"),
+    ("at(i, [", "at(1e15, [", "LJ0507", 22, 5, "counts from 1 to 100,000"),
+    ("policy <= 90 s", "policy <= 1e15 s", "LJ0206", 10, 35, "at most 86400 s"),
+    ("bay {", "campus { traffic = 1e12,", "LJ0508", 8, 18, "`traffic` is 1000000000000.0"),
     ("speed <= 3 m/s }", "speed = -3 m/s }", "LJ0507", 26, 75, "`speed` is -3"),
     ("    camera nadir", "    endurance = 0 s\n    camera nadir", "LJ0507", 23, 5, "`endurance` is 0"),
     ("bay {", "map {", "LJ0508", 8, 9, "names no map"),
@@ -57,6 +62,21 @@ def test_what_run_refuses(small: str, old: str, new: str, code: str, line: int, 
     found = compile_text(text.replace(old, new, 1)).diagnostics
     assert [(item.code, item.span.line, item.span.column) for item in found] == [(code, line, column)]
     assert part in found[0].message
+
+
+def test_a_side_of_an_or_may_name_a_member_that_is_not_there(small: str) -> None:
+    sweep = "  sweep all over uavs in [1, 2]\n"
+    stage = "  stage spare { done when uavs < 2 or uav[2].heading > 0 deg }\n"
+    text = small.replace("  param alt", f"{sweep}{stage}  param alt")
+    assert not compile_text(text).diagnostics
+
+
+def test_a_group_may_be_empty_by_its_param(small: str) -> None:
+    text = small.replace("param uavs = 2 in 1..10", "param uavs = 2 in 1..10\n  param jams = 0 in 0..4")
+    jam = "  target jam[1..jams] : person_in_water { position = at(i, [(5 m, 5 m)]) }\n"
+    text = text.replace("  asset boat", f"{jam}  asset boat")
+    assert not compile_text(text).diagnostics
+    assert [item.code for item in compile_text(text.replace("1..jams", "1..0")).diagnostics] == ["LJ0206"]
 
 
 @pytest.mark.parametrize(

@@ -385,7 +385,7 @@ class Elaborator(ExpressionChecker):
         if not (good and self.fits(right, Type("quantity", left.type.dimension), node.right, "the range's upper end")):
             return UNKNOWN
         low, high = self.constant(left.ir), self.constant(right.ir)
-        if low is not None and high is not None and low > high:
+        if low is not None and high is not None and low > high and not _counts_none(node, low, high):
             self.report.at("LJ0206", node, "the range is empty", "the smaller end stands first")
             return UNKNOWN
         return TypedExpression(ex.Range(left.ir, right.ir), Type("range", left.type.dimension), _taint(left, right))
@@ -438,6 +438,11 @@ _PHRASES = {
     "to": "`0.2 m/s to 60 deg` is a current",
     "at": "`sea level at -3.5 m` is a datum",
 }
+
+
+def _counts_none(node: s.BinaryExpr, low: float, high: float) -> bool:
+    """Whether it is `1..n` of a computed `n` that is 0 now: a group without members."""
+    return (low, high) == (1.0, 0.0) and not isinstance(node.right, s.NumberLiteral)
 
 
 def _taint(*values: TypedExpression) -> Taint:

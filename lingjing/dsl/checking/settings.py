@@ -37,14 +37,17 @@ _OPTION_TYPES = {
 }  # fmt: skip
 
 
+_DAY_S = 86_400.0
+"""The longest deadline of a barrier: nobody waits longer, and a system's clock cannot wait for ever."""
+
 CLOCK_KEYS = keyed(
     PropertyKey("tick", SECONDS, above=0, required=True), PropertyKey("sync", SECONDS, above=0, required=True)
 )
 BUDGET_KEYS = keyed(
     PropertyKey("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
-    PropertyKey("policy", SECONDS, ("<=",), above=0),
-    PropertyKey("engine", SECONDS, ("<=",), above=0),
-    PropertyKey("capture", SECONDS, ("<=",), above=0),
+    PropertyKey("policy", SECONDS, ("<=",), above=0, high=_DAY_S),
+    PropertyKey("engine", SECONDS, ("<=",), above=0, high=_DAY_S),
+    PropertyKey("capture", SECONDS, ("<=",), above=0, high=_DAY_S),
     PropertyKey("tokens", Type("quantity", TOKENS), ("<=",), above=0, whole=True),
     PropertyKey("money", Type("quantity", MONEY), ("<=",), above=0),
     PropertyKey("messages", NUMBER, ("<=",), low=0, whole=True),
