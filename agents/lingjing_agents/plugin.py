@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import Policy, PolicyPlugin
+from lingjing.plugins.prompts import PromptPlugin
 
 
 @hookimpl
@@ -53,6 +55,34 @@ def lingjing_models() -> Iterable[ModelPlugin]:
     from lingjing_agents.llm.models import known_models
 
     return known_models()
+
+
+@hookimpl
+def lingjing_prompts() -> Iterable[PromptPlugin]:
+    """The prompts of `react`."""
+    return (
+        PromptPlugin(
+            name="react",
+            policy="react",
+            option="prompt",
+            shipped=Deferred("react.prompt_files", "shipped_texts"),
+            check=Deferred("react.prompt_files", "check_text"),
+            reviser=Deferred("react.prompt_reviser", "make_reviser"),
+            summary="what a chat model is told beside what it may command and say",
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Deferred:
+    """A function of a module that is imported when it is called."""
+
+    module: str
+    attribute: str
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function returns."""
+        return getattr(import_module(f"lingjing_agents.{self.module}"), self.attribute)(*arguments)
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,6 +91,7 @@ def _run(coroutine: Any) -> Any:
 def _last_state(turns: list[dict[str, Any]]) -> tuple[dict[str, Any], list[bytes]]:
     content = turns[-1]["content"]
     if isinstance(content, str):
+        assert content.startswith("{"), content  # a complaint about an answer
         return json.loads(content), []
     urls = [part["image_url"]["url"] for part in content[1:]]
     return json.loads(content[0]["text"]), [base64.b64decode(url.split(",", 1)[1]) for url in urls]
@@ -134,7 +135,7 @@ def brief_from(system: str) -> Brief:
         peers=tuple(
             Peer(id=one["id"], role=one["role"], resources=tuple(one["resources"])) for one in known.get("agents", ())
         ),
-        messages=tuple(_messages(speech, head[2], known)),
+        messages=tuple(_all_messages(system, head[2], known)),
         regions=tuple(
             Region(name=name, polygon=tuple((x, y) for x, y in corners))
             for name, corners in known.get("regions_east_north_m", {}).items()
@@ -220,6 +221,26 @@ def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpe
             MessageSpec(kind=told[1], type=record, category=told[2], fields=fields, senders=(role,), recipients=to)
         )
     return found
+
+
+def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[MessageSpec]:
+    """The kinds that the agent may send, then those of others; one that both may send is one."""
+    found = {one.kind: one for one in _messages(_section(system, "YOU MAY SEND"), role, known)}
+    for line in _section(system, "OTHERS MAY SEND").splitlines() if "OTHERS MAY SEND\n" in system else ():
+        kind, category, senders, to, names = re.match(  # type: ignore[union-attr]
+            r"- (\w+) \((\w+)\) from (.+) to (.+): (.*)", line
+        ).groups()
+        fields = tuple(
+            Field(name=name.rstrip("?"), type="name", optional=name.endswith("?")) for name in names.split(", ")
+        )
+        record = next((name for needs, name, _ in _RECORDS if needs <= {field.name for field in fields}), "note")
+        own = found.get(kind)
+        others = tuple(senders.split(", "))
+        found[kind] = MessageSpec(
+            kind=kind, type=record, category=category, fields=own.fields if own else fields,
+            senders=(*(own.senders if own else ()), *others), recipients=tuple(to.split(", ")),
+        )  # fmt: skip
+    return list(found.values())
 
 
 def _field(told: str) -> Field:

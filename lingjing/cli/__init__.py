@@ -11,6 +11,7 @@
 - `bench`                                          a suite of many episodes: its rows, its tables
 - `verify`, `replay`, `why`                        a trace: is it what was written, does it happen again, why it ended
 - `calls`                                          what an episode's policies asked chat models
+- `prompts`                                        a policy's prompts; a better one from failed traces
 - `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks
 """

@@ -50,6 +50,7 @@ VERBS = (
     CommandVerb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
     CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one", computes=True),
     CommandVerb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
+    CommandVerb("prompts", "lingjing.cli.prompts", "list, show and improve the prompts of policies", computes=True),
     CommandVerb("new", "lingjing.cli.new", "write a file to start from"),
     CommandVerb("calls", "lingjing.cli.calls", "list and read what an episode's policies asked chat models"),
     CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions", computes=True),

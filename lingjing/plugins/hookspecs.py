@@ -15,6 +15,7 @@ from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.plugins.prompts import PromptPlugin
 from lingjing.scene.city import City
 
 hookspec = pluggy.HookspecMarker("lingjing")
@@ -56,7 +57,12 @@ def lingjing_models() -> Iterable[ModelPlugin]:  # type: ignore[empty-body]
     """Fires once when the models are asked for, by a suite or a list: the chat models this plug-in knows."""
 
 
+@hookspec
+def lingjing_prompts() -> Iterable[PromptPlugin]:  # type: ignore[empty-body]
+    """Fires once when prompts are asked for: the policies of this plug-in that have some."""
+
+
 __all__ = [
     "ScenePlugin", "hookimpl", "hookspec", "lingjing_engines", "lingjing_evaluators", "lingjing_models",
-    "lingjing_policies", "lingjing_scenes",
+    "lingjing_policies", "lingjing_prompts", "lingjing_scenes",
 ]  # fmt: skip

@@ -15,6 +15,7 @@ from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.plugins.prompts import PromptPlugin
 
 
 class _Named(Protocol):
@@ -31,6 +32,7 @@ _DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_scenes": (ScenePlugin, "build"),
     "lingjing_evaluators": (EvaluatorPlugin, "build"),
     "lingjing_models": (ModelPlugin, ""),
+    "lingjing_prompts": (PromptPlugin, ""),
 }
 """What each hook offers, and the field of it that makes the thing, if one does."""
 
@@ -55,6 +57,11 @@ class PluginHost:
     def models(self) -> dict[str, ModelPlugin]:
         """The chat models, by name; asked for only when somebody wants them, since their list is read from a file."""
         return self._collect("lingjing_models")
+
+    @cached_property
+    def prompts(self) -> dict[str, PromptPlugin]:
+        """The policies that have prompts, by name."""
+        return self._collect("lingjing_prompts")
 
     def engine(self, name: str) -> EnginePlugin:
         """The engine of that name, or a `UsageError` that lists what there is."""

@@ -7,6 +7,7 @@ cut out, and what is known of each), `history` (earlier turns, bounded) make the
 what comes back and `step` checks it against the schema of `lingjing.plugins.decisions` and reads commitments and plan;
 `search_budget` bounds how often cells are searched again. `policy` runs the loop: ask, show what is to be seen closer,
 repair, account tokens and cost, give up with a reason (`remedy` says what to do) before the kernel's barrier does.
+`prompt_reviser` has a second model revise a prompt from failed traces.
 
 Invariants: a request holds what the brief, the observation and the inbox hold and nothing else; numbers are those that
 the kernel enforces; earlier turns stay as they were sent, so that services can keep the beginning of a request.

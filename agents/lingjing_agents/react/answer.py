@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 
-from lingjing_agents.react.step import Step, StepFormat
+from lingjing_agents.react.step import ModelStep, StepFormat
 
 _END_OF_REASONING = re.compile(
     r"</(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[/THINK\]|<\|channel\|>final<\|message\|>",
@@ -51,7 +51,7 @@ def step_text(text: str) -> str:
     return found[0]
 
 
-def read_step(text: str, form: StepFormat) -> Step:
+def read_step(text: str, form: StepFormat) -> ModelStep:
     """The step in a model's answer. Raises `StepError`, which lists every fault found: services that promise a
     schema do not always keep it."""
     try:

@@ -34,9 +34,10 @@ def interface(brief: Brief) -> str:
     sections = (
         ("YOU MAY COMMAND", _commands(brief) or ["nothing: you only send messages; answer with command null."]),
         ("YOU MAY SEND", [*_messages(brief), *_speech(brief)]),
+        ("OTHERS MAY SEND", list(_others(brief))),
         ("KNOWN FROM THE START", [compact(known(brief))]),
     )
-    return "\n\n".join(f"{head}\n" + "\n".join(lines) for head, lines in sections)
+    return "\n\n".join(f"{head}\n" + "\n".join(lines) for head, lines in sections if lines)
 
 
 def rules(brief: Brief) -> str:
@@ -174,6 +175,16 @@ def _messages(brief: Brief) -> Iterator[str]:
             for field in message.fields
         )
         yield f"- {message.kind} ({message.category}): {{{fields}}}{_to(brief, message)}"
+
+
+def _others(brief: Brief) -> Iterator[str]:
+    """The kinds of message that other roles may send, with who may hear them."""
+    for message in brief.messages:
+        senders = [role for role in message.senders if role != brief.role]
+        if senders:
+            fields = ", ".join(f"{field.name}{'?' * field.optional}" for field in message.fields)
+            way = f"from {', '.join(senders)} to {', '.join(message.recipients)}"
+            yield f"- {message.kind} ({message.category}) {way}: {fields}"
 
 
 def _to(brief: Brief, message: MessageSpec) -> str:

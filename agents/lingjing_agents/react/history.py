@@ -1,4 +1,4 @@
-"""`History`: the earlier turns that a model is shown, bounded in tokens, with the pictures that matter.
+"""`TurnHistory`: the earlier turns that a model is shown, bounded in tokens, with the pictures that matter.
 
 Services keep what a request begins with. So a turn never changes once it is kept, and turns are let go in one block
 when the bound is passed (the oldest, until half of it is left): the beginning of a request stays the same for long.
@@ -19,7 +19,7 @@ PIXELS_PER_TOKEN = 28 * 28
 """What most models make of an image where nothing better is known."""
 
 
-class History:
+class TurnHistory:
     """Earlier turns of one agent: at most `tokens`, and of their pictures the last `pictures` that a report named."""
 
     def __init__(self, tokens: int, pictures: int) -> None:

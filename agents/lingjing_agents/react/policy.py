@@ -31,7 +31,7 @@ from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
 from lingjing_agents.react.facts import compact, interface
-from lingjing_agents.react.history import History, text_tokens
+from lingjing_agents.react.history import TurnHistory, text_tokens
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.pictures import SentImage, image, images
 from lingjing_agents.react.prompt_files import prompt_text
@@ -40,7 +40,7 @@ from lingjing_agents.react.road_costs import road_costs
 from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.state import RequestLedger, observation_text
-from lingjing_agents.react.step import Crop, Step, StepFormat
+from lingjing_agents.react.step import Crop, ModelStep, StepFormat
 
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
@@ -99,7 +99,7 @@ class ReactPolicy:
         self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
-            self._history = History(self._history_tokens(), self._options.history_images)
+            self._history = TurnHistory(self._history_tokens(), self._options.history_images)
         if self._idle(observation, inbox):
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
@@ -154,7 +154,7 @@ class ReactPolicy:
         return (*self._references, *new)[:most]
 
     def _decided(
-        self, step: Step, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
+        self, step: ModelStep, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
     ) -> Decision:
         decision = msgspec.structs.replace(step.decision, command=self._guidance.command(step.decision.command))
         self._withheld = self._search.withheld(decision.command, observation)
@@ -179,7 +179,7 @@ class ReactPolicy:
 
     async def _settle(
         self, tick: int, messages: tuple[ChatMessage, ...], pictures: Sequence[Picture]
-    ) -> tuple[Step, str]:
+    ) -> tuple[ModelStep, str]:
         """The step that is decided on at last: crops are shown and faults are told in between."""
         deadline = CallDeadline(self._options.deadline_s)
         repairs, crops, fault = self._options.repairs, self._options.crops, ""
@@ -205,7 +205,7 @@ class ReactPolicy:
         tried = f"{self._options.repairs} repair{'s' * (self._options.repairs != 1)}"
         raise ReactError(f"no valid step after {tried}; last fault: {fault}", self._bill())
 
-    def _read(self, completion: ModelCompletion) -> Step:
+    def _read(self, completion: ModelCompletion) -> ModelStep:
         """The step in an answer; every answer counts, and the ones that keep to the schema count again."""
         self._answers += 1
         if completion.finish_reason == "length":

@@ -52,6 +52,16 @@ def shipped() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".txt") for file in _FOLDER.iterdir() if file.name.endswith(".txt")))
 
 
+def shipped_texts() -> dict[str, str]:
+    """The texts of the shipped prompts by name."""
+    return {name: (_FOLDER / f"{name}.txt").read_text(encoding="utf-8") for name in shipped()}
+
+
+def check_text(text: str) -> None:
+    """Raise `ValueError` for a text that is no prompt."""
+    checked(PromptText("", text))
+
+
 def prompt_text(name: str) -> PromptText:
     """A shipped prompt by its name, or the one in a file. Raises `ValueError` that says what is wrong with it."""
     if name in shipped():

@@ -27,7 +27,7 @@ class Crop:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ModelStep:
     """One answer: the decision, the lines to remember by field, and the crop that is asked for instead of deciding."""
 
     decision: Decision
@@ -60,14 +60,14 @@ class StepFormat:
             return () if x0 < x1 and y0 < y1 else ("crop.box: x_min < x_max and y_min < y_max are due",)
         return found
 
-    def step(self, answer: Any) -> Step:
+    def step(self, answer: Any) -> ModelStep:
         """A completed answer without faults."""
         memory = {
             name: tuple(line[:LETTERS] for line in answer[name][:LINES]) for name in self._memory if name in answer
         }
         wanted = answer.get(CROP)
         crop = None if wanted is None else Crop(wanted["frame"], msgspec.convert(wanted["box"], ImageBox))
-        return Step(self._form.decision(answer), memory, crop)
+        return ModelStep(self._form.decision(answer), memory, crop)
 
 
 def _lines(description: str) -> JsonSchema:

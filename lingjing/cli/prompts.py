@@ -1,0 +1,138 @@
+"""`lingjing prompts`: list and show the prompts of policies; improve one from the traces of failed episodes."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.cli.arguments import MODES, parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.files import write_output
+from lingjing.cli.parser import ArgumentParser
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.plugins.prompts import PromptPlugin
+
+
+def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
+    """Declare the verb and its actions."""
+    parser = subparsers.add_parser(
+        "prompts", help="list, show and improve the prompts of policies", description=__doc__
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
+    listed = actions.add_parser("list", help="list the prompts that ship", description=_list.__doc__)
+    listed.set_defaults(run=_list)
+    show = actions.add_parser("show", help="print one", description=_show.__doc__)
+    show.add_argument("prompt", metavar="NAME")
+    show.set_defaults(run=_show)
+    better = actions.add_parser("improve", help="revise one from failed traces", description=_improve.__doc__)
+    better.add_argument("mission", metavar="MISSION", help="a shipped mission or an .ljs file")
+    better.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="where the best goes")
+    better.add_argument("--start", metavar="NAME|FILE", default="P0", help="the prompt to begin with (default P0)")
+    better.add_argument("--rounds", metavar="N", type=int, default=4, help="how many revisions (default 4)")
+    better.add_argument("--seeds", metavar="A-B", default="1000-1019", help="development seeds (default 1000-1019)")
+    better.add_argument(
+        "--held-out", metavar="A-B", default="0-199", help="seeds of the evaluation, which must not be among them"
+    )
+    better.add_argument("--mode", choices=MODES, help="the mission's mode")
+    better.add_argument("--set", metavar="PARAM=VALUE", action="append", default=[], help="a parameter of the mission")
+    better.add_argument("--policy", default="react", help="whose prompt (default react)")
+    better.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
+    better.add_argument("--reviser-arg", metavar="K=V", action="append", default=[], help="an option of the reviser")
+    better.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="episodes at a time")
+    better.add_argument("--folder", metavar="DIR", type=Path, help="where the search is kept (default FILE.search)")
+    better.set_defaults(run=_improve)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Do what was asked for."""
+    return int(args.run(args))
+
+
+def _list(args: argparse.Namespace) -> int:
+    """List the prompts that ship, with the beginning of each and the SHA-256 that traces hold."""
+    import hashlib
+
+    from lingjing.plugins.host import PluginHost
+
+    for plugin in PluginHost().prompts.values():
+        for name, text in plugin.shipped().items():
+            sha256 = hashlib.sha256(text.encode()).hexdigest()
+            print(f"{plugin.policy}  {name}  sha256:{sha256[:12]}  {' '.join(text.split())[:60]}…")
+    return ExitCode.OK
+
+
+def _show(args: argparse.Namespace) -> int:
+    """Print a prompt that ships, with its holes."""
+    from lingjing.plugins.host import PluginHost
+
+    every = {name: text for plugin in PluginHost().prompts.values() for name, text in plugin.shipped().items()}
+    if args.prompt not in every:
+        raise UsageError(f"there is no prompt `{args.prompt}`", hint=f"there are: {', '.join(every) or 'none'}")
+    sys.stdout.write(every[args.prompt])
+    return ExitCode.OK
+
+
+def _improve(args: argparse.Namespace) -> int:
+    """Play a prompt on development seeds, have a second model revise it from the traces of failed episodes, keep the
+    better one, and again; write the best. A search that was stopped goes on with the same command."""
+    from msgspec.structs import replace
+
+    from lingjing.bench.prompt_search import PromptCandidate, PromptSearch
+    from lingjing.play.options import PlayOptions, compiled
+
+    seeds, held_out = parse_seeds(args.seeds), parse_seeds(args.held_out)
+    if both := sorted(set(seeds) & set(held_out)):
+        raise UsageError(
+            f"development seeds must not be those of the evaluation, and {both[0]} is both",
+            hint="give other --seeds, or --held-out for what is evaluated",
+        )
+    for option, number in (("--rounds", args.rounds), ("-j", args.jobs)):
+        if number < 1:
+            raise UsageError(f"{option} {number}: at least one")
+    plugin = _prompts_of(args.policy)
+    start = _text_of(args.start, plugin)
+    given = parse_pairs("--policy-arg", args.policy_arg)
+    options = PlayOptions(mission=args.mission, policy=args.policy, mode=args.mode, policy_args={**given})
+    settings = parse_settings(parse_pairs("--set", args.set), compiled(options))
+    folder = args.folder or args.output.with_name(f"{args.output.name}.search")
+
+    def tell(candidate: PromptCandidate) -> None:
+        print(f"candidate {candidate.number}: {candidate.line}", file=sys.stderr, flush=True)
+
+    search = PromptSearch(
+        folder, replace(options, settings=settings), plugin.option, seeds,
+        plugin.reviser(parse_pairs("--reviser-arg", args.reviser_arg)), plugin.check, args.jobs, tell,
+    )  # fmt: skip
+    best = search.run(start, args.rounds)
+    write_output(best.text, str(args.output))
+    print(f"candidate {best.number} is the best: {best.line}; sha256:{best.sha256}")
+    return ExitCode.OK
+
+
+def _prompts_of(policy: str) -> PromptPlugin:
+    from lingjing.plugins.host import PluginHost
+
+    known = {plugin.policy: plugin for plugin in PluginHost().prompts.values()}
+    if policy not in known:
+        raise UsageError(f"policy `{policy}` has no prompt", hint=f"these have: {', '.join(known) or 'none'}")
+    return known[policy]
+
+
+def _text_of(name: str, plugin: PromptPlugin) -> str:
+    """A shipped prompt by its name, or the text in a file."""
+    shipped = plugin.shipped()
+    if name in shipped:
+        return shipped[name]
+    try:
+        text = Path(name).read_text(encoding="utf-8")
+        plugin.check(text)
+    except OSError as error:
+        raise UsageError(
+            f"`{name}` is no prompt ({', '.join(shipped)}) and no file that can be read: {error.strerror}"
+        ) from error
+    except ValueError as error:
+        raise UsageError(f"`{name}` {error}") from error
+    return text
