@@ -6,11 +6,15 @@
 - `relations`   the occurrences of the five coordination relations, added to a trace while it is written
 - `idleness`    the share of agent steps with nothing assigned and nothing done
 - `repetition`  how often a target was asked for or entered again
+- `behaviour`   adherence, repetition, out of bounds, forgotten subgoals, by tercile
+- `search_marks` redundant revisits, communication at discovery
+- `attention`   maps of where a model looked against true boxes
 - `incidents`   who crashed, fell, ran out of energy, when and where
 - `registries`  the kernel's registry at every boundary, from the records alone
 - `clauses`     what a condition lacks, with the values it had
 - `ending`      `why(trace)`: why it ended as it did
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics
+- `pooled`      figures of several traces together
 - `history`     what a picture of the episode needs, gathered by entity and by tick
 - `played_city` the city of an episode, built again, and whom to name for its map
 - `page_pictures` the map with the trails and the best picture of each camera, for pages

@@ -22,6 +22,9 @@ from lingjing.trace.records import FrameInfo
 BINS = 10
 """Bins of equal width of the expected calibration error."""
 
+OVERLAP = 0.5
+"""The IoU from which two boxes are of the same thing (the paper's box-matching rule)."""
+
 UnitBox = tuple[float, float, float, float]
 
 
@@ -63,6 +66,7 @@ class Detection:
     false_negatives: int
     missing_frames: int
     hallucinating_frames: int
+    confusing_frames: int
 
     @property
     def precision(self) -> float | None:
@@ -89,6 +93,15 @@ class Detection:
     def hallucination_rate(self) -> float | None:
         """Share of aligned frames with at least one unmatched report."""
         return ratio(self.hallucinating_frames, self.frames)
+
+    @property
+    def confusion_rate(self) -> float | None:
+        """Share of aligned frames with a report that took something else for a target.
+
+        "Number of evaluated perception calls assigned to an incorrect target class or distractor": a report without a
+        target of its own whose box overlaps by half (IoU) with the true box of something of another class.
+        """
+        return ratio(self.confusing_frames, self.frames)
 
     @property
     def localisation_error_m(self) -> float | None:
@@ -128,7 +141,28 @@ def detect(trace: Trace) -> Detection:
         false_negatives=sum(missed.values()),
         missing_frames=sum(count > 0 for count in missed.values()),
         hallucinating_frames=sum(frame.id in wrong for frame in frames),
+        confusing_frames=len({report.frame for report in reports if confused_with(trace, report) is not None}),
     )
+
+
+def confused_with(trace: Trace, report: MatchedReport) -> str | None:
+    """The entity of another class that a false report took for a target: the one whose true box overlaps most with the
+    report's, by half or more; None if it is of nothing, or of nothing else."""
+    info = trace.frames.get(report.frame)
+    if not report.false or report.box is None or info is None:
+        return None
+    others = [(iou(report.box, truth.box), truth.entity) for truth in info.boxes if truth.cls != report.cls]
+    overlap, entity = max(others, default=(0.0, ""))
+    return entity if overlap >= OVERLAP else None
+
+
+def iou(one: UnitBox, other: UnitBox) -> float:
+    """Intersection over union of two boxes."""
+    width = min(one[2], other[2]) - max(one[0], other[0])
+    height = min(one[3], other[3]) - max(one[1], other[1])
+    shared = max(0.0, width) * max(0.0, height)
+    union = sum(abs((box[2] - box[0]) * (box[3] - box[1])) for box in (one, other)) - shared
+    return shared / union if union > 0 else 0.0
 
 
 def matching_rules(trace: Trace) -> frozenset[str]:

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
-from lingjing.analysis.repetition import assignments_at
-from lingjing.mission.instance import Instance
+from lingjing.analysis.repetition import Assignments
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Receipt
 
@@ -67,12 +66,12 @@ def idle_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
     instance = trace.header.instance
     bodies = {agent.id: agent.controls for agent in instance.agents if agent.controls}
     duties = {body: _Duty() for controls in bodies.values() for body in controls}
-    completed: set[str] = set()
+    assigned, completed = Assignments(instance), set[str]()
     steps: dict[str, list[bool]] = {agent: [] for agent in bodies}
     for record in trace.boundaries:
         asked = [made.agent for made in record.decisions if made.agent in bodies]
         began = _begin(record, duties)
-        _assign(instance, record, duties, completed)
+        _assign(assigned.at(record), duties, completed)
         for agent in asked:
             steps[agent].append(not any(duties[body].busy or body in began for body in bodies[agent]))
         completed |= completed_at(instance, record)
@@ -97,8 +96,10 @@ def _admitted(receipt: Receipt | None) -> bool:
     return receipt is not None and receipt.status not in ("rejected", "timed_out")
 
 
-def _assign(instance: Instance, record: BoundaryRecord, duties: Mapping[str, _Duty], completed: set[str]) -> None:
-    for body, targets in assignments_at(instance, record):
+def _assign(
+    assignments: Iterable[tuple[str, tuple[str, ...]]], duties: Mapping[str, _Duty], completed: set[str]
+) -> None:
+    for body, targets in assignments:
         duty = duties.get(body)
         if duty is not None and (not targets or set(targets) - completed):
             duty.assign(set(targets) - completed)

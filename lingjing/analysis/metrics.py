@@ -22,16 +22,18 @@ from typing import Annotated, get_type_hints
 
 import msgspec
 
+from lingjing.analysis.behaviour import actions, behaviour
 from lingjing.analysis.completion import owed_kg
 from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.repetition import repeated_target_rate
+from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import DecisionRecord, Envelope, Usage
 
-GROUPS = ("outcome", "perception", "communication", "cost")
+GROUPS = ("outcome", "perception", "communication", "behaviour", "cost")
 """The groups of a printed score, in order."""
 
 
@@ -92,6 +94,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Share of pictures with a miss."""
     hallucination_rate: Annotated[float | None, "perception"]
     """Share of pictures with a false report."""
+    confusion_rate: Annotated[float | None, "perception"]
+    """Object confusion: share of pictures with a false report whose box lies on something of another class."""
     localisation_error_m: Annotated[float | None, "perception", "m"]
     """Median planar distance between a matched report's position and the target when the picture was taken."""
     calibration_error: Annotated[float | None, "perception"]
@@ -114,10 +118,29 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     the target is completed or assigned to somebody else: the assignee's own arrival is what was asked for. A step of
     guidance, an assignee's yes to what it was given, and the way back to a depot are no events. An order larger than
     one load has room for several."""
+    discovery_messages: Annotated[float | None, "communication"]
+    """Communication at discovery: share of messages sent in a tick in which a target was first matched."""
     conflicts: Annotated[int, "communication"]
     """Commands refused because another agent came first."""
     rejections: Annotated[int, "communication"]
     """Commands and messages refused for any reason."""
+
+    actions: Annotated[int, "behaviour"]
+    """Physical commands that policies decided on."""
+    adherence: Annotated[float | None, "behaviour"]
+    """Share of actions that were admitted as asked for and broke no constraint."""
+    repetition: Annotated[float | None, "behaviour"]
+    """Share of actions with the verb, resource and rounded arguments of the same agent's action before, over all but
+    each agent's first."""
+    out_of_bounds: Annotated[float | None, "behaviour"]
+    """Share of actions that were clipped to or refused for a bound of place, height or motion, or broke a
+    constraint."""
+    forgotten: Annotated[float | None, "behaviour"]
+    """Forgotten subgoals: share of actions on targets that are all completed, or on others than those that the body is
+    assigned to and that are open."""
+    redundant_revisits: Annotated[float | None, "behaviour"]
+    """Share of visits of search cells (pictures from above one that the camera was not above before) that an earlier
+    picture had covered; N/A where no agent observes cells."""
 
     calls: Annotated[int, "cost"]
     """Calls of policies to models."""
@@ -161,6 +184,7 @@ def metrics(trace: Trace) -> Metrics:
     edges = [edge for record in trace.boundaries for edge in record.messages]
     decisions = [made for record in trace.boundaries for made in record.decisions]
     usage = _usage(decisions)
+    acted = behaviour(actions(trace))
     refusals = Counter(
         receipt.reason for record in trace.boundaries for receipt in record.receipts if receipt.status == "rejected"
     )
@@ -183,6 +207,7 @@ def metrics(trace: Trace) -> Metrics:
         f1=detection.f1,
         miss_rate=detection.miss_rate,
         hallucination_rate=detection.hallucination_rate,
+        confusion_rate=detection.confusion_rate,
         localisation_error_m=detection.localisation_error_m,
         calibration_error=detection.calibration_error,
         first_discovery_tick=_first_discovery(detection),
@@ -191,8 +216,15 @@ def metrics(trace: Trace) -> Metrics:
         rounds=_rounds(edges),
         gap=_gap(trace),
         rep=repeated_target_rate(trace),
+        discovery_messages=communication_at_discovery(trace),
         conflicts=refusals["conflict"],
         rejections=refusals.total(),
+        actions=acted.actions,
+        adherence=acted.adherence,
+        repetition=acted.repetition,
+        out_of_bounds=acted.out_of_bounds,
+        forgotten=acted.forgotten,
+        redundant_revisits=redundant_revisit_rate(trace),
         calls=usage.calls,
         tokens=usage.prompt_tokens + usage.completion_tokens,
         cost_usd=usage.cost_usd,

@@ -28,7 +28,7 @@ The terms of that definition are read from a trace as follows.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
@@ -204,22 +204,36 @@ def _requests(instance: Instance, record: BoundaryRecord, radii: tuple[ServiceRa
         yield _Request(sender, target, tuple(assignees))
 
 
-def assignments_at(instance: Instance, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """The bodies that assignment messages of one boundary are for, each with the targets that are meant. A message
-    that names no assignee is for its recipient."""
-    controls = {agent.id: agent.controls for agent in instance.agents}
-    radii = service_radii(instance)
-    seen: set[tuple[str, str]] = set()
-    for message in record.messages:
-        named = str(message.body.get("assignee") or message.recipient)
-        if message.category == "assignment" and (message.id, named) not in seen:
-            seen.add((message.id, named))
-            for body in controls.get(named, (named,)):
-                yield body, _targets_of(instance, record, message.body, body, radii)
+class Assignments:
+    """Whom assignment messages are for, and which targets are meant, in one instance."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._instance = instance
+        self._controls = {agent.id: agent.controls for agent in instance.agents}
+        self._radii = service_radii(instance)
+
+    def at(self, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """The bodies that assignment messages of one boundary are for, each with the targets that are meant. A message
+        that names no assignee is for its recipient."""
+        seen: set[tuple[str, str]] = set()
+        for message in record.messages:
+            named = str(message.body.get("assignee") or message.recipient)
+            if message.category == "assignment" and (message.id, named) not in seen:
+                seen.add((message.id, named))
+                for body in self._controls.get(named, (named,)):
+                    yield body, self.meant(record, message.body, body)
+
+    def meant(self, record: BoundaryRecord, fields: Mapping[str, Datum], body: str) -> tuple[str, ...]:
+        """The targets that the fields of a message or a command mean for a body."""
+        return _targets_of(self._instance, record, fields, body, self._radii)
 
 
 def _targets_of(
-    instance: Instance, record: BoundaryRecord, body: dict[str, Datum], assignee: str, radii: tuple[ServiceRadius, ...]
+    instance: Instance,
+    record: BoundaryRecord,
+    body: Mapping[str, Datum],
+    assignee: str,
+    radii: tuple[ServiceRadius, ...],
 ) -> tuple[str, ...]:
     """The targets that the fields of a request name, else the nearest one in whose region its position lies: in one of
     the assignee's regions, or in anybody's where the assignee is no entity."""

@@ -9,7 +9,7 @@
 - `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
 - `bench`                                          a suite of many episodes: its rows, its tables
-- `verify`, `replay`, `why`                        a trace: is it what was written, does it happen again, why it ended
+- `verify`, `replay`, `why`, `metrics`             a trace: is it what was written, does it happen again, why and what
 - `calls`                                          what an episode's policies asked chat models
 - `prompts`                                        a policy's prompts; a better one from failed traces
 - `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun

@@ -30,7 +30,7 @@ _REASONS = {
 
 
 def scorecard(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
-    """Outcome, perception, communication and cost, a few rows each; incidents and the mission's events if any."""
+    """A few rows a group; incidents and the mission's events if any."""
     metrics = _values(report)
     return (
         ("Outcome", _outcome(report, metrics)),
@@ -38,6 +38,7 @@ def scorecard(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
         *(("Events", _few(rows)) for rows in (_events(report),) if rows),
         ("Perception", _perception(metrics)),
         ("Communication", _communication(metrics)),
+        ("Behaviour", _behaviour(metrics)),
         ("Cost", _cost(metrics)),
     )
 
@@ -130,6 +131,15 @@ def _communication(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
         ("payload", _with_unit(metrics.get("kilobytes"), "kB")),
         ("refused", _of_them(metrics, "rejections", "conflicts", "conflicts")),
         ("repeated targets", _share(metrics.get("rep"))),
+    )
+
+
+def _behaviour(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
+    return (
+        ("actions", f"{_number(metrics.get('actions'))}, {_share(metrics.get('adherence'))} within constraints"),
+        ("repeated / out of bounds", f"{_share(metrics.get('repetition'))} / {_share(metrics.get('out_of_bounds'))}"),
+        ("forgotten subgoals", _share(metrics.get("forgotten"))),
+        ("redundant revisits", _share(metrics.get("redundant_revisits"))),
     )
 
 

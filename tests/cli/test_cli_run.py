@@ -110,7 +110,7 @@ def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(short: Path, 
     assert lines[-1] == "trace: here/trace.mcap"
     read = ConfigParser(interpolation=None, delimiters=(":",))
     read.read_string(done.stdout)
-    assert read.sections() == ["episode", "outcome", "perception", "communication", "cost", "files"]
+    assert read.sections() == ["episode", "outcome", "perception", "communication", "behaviour", "cost", "files"]
     assert read["episode"]["mission"] == "ssr" and read["outcome"]["ticks"] == "3"
     assert (read["outcome"]["sim_s"], read["cost"]["cost_usd"]) == ("30 s", "0 USD")
     assert read["perception"]["localisation_error_m"] == "N/A"

@@ -1,0 +1,173 @@
+"""What agents' actions were like: adherence, repetition, out of bounds, forgotten subgoals; over all or by tercile.
+
+An *action* is a physical command that a policy decided on (the paper's "evaluated action"); doing nothing is none,
+and what was substituted for a missing answer is none. The paper defines four rates of them in its table of
+diagnostic metrics, and partitions each agent's sequence of actions "into three equal intervals by normalized
+trajectory position" for its table of behaviour by trajectory tercile. How its terms are read from a trace:
+
+- *Constraint adherence*, "actions that satisfy all active task and motion constraints": the action was admitted as
+  it was asked for (its first receipt neither refuses nor clips it), and no constraint of the mission was broken by its
+  body in the tick that followed. What happens to it later (`preempted`, `collided`) is no matter of constraints.
+- *Out of bounds*, "actions that leave the configured operating region or violate an active altitude or motion bound":
+  the first receipt says that arguments were clipped to their bounds, or refuses them for one (`OUT_OF_BOUNDS`), or a
+  constraint was broken as above.
+- *Repetition*, "actions whose normalized action signature matches the immediately preceding action from the same
+  agent": the signature is verb, resource and arguments, numbers rounded to whole units, the resource named.
+- *Forgotten subgoal*, "actions that omit an active requirement or act on an already completed subgoal": the targets
+  that the action means are all completed already; or its body has an open assignment, and the action means others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import msgspec
+
+from lingjing.analysis.completion import completed_at
+from lingjing.analysis.detection import ratio
+from lingjing.analysis.repetition import Assignments
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import Action, BoundaryRecord, Receipt
+
+OUT_OF_BOUNDS = frozenset({"clipped", "altitude", "outside_world", "unreachable", "water"})
+"""Reasons of first receipts that name a bound of place, height or motion."""
+
+TERCILES = ("early", "mid", "late")
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedAction:
+    """One action, decided at boundary `tick - 1`; `third` (0, 1 or 2) is the interval of its agent's sequence that
+    it lies in.
+
+    `repeated` is None for the first action of an agent, which has no predecessor.
+    """
+
+    agent: str
+    tick: int
+    verb: str
+    resource: str
+    third: int
+    adherent: bool
+    out_of_bounds: bool
+    forgotten: bool
+    repeated: bool | None
+
+
+class BehaviourRates(msgspec.Struct, frozen=True, kw_only=True):
+    """The four rates over some actions, None over none."""
+
+    actions: int
+    adherence: float | None
+    repetition: float | None
+    out_of_bounds: float | None
+    forgotten: float | None
+
+
+def behaviour(actions: Iterable[JudgedAction]) -> BehaviourRates:
+    """The rates of actions, of one episode or pooled from many."""
+    judged = list(actions)
+    following = [one.repeated for one in judged if one.repeated is not None]
+    return BehaviourRates(
+        actions=len(judged),
+        adherence=ratio(sum(one.adherent for one in judged), len(judged)),
+        repetition=ratio(sum(following), len(following)),
+        out_of_bounds=ratio(sum(one.out_of_bounds for one in judged), len(judged)),
+        forgotten=ratio(sum(one.forgotten for one in judged), len(judged)),
+    )
+
+
+def by_tercile(actions: Iterable[JudgedAction]) -> dict[str, BehaviourRates]:
+    """The rates of the first, second and last third of each agent's actions, pooled."""
+    judged = list(actions)
+    return {name: behaviour(one for one in judged if one.third == third) for third, name in enumerate(TERCILES)}
+
+
+def actions(trace: Trace) -> tuple[JudgedAction, ...]:
+    """Every action of a trace, in order."""
+    found = list(_judged(trace))
+    whole = {agent: sum(one.agent == agent for one in found) for agent in {one.agent for one in found}}
+    seen = dict.fromkeys(whole, 0)
+    placed = []
+    for one in found:
+        third = min(2, 3 * seen[one.agent] // whole[one.agent])
+        seen[one.agent] += 1
+        placed.append(replace(one, third=third))
+    return tuple(placed)
+
+
+def _judged(trace: Trace) -> Iterator[JudgedAction]:
+    instance = trace.header.instance
+    assigned = Assignments(instance)
+    first = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
+    constraints = {constraint.name for constraint in instance.constraints}
+    before: dict[str, tuple[object, ...]] = {}
+    open_for: dict[str, set[str]] = {}
+    completed: set[str] = set()
+    for record in trace.boundaries:
+        _drop(open_for, completed)
+        answers = _first_receipts(record)
+        for made in record.decisions:
+            command = made.decision.command
+            if command is None or made.substituted:
+                continue
+            resource = command.resource or first.get(made.agent, "")
+            signature = (command.verb, resource, _rounded(command))
+            answer = answers.get(made.agent)
+            beyond = answer is not None and answer.reason in OUT_OF_BOUNDS
+            broken = _broke(record, constraints, resource)
+            meant = assigned.meant(record, command.arguments, resource)
+            yield JudgedAction(
+                agent=made.agent,
+                tick=record.tick,
+                verb=command.verb,
+                resource=resource,
+                third=0,
+                adherent=not broken and answer is not None and answer.status != "rejected" and not beyond,
+                out_of_bounds=broken or beyond,
+                forgotten=_forgets(meant, open_for.get(resource, set()), completed),
+                repeated=before[made.agent] == signature if made.agent in before else None,
+            )
+            before[made.agent] = signature
+        for body, targets in assigned.at(record):
+            open_for.setdefault(body, set()).update(targets)
+        completed |= completed_at(instance, record)
+
+
+def _drop(open_for: Mapping[str, set[str]], completed: set[str]) -> None:
+    for targets in open_for.values():
+        targets -= completed
+
+
+def _forgets(meant: tuple[str, ...], due: set[str], completed: set[str]) -> bool:
+    if not meant:
+        return False
+    return set(meant) <= completed or bool(due and not due & set(meant))
+
+
+def _first_receipts(record: BoundaryRecord) -> dict[str, Receipt]:
+    """The first receipt of each agent's command of this boundary."""
+    prefix = f"c{record.tick}-"
+    own = [one for one in record.receipts if one.request.startswith(prefix)]
+    return {receipt.sender: receipt for receipt in reversed(own)}
+
+
+def _broke(record: BoundaryRecord, constraints: set[str], resource: str) -> bool:
+    """Whether a constraint was broken at the boundary by the body, or by nobody that its event names."""
+    return any(
+        event.kind in constraints and (resource in event.bindings or not event.bindings) for event in record.events
+    )
+
+
+def _rounded(command: Action) -> tuple[tuple[str, object], ...]:
+    return tuple((name, _whole(value)) for name, value in sorted(command.arguments.items()) if value is not None)
+
+
+def _whole(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, int | float | tuple | list):
+        return value
+    return tuple(map(_whole, value)) if isinstance(value, tuple | list) else round(value)
+
+
+__all__ = ["TERCILES", "BehaviourRates", "JudgedAction", "actions", "behaviour", "by_tercile"]

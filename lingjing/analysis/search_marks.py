@@ -1,0 +1,55 @@
+"""How a search went: redundant revisits of cells, and how much of the talk belonged to discoveries.
+
+The paper's table of diagnostic metrics. *Redundant revisit rate*, "number of search visits to cells that were
+already covered, divided by all search visits": a visit is a downward picture of an entity from above a cell that it
+was not above in its picture before; it is redundant if anybody's earlier picture covered the cell. *Communication
+at discovery events*, "number of messages aligned with a validated target discovery event, divided by all evaluated
+messages": a discovery is the first report that a matching rule finds true of a target, and the messages of its
+tick, counted once for each recipient, are aligned with it.
+"""
+
+from __future__ import annotations
+
+from lingjing.analysis.detection import matching_rules, ratio, shots
+from lingjing.kernel.registry import DOWNWARD_DEG, cells_at
+from lingjing.trace.reader import Trace
+
+
+def redundant_revisit_rate(trace: Trace) -> float | None:
+    """Redundant visits over all; None where no agent observes cells or none was visited."""
+    instance = trace.header.instance
+    grids = {channel.name for agent in instance.agents for channel in agent.observes if channel.source == "grid"}
+    cells = [cell for cell in instance.cells if cell.grid in grids]
+    above: dict[str, set[str]] = {}
+    covered: set[str] = set()
+    visits = redundant = 0
+    for frame in shots(trace):
+        if frame.pose.tilt_deg < DOWNWARD_DEG:
+            continue
+        here = {cell.name for cell in cells_at(cells, frame.pose.position[0], frame.pose.position[1])}
+        entered = here - above.get(frame.entity, set())
+        visits += len(entered)
+        redundant += len(entered & covered)
+        above[frame.entity] = here
+        covered |= here
+    return ratio(redundant, visits)
+
+
+def discoveries(trace: Trace) -> dict[str, int]:
+    """The tick at which each target was first matched by a report."""
+    rules = matching_rules(trace)
+    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    found: dict[str, int] = {}
+    for record in trace.boundaries:
+        for event in record.events:
+            if event.kind in rules:
+                for name in targets & set(event.bindings):
+                    found.setdefault(name, record.tick)
+    return found
+
+
+def communication_at_discovery(trace: Trace) -> float | None:
+    """Messages of ticks with a discovery over all messages; None if there was no message."""
+    ticks = set(discoveries(trace).values())
+    sent = [edge.tick for record in trace.boundaries for edge in record.messages]
+    return ratio(sum(tick in ticks for tick in sent), len(sent))

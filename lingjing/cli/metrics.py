@@ -1,0 +1,156 @@
+"""`lingjing metrics TRACE...`: the paper's metrics of traces as a table, JSON or CSV."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+from collections.abc import Sequence
+from statistics import fmean
+from typing import TYPE_CHECKING, Any
+
+from lingjing.errors import ExitCode
+
+if TYPE_CHECKING:
+    from lingjing.trace.reader import Trace
+
+UNDEFINED = "N/A"
+"""What is printed for a rate over nothing, as the paper's tables do."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("metrics", help="compute the paper's metrics of traces", description=__doc__)
+    parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
+    parser.add_argument("--baseline", metavar="TRACE", nargs="+", default=[], help="token cost relative to these")
+    parser.add_argument(
+        "--real", metavar="TRACE", nargs="+", default=[], help="F1 on these, real-style, less that on TRACE"
+    )
+    parser.add_argument("--attention", metavar="FILE", help="attention maps of one trace (.npz, an array a picture)")
+    parser.add_argument("--output-format", choices=("text", "json", "csv"), default="text", help="default: text")
+    parser.add_argument("-o", "--output", metavar="FILE", help="default: standard output")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Print the numbers of one episode, or of several: means, and what is pooled."""
+    from lingjing.cli.files import write_output
+    from lingjing.errors import UsageError
+    from lingjing.trace.reader import read_trace
+
+    if args.attention and len(args.traces) > 1:
+        raise UsageError("--attention is of one trace", hint="picture ids repeat from trace to trace")
+    traces = [read_trace(path) for path in args.traces]
+    rows = [_row(trace) for trace in traces]
+    pooled = _pooled(traces, args)
+    if args.output_format == "csv":
+        text = as_csv(rows)
+    elif args.output_format == "json":
+        text = json.dumps({"episodes": rows, "together": pooled}, indent=2, ensure_ascii=False) + "\n"
+    else:
+        text = _table(rows, pooled)
+    write_output(text, args.output)
+    return ExitCode.OK
+
+
+def _row(trace: Trace) -> dict[str, Any]:
+    """Who played what, and every metric."""
+    import msgspec
+
+    from lingjing.analysis.metrics import metrics
+
+    instance = trace.header.instance
+    policies = "+".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
+    who = {"trace": str(trace.path), "mission": instance.mission, "mode": instance.mode, "seed": instance.seed}
+    return {**who, "policy": policies, "complete": trace.complete, **msgspec.to_builtins(metrics(trace))}
+
+
+def _pooled(traces: Sequence[Trace], args: argparse.Namespace) -> dict[str, Any]:
+    """What is not a mean of episodes."""
+    import msgspec
+
+    from lingjing.analysis import pooled
+    from lingjing.trace.reader import read_trace
+
+    found: dict[str, Any] = {
+        "episodes": len(traces),
+        "retained": len(pooled.retained(traces)),
+        "tsr": pooled.tsr(traces),
+        "macro_average": pooled.macro_average(traces),
+        "f1": pooled.f1(traces),
+        "terciles": msgspec.to_builtins(pooled.drift(traces)),
+    }
+    if args.baseline:
+        found["relative_cost"] = pooled.relative_cost(traces, [read_trace(path) for path in args.baseline])
+    if args.real:
+        found["f1_domain_difference"] = pooled.f1_domain_difference(traces, [read_trace(path) for path in args.real])
+    if args.attention:
+        from lingjing.analysis.attention import attention_iou, read_attention
+
+        found["attention_iou"] = attention_iou(traces[0], read_attention(args.attention))
+    return found
+
+
+def as_csv(rows: Sequence[dict[str, Any]]) -> str:
+    """One line an episode under a line of names; N/A is an empty cell, the stages are `name done/required`.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe before it.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(rows[0])
+    for row in rows:
+        writer.writerow([_cell(value) for value in row.values()])
+    return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return "; ".join(f"{stage['name']} {stage['done']}/{stage['required']}" for stage in value)
+    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r"):
+        return f"'{value}"
+    return value
+
+
+def _table(rows: Sequence[dict[str, Any]], pooled: dict[str, Any]) -> str:
+    """Groups of `name: value unit`; of several episodes the mean of those that have it, and how many do."""
+    from lingjing.analysis.metrics import printed
+
+    lines = [] if len(rows) > 1 else [f"{name}: {rows[0][name]}" for name in ("mission", "mode", "seed", "policy")]
+    group = ""
+    for name, (of, unit) in sorted(printed().items(), key=lambda one: _order(one[1][0])):
+        if of != group:
+            lines += ["", f"[{of}]"]
+            group = of
+        lines.append(f"{name}: {_value([row[name] for row in rows], unit)}")
+    lines += ["", "[together]"]
+    lines += [f"{name}: {_shown(value)}" for name, value in pooled.items() if name != "terciles"]
+    for third, rates in pooled["terciles"].items():
+        told = ", ".join(f"{name} {_shown(value)}" for name, value in rates.items())
+        lines.append(f"{third} third: {told}")
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _order(group: str) -> int:
+    from lingjing.analysis.metrics import GROUPS
+
+    return GROUPS.index(group)
+
+
+def _value(values: Sequence[Any], unit: str) -> str:
+    there = [value for value in values if value is not None]
+    if not there:
+        return UNDEFINED
+    if not all(isinstance(value, int | float) for value in there):
+        texts = [str(_cell(value)) for value in there]
+        return texts[0] if len(values) == 1 else ", ".join(f"{texts.count(one)} {one}" for one in dict.fromkeys(texts))
+    mean = fmean(there) if len(values) > 1 else there[0]
+    of = f" (of {len(there)})" if len(there) < len(values) else ""
+    return f"{_shown(mean)} {unit}".rstrip() + of
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return UNDEFINED if value is None else str(value)

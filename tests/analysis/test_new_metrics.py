@@ -1,0 +1,270 @@
+"""The metrics of behaviour, search, confusion, attention and pools, each against a count by hand."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from lingjing.analysis import pooled
+from lingjing.analysis.attention import attention_iou, box_iou, read_attention
+from lingjing.analysis.behaviour import actions, behaviour, by_tercile
+from lingjing.analysis.detection import confused_with, detect, iou
+from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
+from lingjing.cli.main import main
+from lingjing.cli.metrics import as_csv
+from lingjing.errors import UsageError
+from lingjing.mission.expression import Flag
+from lingjing.mission.model import Constraint
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import (
+    Action,
+    AdjudicatedEvent,
+    BoundaryRecord,
+    Box,
+    CameraPose,
+    Decision,
+    DecisionRecord,
+    Envelope,
+    Receipt,
+    Usage,
+)
+from tests.analysis.test_metrics import at, boundary, frame, matched, report
+
+replace = msgspec.structs.replace
+
+
+@pytest.fixture
+def of(trace: Trace):  # type: ignore[no-untyped-def]
+    def build(*records: BoundaryRecord, header: object = None, outcome: object = None) -> Trace:
+        return Trace(trace.path, header or trace.header, records, outcome, False)  # type: ignore[arg-type]
+
+    return build
+
+
+def step(tick: int, verb: str, reason: str = "", status: str = "accepted", **arguments: object) -> dict[str, object]:
+    """What a boundary holds of one command of scout[1]."""
+    made = DecisionRecord(agent="scout[1]", decision=Decision(command=Action(verb=verb, arguments=arguments)))  # type: ignore[arg-type]
+    told = Receipt(request=f"c{tick}-1", tick=tick, sender="scout[1]", resource="uav[1]", status=status, reason=reason)  # type: ignore[arg-type]
+    return {"decisions": (made,), "receipts": (told,)}
+
+
+def test_adherence_repetition_and_bounds_are_counted_by_action(of) -> None:  # type: ignore[no-untyped-def]
+    """Six actions: good; the same again to the metre; clipped; refused as busy; refused for a height; good."""
+    there = of(
+        boundary(0),
+        boundary(1, **step(1, "forward", distance=10.2)),
+        boundary(2, **step(2, "forward", distance=9.8)),
+        boundary(3, **step(3, "up", "clipped", distance=70.0)),
+        boundary(4, **step(4, "up", "busy", "rejected", distance=5.0)),
+        boundary(5, **step(5, "down", "altitude", "rejected", distance=5.0)),
+        boundary(6, **step(6, "stop")),
+    )
+    found = actions(there)
+    assert [one.adherent for one in found] == [True, True, False, False, False, True]
+    assert [one.out_of_bounds for one in found] == [False, False, True, False, True, False]
+    assert [one.repeated for one in found] == [None, True, False, False, False, False]
+    assert [one.third for one in found] == [0, 0, 1, 1, 2, 2]
+    rates = behaviour(found)
+    assert (rates.actions, rates.adherence, rates.repetition, rates.out_of_bounds) == (6, 3 / 6, 1 / 5, 2 / 6)
+    thirds = by_tercile(found)
+    assert [thirds[name].adherence for name in ("early", "mid", "late")] == [1.0, 0.0, 0.5]
+    assert [thirds[name].out_of_bounds for name in ("early", "mid", "late")] == [0.0, 0.5, 0.5]
+    assert behaviour(()).adherence is None
+
+
+def test_a_broken_constraint_is_an_action_out_of_bounds(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    instance = replace(
+        trace.header.instance, constraints=(Constraint(name="fence", kind="hard", condition=Flag(True)),)
+    )
+    header = replace(trace.header, instance=instance)
+    broken = AdjudicatedEvent(id="e1", kind="fence", tick=1, time_s=10.0, bindings=("uav[1]",))
+    other = replace(broken, bindings=("uav[2]",))
+    for event, expected in ((broken, True), (other, False)):
+        (one,) = actions(of(boundary(0), boundary(1, events=(event,), **step(1, "stop")), header=header))
+        assert (one.out_of_bounds, one.adherent) == (expected, not expected)
+
+
+def test_doing_nothing_and_substituted_answers_are_no_actions(of) -> None:  # type: ignore[no-untyped-def]
+    idle = DecisionRecord(agent="scout[1]", decision=Decision())
+    lost = DecisionRecord(agent="scout[1]", decision=Decision(command=Action(verb="stop")), substituted="malformed")
+    assert actions(of(boundary(0), boundary(1, decisions=(idle,)), boundary(2, decisions=(lost,)))) == ()
+
+
+def test_forgotten_subgoals_are_completed_targets_and_others_than_the_assigned_one(of) -> None:  # type: ignore[no-untyped-def]
+    """The boat goes to victim[1], is assigned victim[2], goes to victim[1], which is rescued, and goes there again."""
+    here = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(900.0, 0.0))
+
+    def go(tick: int, east: float) -> dict[str, object]:
+        command = Action(verb="moveTo", arguments={"x": east, "y": 0.0})
+        made = DecisionRecord(agent="skipper", decision=Decision(command=command))
+        told = Receipt(request=f"c{tick}-1", tick=tick, sender="skipper", resource="boat", status="accepted")
+        return {"decisions": (made,), "receipts": (told,), "snapshots": (replace(here, time_s=10.0 * tick),)}
+
+    assigned = Envelope(
+        id="m2-1", tick=2, sender="scout[1]", recipient="skipper", kind="assignment", category="assignment",
+        body={"assignee": "skipper", "position": (500.0, 0.0, 0.0)}, bytes=9, deliver_at=3,
+    )  # fmt: skip
+    rescued = AdjudicatedEvent(id="e4", kind="rescued", tick=4, time_s=40.0, bindings=("victim[1]",))
+    found = actions(
+        of(
+            boundary(0, snapshots=(here,)),
+            boundary(1, **go(1, 0.0)),
+            boundary(2, snapshots=(here,), messages=(assigned,)),
+            boundary(3, **go(3, 0.0)),
+            boundary(4, snapshots=(here,), events=(rescued,)),
+            boundary(5, **go(5, 0.0)),
+            boundary(6, **go(6, 500.0)),
+            boundary(7, **go(7, 700.0)),
+        )
+    )
+    assert [one.forgotten for one in found] == [False, True, True, False, False]
+
+
+def test_redundant_revisits_count_entries_of_covered_cells(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """Over cell A, over A still, over B, over A again, and another's picture over B: four visits, two redundant."""
+    cells = list(trace.header.instance.cells)
+    first, second = (
+        cells[0],
+        next(cell for cell in cells if cell.row != cells[0].row and cell.column != cells[0].column),
+    )
+
+    def over(number: int, cell: object, entity: str = "uav[1]") -> object:
+        pose = CameraPose(position=(*cell.centre[:2], 100.0), heading_deg=0.0, tilt_deg=90.0)  # type: ignore[attr-defined]
+        return replace(frame(f"f{number}", number), pose=pose, entity=entity)
+
+    places = [(1, first), (2, first), (3, second), (4, first), (5, second)]
+    frames = [over(number, cell, "uav[2]" if number == 5 else "uav[1]") for number, cell in places]
+    there = of(boundary(0), *(boundary(n, frames=(one,)) for n, one in enumerate(frames, 1)))
+    assert redundant_revisit_rate(there) == 2 / 4
+    front = replace(frames[0], pose=CameraPose(position=(0.0, 0.0, 10.0), heading_deg=0.0, tilt_deg=0.0))
+    assert redundant_revisit_rate(of(boundary(0), boundary(1, frames=(front,)))) is None
+
+
+def test_communication_at_discovery_counts_messages_of_the_tick_of_a_first_match(of) -> None:  # type: ignore[no-untyped-def]
+    there = of(
+        boundary(0),
+        boundary(1, frames=(frame("a", 1, "victim[1]"),), messages=report(1, "a", 1, recipients=1)),
+        boundary(2, messages=report(1, "a", 2, recipients=3), events=(matched(2, "victim[1]", "m2-1"),)),
+        boundary(3, messages=report(1, "a", 3, recipients=4), events=(matched(3, "victim[1]", "m3-1"),)),
+    )
+    assert discoveries(there) == {"victim[1]": 2}
+    assert communication_at_discovery(there) == 3 / 8
+    assert communication_at_discovery(of(boundary(0))) is None
+
+
+def test_a_report_of_something_else_is_a_confusion_and_one_of_nothing_is_not(of) -> None:  # type: ignore[no-untyped-def]
+    """Four frames: a buoy taken for a person, a person found, water taken for a person, nothing said."""
+    buoy = Box(entity="buoy[1]", cls="buoy", box=(0.4, 0.4, 0.5, 0.52), pixels=40)
+    there = of(
+        boundary(0),
+        boundary(1, frames=(replace(frame("a", 1), boxes=(buoy,)),)),
+        boundary(2, frames=(frame("b", 2, "victim[1]"),), messages=report(1, "a", 2)),
+        boundary(3, frames=(frame("c", 3),), messages=report(1, "b", 3), events=(matched(3, "victim[1]", "m3-1"),)),
+        boundary(4, frames=(frame("d", 4),), messages=report(1, "c", 4)),
+    )
+    found = detect(there)
+    assert iou((0.4, 0.4, 0.5, 0.5), buoy.box) == pytest.approx(0.1 * 0.1 / (0.1 * 0.12))
+    assert [confused_with(there, one) for one in found.reports] == ["buoy[1]", None, None]
+    assert (found.confusion_rate, found.hallucination_rate) == (1 / 4, 2 / 4)
+
+
+def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """Of 5 by 5 cells one is attended: mean 0.04, deviation 0.196; its cell is (0.4, 0.4) to (0.6, 0.6)."""
+    cells = np.zeros((5, 5))
+    cells[2, 2] = 1.0
+    assert box_iou(cells, (0.4, 0.4, 0.6, 0.6)) == pytest.approx(1.0)
+    assert box_iou(cells, (0.4, 0.4, 0.5, 0.5)) == pytest.approx(0.25)  # a quarter of the attended cell
+    assert box_iou(cells, (0.5, 0.4, 0.7, 0.6)) == pytest.approx(0.02 / 0.06)
+    assert box_iou(np.ones((3, 3)), (0.0, 0.0, 0.5, 0.5)) == 0.0  # nothing is above its own mean
+    there = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"), frame("b", 1, "victim[1]"))))
+    file = tmp_path / "maps.npz"
+    np.savez(file, a=cells)
+    assert attention_iou(there, read_attention(file)) == pytest.approx(0.25)
+    assert attention_iou(there, {}) is None
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (np.zeros((2, 2, 2)), "shape"),
+        (np.array([["a"]]), "not numbers"),
+        (np.array([[-1.0]]), "negative"),
+        (np.array([[np.nan]]), "not finite"),
+    ],
+)
+def test_attention_that_is_none_is_named(array: object, words: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "m.npz", f1=array)
+    with pytest.raises(UsageError, match=words):
+        read_attention(tmp_path / "m.npz")
+    (tmp_path / "n.npz").write_bytes(b"no archive")
+    with pytest.raises(UsageError, match="no attention maps"):
+        read_attention(tmp_path / "n.npz")
+
+
+def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """SSR won in star (1 of 1) and half the time in broadcast, BI lost: ((1 + 0.5) / 2 + 0) / 2."""
+    assert trace.outcome is not None
+
+    def episode(mission: str, mode: str, seed: int, won: bool, reason: str = "") -> Trace:
+        comms = replace(trace.header.instance.comms, mode=mode)
+        instance = replace(trace.header.instance, mission=mission, comms=comms, seed=seed)
+        outcome = replace(trace.outcome, success=won, reason=reason or ("success" if won else "budget"))
+        return of(boundary(0), header=replace(trace.header, instance=instance), outcome=outcome)  # type: ignore[no-any-return]
+
+    played = [
+        episode("ssr", "star", 1, True), episode("ssr", "broadcast", 1, True), episode("ssr", "broadcast", 2, False),
+        episode("bi", "single", 1, False), episode("bi", "single", 2, False, "infrastructure-abort"),
+    ]  # fmt: skip
+    assert len(pooled.retained(played)) == 4
+    assert pooled.tsr(played) == 2 / 4 and pooled.macro_average(played) == 0.375
+    assert pooled.tsr([]) is None and pooled.macro_average([]) is None
+
+
+def test_domain_difference_is_real_less_simulated_on_matched_episodes(of) -> None:  # type: ignore[no-untyped-def]
+    good = of(
+        boundary(0),
+        boundary(1, frames=(frame("a", 1, "victim[1]"),)),
+        boundary(2, messages=report(1, "a", 2), events=(matched(2, "victim[1]", "m2-1"),)),
+    )
+    blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)))
+    assert (pooled.f1([good]), pooled.f1([blind]), pooled.f1([good, blind])) == (1.0, 0.0, 2 / 3)
+    assert pooled.f1_domain_difference([good], [blind]) == -1.0
+    other = of(boundary(0), header=replace(good.header, instance=replace(good.header.instance, seed=99)))
+    with pytest.raises(UsageError, match="not matched"):
+        pooled.f1_domain_difference([good], [other])
+    with pytest.raises(UsageError, match="not matched"):
+        pooled.f1_domain_difference([good], [good, good])
+
+
+def test_relative_cost_divides_tokens(of) -> None:  # type: ignore[no-untyped-def]
+    def spent(prompt: int, completion: int) -> Trace:
+        usage = Usage(calls=1, prompt_tokens=prompt, completion_tokens=completion)
+        made = DecisionRecord(agent="scout[1]", decision=Decision(usage=usage))
+        return of(boundary(0), boundary(1, decisions=(made,)))  # type: ignore[no-any-return]
+
+    assert pooled.relative_cost([spent(100, 20)], [spent(200, 40)]) == 0.5
+    assert pooled.relative_cost([spent(100, 20)], [of(boundary(0))]) is None
+
+
+def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["metrics", str(trace.path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "mission: ssr" and "tsr: 1" in lines and "json_compliance: N/A" in lines
+    assert main(["metrics", "--output-format", "json", str(trace.path), str(trace.path)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told["episodes"]) == 2 and told["together"]["tsr"] == 1.0
+    assert set(told["together"]["terciles"]) == {"early", "mid", "late"}
+    assert main(["metrics", "--output-format", "csv", "-o", str(tmp_path / "m.csv"), str(trace.path)]) == 0
+    (row,) = csv.DictReader((tmp_path / "m.csv").open(encoding="utf-8"))
+    assert row["mission"] == "ssr" and row["stages"].startswith("detect 3/3; ") and row["json_compliance"] == ""
+    assert main(["metrics", "--attention", "x.npz", str(trace.path), str(trace.path)]) == 2
+    assert main(["metrics", str(trace.path), "--baseline", "none.mcap"]) == 2
+
+
+def test_a_formula_in_a_name_stays_a_text() -> None:
+    (cells,) = list(csv.reader(io.StringIO(as_csv([{"policy": "=1+1", "ticks": -3}]))))[1:]
+    assert cells == ["'=1+1", "-3"]
