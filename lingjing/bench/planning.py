@@ -306,7 +306,7 @@ class _Reader:
             return None
         own = {**(model.arguments if model else {}), **entrant.args}
         player = Player(
-            name=entrant.name or (model.title if model else "") or entrant.called,
+            name=entrant.name or ((model.title or model.name) if model else plugin.name),
             group=entrant.group or (GROUPS[model.tier] if model else ""),
             policy=spec,
             plugin=plugin,

@@ -18,16 +18,18 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.analysis.metrics import metrics
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.executors import Executor
 from lingjing.bench.folder import ResultsFolder, fingerprint, policy_seed
 from lingjing.bench.planning import SuiteCell, SuitePlan, options_of_cell
 from lingjing.bench.rows import RowStanding, SuiteRow, comparable
-from lingjing.errors import UsageError
+from lingjing.errors import LingjingError, UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
+from lingjing.trace.reader import read_trace
 
 TRIES = 3
 """How often one episode is tried before it is lost."""
@@ -215,7 +217,7 @@ class SuiteRun:
         cell = episode.cell
         standing: RowStanding = "counted"
         if report.reason == ABORTED and report.crashed:
-            report = msgspec.structs.replace(report, reason=CRASHED, success=False)
+            report = scored_until_crash(report)
         elif report.reason == ABORTED:
             standing = "aborted" if episode.tries < TRIES else "lost"
         kept = report.trace.removeprefix(f"{self.results.folder}/") if self._keeps(cell) else ""
@@ -249,6 +251,22 @@ def cost_of(row: SuiteRow) -> float:
     return row.report.metrics.cost_usd if row.report.metrics is not None else 0.0
 
 
+def scored_until_crash(report: EpisodeReport) -> EpisodeReport:
+    """A crashed policy's episode as a failure, with what its trace shows until then; nothing where there is none."""
+    failed = msgspec.structs.replace(report, reason=CRASHED, success=False)
+    try:
+        trace = read_trace(Path(report.trace))
+    except (LingjingError, OSError):
+        return failed
+    if not trace.boundaries:
+        return failed
+    last = trace.boundaries[-1]
+    counted = msgspec.structs.replace(metrics(trace), scr=last.scr, score=last.reward, reason=CRASHED)
+    return msgspec.structs.replace(
+        failed, scr=last.scr, score=last.reward, ticks=last.tick, digest=last.digest, metrics=counted
+    )
+
+
 def take_away(folder: Path) -> None:
     """Remove a run. An episode whose suite was killed may write into it for a moment yet, until it has ended itself."""
     deadline = time.monotonic() + LINGERS_S
@@ -268,4 +286,4 @@ def _difference(then: PlayOptions, now: PlayOptions) -> str:
     return f"`{name}` was {getattr(then, name)!r} and is {getattr(now, name)!r}"
 
 
-__all__ = ["TRIES", "Shard", "SuiteEpisode", "SuiteRun", "cost_of", "take_away"]
+__all__ = ["TRIES", "Shard", "SuiteEpisode", "SuiteRun", "cost_of", "scored_until_crash", "take_away"]

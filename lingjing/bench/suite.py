@@ -58,6 +58,7 @@ def _is_seed(given: object) -> bool:
 
 Seeds = Annotated[tuple[int, ...], BeforeValidator(_seeds, json_schema_input_type=int | str | list[int])]
 ShortText = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\x00-\x1f\x7f]+$")]
+NameOrFile = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00-\x1f\x7f]+$")]
 Plain = str | int | float | bool
 """A value as an option or a setting has it in TOML."""
 
@@ -75,7 +76,7 @@ class Entrant(SuitePart):
         None, description="what it is called in tables (default: the model's or policy's name)"
     )
     model: ShortText | None = Field(None, description="a model that `lingjing plugins` lists; its policy plays it")
-    policy: ShortText | None = Field(None, description="a policy's name, or FILE.py:CLASS beside the suite")
+    policy: NameOrFile | None = Field(None, description="a policy's name, or FILE.py:CLASS beside the suite")
     group: ShortText | None = Field(None, description="the heading under which it stands (default: a model's tier)")
     args: dict[str, Plain] = Field({}, description="options of the policy")
     policies_for: dict[str, str] = Field({}, description="other policies by role or agent")
@@ -86,11 +87,6 @@ class Entrant(SuitePart):
         if (self.model is None) == (self.policy is None):
             raise ValueError("needs either a model or a policy" if self.model is None else "is a model or a policy")
         return self
-
-    @property
-    def called(self) -> str:
-        """Its name in tables."""
-        return self.name or self.model or self.policy or ""
 
 
 class SuiteCondition(SuitePart):
@@ -114,7 +110,9 @@ class Suite(SuitePart):
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="a word for folders: letters, digits, hyphens")
     title: str = Field("", max_length=200, description="what its tables are headed with")
     about: str = Field("", max_length=4000, description="what is studied, and which table of the paper it makes")
-    missions: tuple[ShortText, ...] = Field(min_length=1, strict=False, description="shipped names, or files beside it")
+    missions: tuple[NameOrFile, ...] = Field(
+        min_length=1, strict=False, description="shipped names, or files beside it"
+    )
     modes: tuple[SuiteMode, ...] | None = Field(
         None, min_length=1, strict=False, description="only these modes (default: all that a mission allows)"
     )

@@ -28,7 +28,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
     `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
     `metrics` is None for an episode whose process left nothing to count. `crashed` is whether what ended or ruined that
-    process can only have been its policy.
+    process can only have been its policy: `lingjing run` reports an abort, a suite counts a failure.
     """
 
     mission: str

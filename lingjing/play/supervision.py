@@ -54,6 +54,8 @@ foreign code, such as a regular expression that never ends, keeps the interprete
 _BEAT_S = 0.5
 _HEADER = struct.Struct("<Q")
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+_FROM_OUTSIDE = {signal.SIGKILL, signal.SIGTERM}
+"""Signals that an operator or a system without memory sends."""
 _SPOILT = {errno.EBADF, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
 """What a process meets whose descriptors were closed or used up, or that has no memory left."""
 _KINDS: dict[int, type[LingjingError]] = {
@@ -135,9 +137,10 @@ def play_supervised(
                 break
             if child.began is not None:
                 waiting.remove(child.began.seed)
-                yield _aborted(child.began, child.end(), abort)
+                why, by_policy = child.end()
+                yield _aborted(child.began, why, abort, by_policy=by_policy)
             elif len(waiting) == before:
-                raise InfrastructureError(f"no episode could begin: {child.end()}")
+                raise InfrastructureError(f"no episode could begin: {child.end()[0]}")
         if interrupts.have_come() and not interrupts.reported:
             raise KeyboardInterrupt
 
@@ -167,15 +170,17 @@ def _taken(
         case _Spoilt(detail) if child.began is not None:
             began, child.began = child.began, None
             waiting.remove(began.seed)
-            yield _aborted(began, detail, abort)
+            yield _aborted(began, detail, abort, by_policy=True)
         case _Spoilt(detail):
             raise InfrastructureError(detail)
 
 
-def _aborted(began: _Began, why: str, abort: Callable[[int, Path, str], EpisodeReport]) -> EpisodeReport:
+def _aborted(
+    began: _Began, why: str, abort: Callable[[int, Path, str], EpisodeReport], *, by_policy: bool = False
+) -> EpisodeReport:
     folder = Path(began.folder)
     release_if_empty(folder)
-    return abort(began.seed, folder, why)
+    return msgspec.structs.replace(abort(began.seed, folder, why), crashed=by_policy)
 
 
 class _Interrupts:
@@ -279,15 +284,18 @@ class _Child:
             os.close(self._pipe)
             os.close(self._pidfd)
 
-    def end(self) -> str:
-        """How it ended, for one who waited for more."""
+    def end(self) -> tuple[str, bool]:
+        """How it ended, for one who waited for more, and whether only its policy can have ended it: nobody else than
+        the code in a process closes its pipe, holds its interpreter, exits or faults there. A kill may come from
+        outside."""
         if self._is_held:
-            return f"a policy let nothing else run for {SILENCE_S:.0f} s, in one call that held the interpreter"
+            return f"a policy let nothing else run for {SILENCE_S:.0f} s, in one call that held the interpreter", True
         if self._is_mute:
-            return "its process closed what it reports through"
+            return "its process closed what it reports through", True
         if os.WIFSIGNALED(self._status):
-            return f"its process was killed by signal {os.WTERMSIG(self._status)}"
-        return f"its process ended without a result (exit code {os.WEXITSTATUS(self._status)})"
+            number = os.WTERMSIG(self._status)
+            return f"its process was killed by signal {number}", number not in _FROM_OUTSIDE
+        return f"its process ended without a result (exit code {os.WEXITSTATUS(self._status)})", True
 
     def _has_more(self, buffer: bytearray) -> bool:
         """Wait for the child to say something, and take it in; False when there is nothing more to come."""

@@ -33,6 +33,32 @@ def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.Capture
     assert "small: 2 episodes are there, 0 to play" in capsys.readouterr().err
 
 
+QUITS = """
+import os
+class Quits:
+    async def reset(self, brief):
+        pass
+    async def act(self, observation, inbox):
+        if observation.tick == 2:
+            os._exit(0)
+        from lingjing.trace.records import Decision
+        return Decision()
+"""
+
+
+@pytest.mark.slow
+def test_a_policy_that_ends_its_process_has_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "quits.py").write_text(QUITS)
+    suite = tmp_path / "small.toml"
+    suite.write_text(SMALL.replace('"bi", "cd"', '"bi"').replace("seeds = 2", "seeds = [3]"))
+    out = tmp_path / "out"
+    assert main(["bench", str(suite), "--policy", str(tmp_path / "quits.py"), "-o", str(out)]) == ExitCode.OK
+    (row,) = read_results(out)
+    assert (row.standing, row.tries, row.report.reason, row.report.success) == ("counted", 1, "policy-crash", False)
+    assert row.report.ticks == 2 and row.report.metrics is not None and row.report.metrics.success is False
+    assert "| quits.py:Quits | 0 | 0 |" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -72,7 +72,8 @@ def test_a_ruined_process_is_an_abort_of_its_episode(act: Callable[[], object], 
     found = played(lambda seed: act() if seed == 1 else None, tmp_path)
     assert [found[seed].reason for seed in (0, 1, 2)] == ["success", ABORTED, "success"]
     assert found[1].detail.startswith(f"1: {why}")
-    assert found[2].metrics == METRICS
+    assert found[1].crashed == (why != "its process was killed by signal 9"), "a kill may come from outside"
+    assert found[2].metrics == METRICS and not found[2].crashed
     assert not (tmp_path / "1").exists()  # nothing had been written into it
 
 
@@ -82,12 +83,14 @@ def test_a_process_whose_interpreter_is_held_for_ever_is_ended(tmp_path: Path, m
     found = played(lambda seed: re.match("(a+)+$", "a" * 60 + "b") if seed == 1 else None, tmp_path)
     assert [found[seed].reason for seed in (0, 1, 2)] == ["success", ABORTED, "success"]
     assert found[1].detail == "1: a policy let nothing else run for 2 s, in one call that held the interpreter"
+    assert found[1].crashed
 
 
 def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lingjing.play.supervision.MUTE_MS", 50)
     found = played(lambda seed: (os.closerange(3, 4096), time.sleep(3600)), tmp_path, (7,))
     assert found[7].detail == "7: its process closed what it reports through"
+    assert found[7].crashed
 
 
 def test_nonsense_in_the_pipe_is_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,6 +136,7 @@ def test_an_error_of_the_infrastructure_is_an_abort(tmp_path: Path) -> None:
     found = played(fail, tmp_path)
     assert [found[seed].reason for seed in (0, 1, 2)] == [ABORTED, "success", "success"]
     assert found[0].detail == "0: the trace is gone"
+    assert not found[0].crashed
 
 
 def test_a_child_that_ends_before_an_episode_is_no_endless_story(tmp_path: Path) -> None:
