@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import contextlib
 import re
 import threading
 import time
@@ -66,11 +67,14 @@ async def _await(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
 
 
 def _serve(loop: asyncio.AbstractEventLoop) -> None:
+    """Run calls until the loop is stopped, or cannot go on because a policy took what it stands on, such as its
+    descriptors: no answer comes from it then, and the deadline of the call says so."""
     asyncio.set_event_loop(loop)
-    try:
-        loop.run_forever()
-    finally:
-        _drain(loop)
+    with contextlib.suppress(Exception):
+        try:
+            loop.run_forever()
+        finally:
+            _drain(loop)
 
 
 def _drain(loop: asyncio.AbstractEventLoop) -> None:

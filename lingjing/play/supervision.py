@@ -436,7 +436,9 @@ def _said(error: BaseException) -> str:
 
 
 def _is_spoilt(error: BaseException | None) -> bool:
-    """Whether it, or what it came from, is for want of descriptors, memory, threads or depth."""
+    """Whether it, or what it came from, is for want of descriptors, memory, threads, depth or loaded modules."""
+    if __name__ not in sys.modules:
+        return True
     while error is not None:
         if isinstance(error, (RecursionError, MemoryError)) or getattr(error, "errno", None) in _SPOILT:
             return True

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import os
+import threading
 import warnings
 
 import pytest
@@ -33,3 +36,21 @@ def test_a_thread_answers() -> None:
         assert thread.submit(_answer).result(timeout=600)[0] == 4
     finally:
         thread.close()
+
+
+async def _lose_the_descriptor() -> int:
+    os.close(asyncio.get_running_loop()._selector.fileno())  # type: ignore[attr-defined]
+    return 5
+
+
+def test_a_thread_whose_loop_is_broken_ends_without_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The traceback would be Python's own, in the middle of what a run prints."""
+    told: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", told.append)
+    thread = AgentThread("broken")
+    future = thread.submit(_lose_the_descriptor)
+    for running in [one for one in threading.enumerate() if one.name == "policy-broken"]:
+        running.join(600)
+        assert not running.is_alive()
+    assert not told
+    assert not future.done() or future.result()[0] == 5

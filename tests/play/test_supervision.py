@@ -56,12 +56,19 @@ def exhaust() -> None:
         kept.append(os.dup(0))
 
 
+def forget() -> None:
+    sys.modules.clear()
+    sys.path.clear()
+    __import__("colorsys")
+
+
 HOSTILE: list[tuple[str, Callable[[], object], str]] = [
     ("exit", lambda: os._exit(0), "its process ended without a result (exit code 0)"),
     ("exit_3", lambda: os._exit(3), "its process ended without a result (exit code 3)"),
     ("kill", lambda: os.kill(os.getpid(), signal.SIGKILL), "its process was killed by signal 9"),
     ("abort", os.abort, "its process was killed by signal 6"),
     ("close", lambda: (os.closerange(0, 4096), os._exit(0)), "its process ended without a result (exit code 0)"),
+    ("unload", forget, "a policy left its process unable to go on: ModuleNotFoundError: No module named 'colorsys'"),
     ("exhaust", exhaust, "a policy left its process unable to go on: OSError: [Errno 24] Too many open files"),
 ]
 
