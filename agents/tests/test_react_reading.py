@@ -1,4 +1,4 @@
-"""Whole episodes of a "model" that knows what its requests say and nothing else: what they say suffices to win."""
+"""Whole episodes of a "model" that knows what its requests say and nothing else: what they say suffices to act."""
 
 from pathlib import Path
 
@@ -13,17 +13,25 @@ from lingjing.trace.reader import read_trace
 
 
 @pytest.mark.study
-@pytest.mark.parametrize(("name", "mode", "seed"), [("ssr", "star", 1), ("cd", "broadcast", 1), ("ld", "star", 1)])
-def test_what_requests_say_suffices_to_win(name: str, mode: str, seed: int, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("name", "mode", "done"),
+    [
+        ("ssr", "star", {"detect", "locate", "handoff", "execute"}),
+        ("cd", "broadcast", {"assign", "execute"}),
+        ("ld", "star", {"inspect", "drive"}),  # the dog's last leg is led by depth pictures, which no model is sent
+    ],
+)
+def test_what_requests_say_suffices_to_act(name: str, mode: str, done: set[str], tmp_path: Path):
     with serve(ReadingModel()) as server:
         result = lingjing.run(
             data_path("scenarios") / f"{name}.ljs",
             mode=mode,
-            seed=seed,
+            seed=1,
             policy="react",
             policy_args={"model": "reader", "base_url": server.url, "history_tokens": "0"},
             out=tmp_path / "run",
         )
     found = metrics(read_trace(result.trace))
     assert (found.json_compliance, found.substitutions) == (1.0, 0)
-    assert result.success, (result.reason, result.scr, found.stages)
+    assert {stage.name for stage in found.stages if stage.done == stage.required} >= done
+    assert result.success == (name != "ld"), (result.reason, result.scr)

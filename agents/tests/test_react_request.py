@@ -287,7 +287,7 @@ async def test_every_field_of_every_message_says_what_it_may_hold(column: str):
     for agent in everybody(column):
         brief = brief_of(column, agent)
         request = (await told(column, agent))[-1]
-        section = request.system.split("YOU MAY SEND\n", 1)[1].split("\n\nKNOWN", 1)[0]
+        section = request.system.split("YOU MAY SEND\n", 1)[1].split("\n\n", 1)[0]
         for message in sendable(brief):
             (line,) = [one for one in section.splitlines() if one.startswith(f"- {message.kind} (")]
             for field in message.fields:
