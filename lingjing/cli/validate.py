@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lingjing.dsl import Compilation
     from lingjing.dsl.source.text import SourceText
     from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.mission.model import Mission
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -124,16 +125,38 @@ def _check_document(source: SourceText, *, as_text: bool) -> Checked:
     """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
     from lingjing.cli.installed import offers
     from lingjing.dsl.feasibility.absent import missing
-    from lingjing.dsl.loading.load import proofs, read_document
+    from lingjing.dsl.loading.load import place_of, proofs, read_document
     from lingjing.mission.diagnostics import Diagnostic
 
     mission, notes = read_document(source)
     start = source.span(0, 0)
     found = [*proofs(mission, source)]
-    for kind, name, _ in missing(mission, offers):
-        found.append(Diagnostic("LJ0505", start, f"no {kind} called `{name}` is installed", severity="warning"))
+    absent = [f"no {kind} called `{name}` is installed" for kind, name, _ in missing(mission, offers)]
+    found += [Diagnostic("LJ0505", start, one, severity="warning") for one in absent]
+    if mission.origin.places and not absent and not any(one.severity == "error" for one in found):
+        try:
+            notes += _displacements(mission)
+        except MissionError as error:
+            said = f"{place}: {error}" if (place := place_of(mission, "", str(error))) else str(error)
+            found.append(Diagnostic("LJ0211", start, said, error.hint))
     shown = visible("".join(f"{source.path}: note: {note}\n" for note in notes))
     return Checked(tuple(found), shown + _text(tuple(found), source) if as_text else "")
+
+
+def _displacements(mission: Mission) -> tuple[str, ...]:
+    """What the mission's city moves of what its document places; `MissionError` where something has no place in it."""
+    from lingjing.numerics import pin
+
+    pin()
+    from lingjing.mission.instantiate import instantiate
+    from lingjing.plugins.building import build_city
+    from lingjing.plugins.host import PluginHost
+    from lingjing.scene.anchor import anchor
+    from lingjing.scene.displacement import displacements
+
+    instance = instantiate(mission)
+    placed = anchor(instance, build_city(instance.scene, PluginHost()))
+    return tuple(displacements(instance, placed, mission.origin.places))
 
 
 def _mends(args: argparse.Namespace) -> bool:

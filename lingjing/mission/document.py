@@ -54,7 +54,7 @@ def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mis
 
     Errors are those of `decode` and of `reset.reading.instantiate_document`, which also defines `templates`.
     """
-    value = jsontext.load(text, path, notes=[])
+    value = jsontext.load(text, path, notes=[], faults=[])
     if isinstance(value, dict) and str(value.get("format", "")).startswith("lingjing-mission"):
         return decode(text, path), ()
     from lingjing.mission.reset.reading import (

@@ -41,10 +41,7 @@ def instantiate(
     Equal arguments give equal instances in every process. Raises `UsageError` that tells every fault of mode and
     settings, at `mode` and `settings.NAME`; `MissionError` for a mission that cannot be evaluated.
     """
-    errors = ErrorCollector()
-    chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
-    values = errors.attempt(lambda: parameters(mission, chosen, settings or {}), {})
-    errors.check()
+    chosen, values = choose_settings(mission, mode, settings or {})
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
@@ -86,6 +83,17 @@ def instantiate(
         events=instance_rules.events(mission, scope, seed, lambda given: _weather(mission, scope, seed, given)),
         reveals=instance_rules.reveals(mission, scope),
     )
+
+
+def choose_settings(
+    mission: model.Mission, mode: str | None, settings: Mapping[str, float]
+) -> tuple[str, dict[str, float]]:
+    """The mode and every parameter's value; `UsageError` and `MissionError` as `instantiate`."""
+    errors = ErrorCollector()
+    chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
+    values = errors.attempt(lambda: parameters(mission, chosen, settings), {})
+    errors.check()
+    return chosen, values
 
 
 def choose_mode(mission: model.Mission, mode: str | None) -> str:

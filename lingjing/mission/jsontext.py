@@ -7,8 +7,11 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 
-from lingjing.errors import MissionError, UsageError
+from lingjing.errors import Fault, MissionError, UsageError
+
+_PLAIN = "write finite numbers and valid Unicode"
 
 _COMMENT = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
 
@@ -20,11 +23,11 @@ def without_comments(text: str) -> str:
     return _COMMENT.sub(lambda found: found[0] if found[0][0] == '"' else re.sub(r"[^\n]", " ", found[0]), text)
 
 
-def load(text: str, path: str, notes: list[str] | None = None) -> object:
+def load(text: str, path: str, notes: list[str] | None = None, faults: list[Fault] | None = None) -> object:
     """The parsed document. `UsageError` if it is not JSON, `MissionError` for a number that is none.
 
     Python's reader is lenient where JSON is not: NaN, Infinity and numbers beyond a double are refused here by path.
-    With `notes`, comments are read over, and noted.
+    With `notes`, comments are read over, and noted. With `faults`, all of them go there, and 0 or "" stands in.
     """
     plain = text.removeprefix("\ufeff")
     if notes is not None and (bare := without_comments(plain)) != plain:
@@ -41,8 +44,11 @@ def load(text: str, path: str, notes: list[str] | None = None) -> object:
     except ValueError:
         # Python refuses to convert whole numbers of thousands of digits.
         raise UsageError(f"{path}: holds a number of thousands of digits", hint="write numbers as doubles") from None
-    for where, fault in _faults(value):
-        raise MissionError(f"{path}: {where} {fault}", hint="write finite numbers and valid Unicode")
+    for where, holder, key, fault in _faults(value):
+        if faults is None:
+            raise MissionError(f"{path}: {where}: {fault}", hint=_PLAIN)
+        faults.append(Fault(where, fault, _PLAIN))
+        holder[key] = "" if isinstance(holder[key], str) else 0.0
     return value
 
 
@@ -71,19 +77,21 @@ def _way_out(text: str, message: str) -> str:
     return "JSON takes double quotes, no comments and no comma before a closing bracket"
 
 
-def _faults(root: object) -> Iterator[tuple[str, str]]:
-    stack: list[tuple[str, object]] = [("$", root)]
+def _faults(root: object) -> Iterator[tuple[str, Any, Any, str]]:
+    """Path, container, key and what is wrong of every value that JSON does not have."""
+    stack: list[tuple[str, Any, Any]] = [("$", [root], 0)]
     while stack:
-        where, value = stack.pop()
+        where, holder, key = stack.pop()
+        value = holder[key]
         match value:
             case dict():
-                stack.extend((f"{where}.{key}", item) for key, item in reversed(value.items()))
+                stack.extend((f"{where}.{inner}", value, inner) for inner in reversed(value))
             case list():
-                stack.extend((f"{where}[{k}]", value[k]) for k in reversed(range(len(value))))
+                stack.extend((f"{where}[{k}]", value, k) for k in reversed(range(len(value))))
             case float() if not math.isfinite(value):
-                yield where, f"is {'NaN' if math.isnan(value) else 'infinite'}, not a finite number"
+                yield where, holder, key, f"is {'NaN' if math.isnan(value) else 'infinite'}, not a finite number"
             case str() if not _is_unicode(value):
-                yield where, "holds half of a surrogate pair"
+                yield where, holder, key, "holds half of a surrogate pair"
 
 
 def _is_unicode(text: str) -> bool:

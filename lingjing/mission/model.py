@@ -503,12 +503,14 @@ class Origin(Record, frozen=True, kw_only=True):
     """Where the mission came from: the file, its digest, and the untouched document it was read from, if JSON.
 
     `draws` is how the document's template places each group that it draws; the document may give the places itself.
+    `places` are the JSON paths at which the document places entities, by their ids.
     """
 
     file: str = ""
     sha256: str = ""
     document: str = ""
     draws: dict[str, Expr] = {}
+    places: dict[str, str] = {}
 
 
 class Mission(Record, frozen=True, kw_only=True):

@@ -40,6 +40,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy, options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
+from lingjing.scene.displacement import displacements
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
 from lingjing.trace.writer import PictureParts, TraceWriter, gone
@@ -102,6 +103,7 @@ class Session:
         progress: Callable[[Progress], None] | None,
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance)
+        moved = tuple(displacements(prepared.instance, instance, prepared.places))
         assigned = prepared.assigned
         calls = EpisodeCalls(options, instance)
         policies = {
@@ -135,7 +137,9 @@ class Session:
             calls.close()
         path = writer.part if outcome.reason == ABORTED else writer.path
         report = _report(path, options, city=city if options.overview else None)
-        return msgspec.structs.replace(report, warnings=(*_hopeless(instance), *calls.differences(), *report.warnings))
+        return msgspec.structs.replace(
+            report, warnings=(*_hopeless(instance), *moved, *calls.differences(), *report.warnings)
+        )
 
     def close(self) -> None:
         """End the workers; the next episode starts new ones."""

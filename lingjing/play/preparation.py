@@ -7,7 +7,7 @@ not been given. What would then be said of something only because of such a gap 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from msgspec.structs import replace
@@ -32,7 +32,7 @@ class Preparation:
     """An episode that can begin.
 
     `instance` has its engines' options and is not placed in its city yet; `assigned` are the policies by agent; `key`
-    signs the trace, if it is not empty.
+    signs the trace, if it is not empty; `places` are the JSON paths at which a document places entities, by their ids.
     """
 
     instance: Instance
@@ -40,6 +40,7 @@ class Preparation:
     evaluators: tuple[EvaluatorPlugin, ...]
     evaluator_options: dict[str, dict[str, GivenOption]]
     key: bytes = b""
+    places: Mapping[str, str] = field(default_factory=dict)
 
 
 def prepare(
@@ -62,16 +63,21 @@ def prepare(
     if instance is not None:
         scene = instance.scene.kind
         errors.attempt(lambda: host.scene(scene), None)
-        used = errors.attempt(lambda: select_engines(instance, host).names, ())
+        used = errors.attempt(partial(_engines, instance, host), ())
     told = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
     assigned = assign_policies(instance, mission, options, host, given, errors)
     evaluators, evaluator_told = _evaluators(options, host, errors)
     key = errors.attempt(lambda: read_key(options.sign) if options.sign is not None else b"", b"")
     errors.attempt(lambda: check_calls(options), None)
     errors.check()
-    if instance is None:
+    if instance is None or mission is None:
         raise AssertionError("without an instance there is an error")
-    return Preparation(replace(instance, engine_options=told), assigned, evaluators, evaluator_told, key)
+    instance = replace(instance, engine_options=told)
+    return Preparation(instance, assigned, evaluators, evaluator_told, key, mission.origin.places)
+
+
+def _engines(instance: Instance, host: PluginHost) -> tuple[str, ...]:
+    return select_engines(instance, host).names
 
 
 def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:

@@ -11,6 +11,7 @@ In the order in which an episode meets them:
 - `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → read near a place, lazily
 - `atomic_folder` where writers write, so that a city or network appears whole or not at all
 - `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`
+- `displacement`   how far `anchor` has moved what a document places
 - `terrain`     what a place is to a body: water, ground, what stands there and how high ← `outlines`, `blocks`
 - `obstacles`   where legs can go; `shapes`, `props`, `sizes` what can be touched, and how large it is
 - `roofs`       how high a city can be at many places at once

@@ -54,8 +54,8 @@ def test_main_writes_the_schemas(tmp_path: Path) -> None:
         ('{"a": ' + "9" * 5000 + "}", UsageError, "thousands of digits"),
         ("{}", MissionError, "'name' is missing"),
         ("[]", MissionError, "an object is due, this is a list"),
-        ('{"name": "\\ud800"}', MissionError, "$.name holds half of a surrogate pair"),
-        ('{"name": NaN}', MissionError, "$.name is NaN"),
+        ('{"name": "\\ud800"}', MissionError, "$.name: holds half of a surrogate pair"),
+        ('{"name": NaN}', MissionError, "$.name: is NaN"),
     ],
 )
 def test_unreadable_documents_end_in_one_message(text: str, error: type[LingjingError], words: str) -> None:

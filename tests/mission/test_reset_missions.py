@@ -172,9 +172,15 @@ def test_task_types_name_templates(nine: Nine, word: str, name: str, key: str) -
         assert mission.name == name and f"named by {key} '{word}'" in notes[0]
 
 
-def test_contradicting_task_types_are_noted(nine: Nine) -> None:
+def test_contradicting_task_types_are_an_error_unless_the_template_is_named(nine: Nine) -> None:
     text = foreign(nine, "ufr", lambda s: (s.update(taskType="ufr"), s["taskMatrix"][0].update(task_type="cr")))
-    assert read(nine, text)[1][0].endswith("(although $.scenario.taskMatrix[0].task_type names 'cr')")
+    with pytest.raises(MissionError, match="taskType names ufr; task_type names cr") as caught:
+        read(nine, text)
+    assert [one.where for one in caught.value.faults] == ["$.scenario.taskMatrix[0].task_type"]
+    assert 'name the template: "lingjing": {"mission": "ufr"}' in caught.value.hint
+    named = json.loads(text)
+    named["scenario"]["lingjing"] = {"mission": "ufr"}
+    assert read(nine, json.dumps(named))[0].name == "ufr"
 
 
 def _without_targets(scenario: Scenario) -> None:

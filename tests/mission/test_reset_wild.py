@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,9 @@ from typing import Any
 import pytest
 
 from benchmarks.mutated_documents import read_mutated
+from lingjing.cli.main import main
 from lingjing.dsl.loading.load import templates_beside
-from lingjing.errors import MissionError
+from lingjing.errors import ExitCode, MissionError
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
@@ -226,6 +228,155 @@ def test_every_fault_is_told_in_one_run_with_its_path() -> None:
         ("$.scenario.taskMatrix[0].initial_state.goalFirePosition[1]", "has no place"),
     }
     assert all(one.hint for one in caught.value.faults)
+
+
+def test_faults_of_all_phases_are_told_in_one_run() -> None:
+    """Numbers that are none, shapes, the `lingjing` object, places and outlines: each is looked at after the others."""
+    whole = document({"goalFirePosition": [{"fireId": 1, **PLACE}, {"fireId": 2, "x": "3", "y": 2}]}, drones=3, cars=1)
+    scenario = whole["scenario"]
+    scenario["lingjing"] = {"bogus": 1, "settings": {"foo": 1, "uavs": 99}, "origin": [200, 300]}
+    lists = scenario["equipmentList"]
+    lists["droneEntityList"][0]["data"]["x"] = float("nan")
+    lists["droneEntityList"][1]["data"]["x"] = 1e300
+    lists["droneEntityList"][2]["heading"] = 1e9
+    lists["autoVehicleEntityList"][0]["data"] = "here"
+    scenario["taskMatrix"][0]["initial_state"]["takeoff_height_m"] = float("inf")
+    with pytest.raises(MissionError) as caught:
+        read(json.dumps(whole), "w.json", TEMPLATES)
+    at, state = "$.scenario.equipmentList", "$.scenario.taskMatrix[0].initial_state"
+    assert [(one.where, one.message) for one in caught.value.faults] == [
+        (f"{at}.droneEntityList[0].data.x", "is NaN, not a finite number"),
+        (f"{state}.takeoff_height_m", "is infinite, not a finite number"),
+        ("$.scenario.lingjing", "unknown field 'bogus'"),
+        (f"{at}.droneEntityList[2].heading", "is 1e+09, at most 360 is due"),
+        (f"{at}.autoVehicleEntityList[0].data", "an object is due, this is the text 'here'"),
+        (f"{state}.goalFirePosition[1].x", "a number is due, this is the text '3'"),
+        ("$.scenario.lingjing.settings.foo", "mission 'ufr' has no parameter 'foo'"),
+        ("$.scenario.lingjing.settings.uavs", "uavs = 99 is outside of its range 1..5"),
+        ("$.scenario.lingjing.origin", "is no latitude and longitude"),
+        (f"{at}.droneEntityList[1].data", "lies at (1e+298, -20, 1) m, beyond the scene"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("entry", "path", "said"),
+    [
+        ({"personCount": 2.5}, ".personCount", "is 2.5, a whole number is due"),
+        ({"personCount": 0}, ".personCount", "is 0, at least 1 is due"),
+        ({"weight": 3, "demand": 5}, "", "has 'weight' 3 and 'demand' 5, which say the same and differ"),
+        ({"data": {"x": 1.0, "y": 2.0}}, "", "has 2 places that differ"),
+        ({"position": {"lon": 121.5, "lat": 31.0}, "data": {"x": 1.0, "y": 2.0}}, "", "has 3 places that differ"),
+        ({"heading": 1e9}, ".heading", "is 1e+09, at most 360 is due"),
+    ],
+)
+def test_an_entry_that_cannot_be_or_contradicts_itself_is_an_error(entry: Json, path: str, said: str) -> None:
+    with pytest.raises(MissionError) as caught:
+        play(document({"queuingList": [PLACE, {**PLACE, **entry}]}, drones=1, dogs=1))
+    where = f"$.scenario.taskMatrix[0].initial_state.queuingList[1]{path}"
+    assert [(one.where, one.message) for one in caught.value.faults] == [(where, said)]
+    assert caught.value.hint
+    same = {"weight": 3, "demand": 3, "data": dict(PLACE)}
+    assert play(document({"goalDelPosition": [{**PLACE, **same}], "warehousePosition": [STORE]}, cars=1))[0]
+
+
+def test_paths_name_keys_as_the_document_spells_them() -> None:
+    crossed = [{"x": x, "y": y} for x, y in ((0.0, 0.0), (9000.0, 9000.0), (9000.0, 0.0), (0.0, 9000.0))]
+    whole = document({"search_range": crossed, "goalFirePosition": [PLACE]}, drones=1, cars=3)
+    scenario = whole["scenario"]
+    scenario["equipmentList"]["auto_vehicle_entity_list"] = scenario["equipmentList"].pop("autoVehicleEntityList")
+    scenario["equipment_list"] = scenario.pop("equipmentList")
+    scenario["task_matrix"] = scenario.pop("taskMatrix")
+    scenario["task_matrix"][0]["initialState"] = scenario["task_matrix"][0].pop("initial_state")
+    with pytest.raises(MissionError) as caught:
+        read(json.dumps(whole), "w.json", TEMPLATES)
+    assert [one.where for one in caught.value.faults] == [
+        "$.scenario.equipment_list.auto_vehicle_entity_list",
+        "$.scenario.task_matrix[0].initialState.search_range",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("word", "mission"),
+    [
+        ("sea_search", "ssr"), ("SeaSearch", "ssr"), ("ＳＥＡ　ＲＥＳＣＵＥ", "ssr"), ("海上搜索", "ssr"),
+        ("rescue task", "ssr"), ("find fire", "ufr"), ("FIND-FIRE", "ufr"), ("找火任务", "ufr"),
+        ("warehouse delivery", "cd"), ("仓库配送", "cd"),
+        ("ＵＡＶ－ＤＯＧ", "upr"), ("Bridge_Inspection_Task", "bi"), ("traffic.jam", "cr"), ("express delivery", "ld"),
+        ("queue detection", "queue"), ("dog_fire", "idf"), ("uav_search_fire", "fire_search"),
+    ],
+)  # fmt: skip
+def test_task_types_are_read_as_people_write_them(word: str, mission: str) -> None:
+    whole = document({}, drones=1, dogs=1, cars=1, ships=1, task_type=word)
+    assert read(json.dumps(whole), "w.json", TEMPLATES)[0].name == mission
+
+
+def test_two_words_of_one_task_agree_and_two_tasks_do_not() -> None:
+    whole = document({"goalFirePosition": [PLACE]}, drones=2, cars=1, task_type="fire")
+    whole["scenario"]["taskType"] = "fire truck"
+    assert play(whole)[0].mission == "ufr"
+    whole["scenario"]["taskType"] = "bridge"
+    with pytest.raises(MissionError, match=r"task_type: contradicts the other task type: taskType names bi"):
+        play(whole)
+
+
+@pytest.mark.parametrize("word", ["rain", "Rainy", "雨", "大雨", "heavy_rain", "ＲＡＩＮ"])
+def test_rain_dims_and_covers_the_sky_with_a_note(word: str) -> None:
+    instance, notes = play(document({"fracturePosition": [PLACE], "weather": word}, drones=1))
+    assert instance.weather.visibility_m <= 10_000.0 and instance.weather.cloud >= 0.7
+    assert any(f"weather: '{word}' is read as what it does to visibility and cloud; no rain falls" in n for n in notes)
+
+
+def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
+    whole = document({"goalFirePosition": [{**PLACE, "z": 134_500.0}]}, drones=1, cars=1)
+    lists = whole["scenario"]["equipmentList"]
+    lists["droneEntityList"][0]["data"]["z"] = 136_000.0
+    lists["autoVehicleEntityList"][0]["data"]["z"] = 134_000.0
+    instance, notes = play(whole)
+    assert any("heights begin at 1340 m, which is taken for the ground" in note for note in notes)
+    heights = {entity.group: entity.position[2] for entity in instance.entities}
+    assert (heights["truck"], heights["uav"], heights["fire"]) == (0.0, 20.0, 5.0)
+    lists["autoVehicleEntityList"][0]["data"]["z"] = 0.0  # one thing on the ground is over the scene, so they all are
+    _, notes = play(whole)
+    far = [note for note in notes if "over the scene, which is played so" in note]
+    assert [note.partition(": its")[0].rpartition(".")[0] for note in far] == [
+        "$.scenario.equipmentList.droneEntityList[0]",
+        "$.scenario.taskMatrix[0].initial_state",
+    ]
+    whole["scenario"]["lingjing"] = {"datum_m": 1340.0}
+    with pytest.raises(MissionError, match=r"autoVehicleEntityList\[0\]"):
+        play(whole)
+
+
+def test_what_is_there_and_what_is_wanting_is_said() -> None:
+    people = {"rescuePersonPosition": [{"personId": "p", **PLACE}]}
+    with pytest.raises(MissionError, match="'ssr' would, with shipEntityList"):
+        play(document(people, drones=3))
+    with pytest.raises(MissionError, match="shipEntityList: is missing or empty, mission 'ssr' needs a boat"):
+        play(document(people, drones=3, task_type="sea search"))
+    fire = {"goalFirePosition": [PLACE]}
+    instance, notes = play(document(fire, drones=3, dogs=2, task_type="uavdog"))
+    assert instance.mission == "idf" and any("has no multirotor; 3 kept, not played" in note for note in notes)
+    with pytest.raises(MissionError, match="autoVehicleEntityList: holds 3, mission 'ufr' has one truck"):
+        play(document(fire, drones=2, cars=3))
+
+
+def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_distance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = document({"goalFirePosition": [PLACE]}, drones=2, cars=1)
+    file = tmp_path / "w.json"
+    file.write_text(json.dumps(whole))
+    assert main(["validate", str(file)]) == ExitCode.OK
+    said = capsys.readouterr().out
+    at = "note: $.scenario.equipmentList.autoVehicleEntityList[0].data: `truck` is put "
+    assert re.search(re.escape(at) + r"\d+ m away, on the nearest road that suits\n", said)
+    assert re.search(r"goalFirePosition\[0\]: `fire\[1\]` is put .*\d+ m higher, on the nearest roof", said)
+    assert "`uav" not in said
+    whole["scenario"]["equipmentList"]["droneEntityList"][1]["data"]["x"] = 700_000.0
+    file.write_text(json.dumps(whole))
+    assert main(["validate", str(file)]) == ExitCode.MISSION
+    told = capsys.readouterr().out
+    assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (7,000 m" in told
 
 
 def test_what_no_template_binds_is_an_error() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -74,11 +75,28 @@ def proofs(mission: Mission, source: SourceText) -> tuple[Diagnostic, ...]:
     refused = tuple(Diagnostic(one.code, start, f"{path}: {one.message}", one.hint) for path, one in faults_of(mission))
     if refused:
         return refused
+
+    def told(message: str, path: str = "") -> str:
+        place = place_of(mission, path, message)
+        return f"{place}: {message}" if place else message
+
     found = [
-        Diagnostic(one.code, start, one.message, one.hint, severity="warning" if one.partly else "error")
+        Diagnostic(one.code, start, told(one.message), one.hint, severity="warning" if one.partly else "error")
         for one in prove(mission)
     ]
-    return (*found, *(Diagnostic(item.code, start, item.message, item.hint) for item in trial(mission)))
+    tried = (Diagnostic(item.code, start, told(item.message, item.path), item.hint) for item in trial(mission))
+    return (*found, *tried)
+
+
+def place_of(mission: Mission, path: str, message: str) -> str:
+    """JSON path at which the mission's document places the entity or group that a fault is about, else ""."""
+    places = mission.origin.places
+    names = [*re.findall(r"[`']([^`']+)[`']", message), *path.split("/")[1:]]
+    for name in names:
+        if name in places:
+            return places[name]
+    groups = {one.partition("[")[0]: where for one, where in reversed(places.items())}
+    return next((re.sub(r"\[\d+\](\.data)?$", "", groups[name]) for name in names if name in groups), "")
 
 
 def _winnable(mission: Mission, source: SourceText) -> None:

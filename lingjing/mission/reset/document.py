@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.reset.faults import document_error, faults_of
+from lingjing.mission.reset.repair import mended, stand_in
 from lingjing.mission.reset.shapes import CommandEnvelope, DocumentPart, Free, P, Scenario, TaskRow
 from lingjing.mission.reset.spelling import Spelt
 
@@ -22,7 +23,12 @@ from lingjing.mission.reset.spelling import Spelt
 @dataclass(frozen=True, slots=True)
 class Parsed:
     """A document that was read: the scenario, the JSON path of the scenario, its plain values without nulls under the
-    keys of this module; and the notes and faults found so far."""
+    keys of this module; and the notes and faults found so far.
+
+    `placed` are the JSON paths of what has been placed, by the ids of the entities. With faults the values are mended
+    (`repair`), `place` standing in for places that are none; `decided` says whether what tells the template is as it
+    was.
+    """
 
     scenario: Scenario
     path: str
@@ -32,6 +38,9 @@ class Parsed:
     notes: list[str] = field(default_factory=list)
     spelt: Spelt = field(default_factory=lambda: Spelt({}))
     faults: list[Fault] = field(default_factory=list)
+    decided: bool = True
+    place: Mapping[str, float] = field(default_factory=dict)
+    placed: dict[str, str] = field(default_factory=dict)
 
     @property
     def task(self) -> TaskRow:
@@ -41,12 +50,31 @@ class Parsed:
     @property
     def task_path(self) -> str:
         """JSON path of that row."""
-        return f"{self.path}.taskMatrix[0]"
+        return f"{self.at('taskMatrix')}[0]"
 
     @property
     def state_path(self) -> str:
         """JSON path of the initial state."""
-        return f"{self.task_path}.initial_state"
+        return self.holders()[0][1]
+
+    @property
+    def lists_path(self) -> str:
+        """JSON path of the lists of entities."""
+        return self.at("equipmentList")
+
+    def at(self, key: str) -> str:
+        """JSON path of a key of the scenario, as the document spells it."""
+        return f"{self.path}.{self.spelt.key(self.raw, key)}"
+
+    def in_state(self, key: str) -> str:
+        """JSON path of a key of the initial state."""
+        (state, path), *_ = self.holders()
+        return f"{path}.{self.spelt.key(state, key)}"
+
+    def list_path(self, name: str) -> str:
+        """JSON path of one of the lists of entities."""
+        lists = self.raw.get("equipmentList")
+        return f"{self.lists_path}.{self.spelt.key(lists if isinstance(lists, dict) else {}, name)}"
 
     def holders(self) -> tuple[tuple[Mapping[str, Any], str], ...]:
         """The objects that may hold hidden places, and their JSON paths: initial state, task, scenario."""
@@ -54,7 +82,8 @@ class Parsed:
         task = rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], dict) else {}
         state = task.get("initial_state")
         inner: Mapping[str, Any] = state if isinstance(state, dict) else {}
-        return (inner, self.state_path), (task, self.task_path), (self.raw, self.path)
+        state_path = f"{self.task_path}.{self.spelt.key(task, 'initial_state')}"
+        return (inner, state_path), (task, self.task_path), (self.raw, self.path)
 
     def rows(self) -> Iterator[tuple[DocumentPart, Mapping[str, Any], str]]:
         """The scenario and its task: shape, values, JSON path."""
@@ -70,22 +99,20 @@ class Parsed:
         """Keep a fault and go on."""
         self.faults.append(Fault(where, message, hint))
 
-    def converted(self, value: object, shape: type[P], where: str) -> P | None:
-        """A part of the document in its shape; None if it is none, which is reported."""
+    def converted(self, value: object, shape: type[P], where: str) -> P:
+        """A part of the document in its shape; if it is none, that is reported and another place stands in."""
         try:
             return shape.model_validate(value)
         except ValidationError as error:
             self.faults.extend(faults_of(error, value, where, self.spelt))
-            return None
+            return shape.model_validate(dict(self.place))
 
 
 def parse(text: str, path: str) -> Parsed:
-    """Read a document; `UsageError` if it is not JSON, `MissionError` if it is no scenario at all.
-
-    With `faults` in what is returned, its `scenario` is not to be used; its `raw` values are.
-    """
+    """Read a document; `UsageError` if it is not JSON, `MissionError` if it is no scenario and cannot be mended."""
     notes: list[str] = []
-    value, root = _unwrapped(_without_nulls(jsontext.load(text, path, notes)), notes)
+    faults: list[Fault] = []
+    value, root = _unwrapped(_without_nulls(jsontext.load(text, path, notes, faults)), notes)
     spelt = Spelt({})
     if isinstance(value, dict):
         spelt.rename(value, _Either, root)
@@ -104,15 +131,22 @@ def parse(text: str, path: str) -> Parsed:
         )
     spelt.unify(value, shape, root)
     inner, where = (value["scenario"], f"{root}.scenario") if shape is CommandEnvelope else (value, root)
-    whole = Scenario.model_construct()
+    raw = inner if isinstance(inner, dict) else {}
+    place = stand_in(raw)
+    decided = True
+    read: CommandEnvelope | Scenario | None
     try:
         read = shape.model_validate(value)
-        whole = read.scenario if isinstance(read, CommandEnvelope) else read
     except ValidationError as error:
         spelt.faults.extend(faults_of(error, value, root, spelt))
+        read, decided = mended(value, shape, place)
+    told = {fault.where for fault in faults}
+    found = [*faults, *(fault for fault in spelt.faults if fault.where not in told)]
+    if read is None:
+        raise document_error(path, found)
+    whole = read.scenario if isinstance(read, CommandEnvelope) else read
     envelope = value if shape is CommandEnvelope else {}
-    raw = inner if isinstance(inner, dict) else {}
-    return Parsed(whole, where, path, raw, envelope, [*notes, *spelt.notes], spelt, spelt.faults)
+    return Parsed(whole, where, path, raw, envelope, [*notes, *spelt.notes], spelt, found, decided, place)
 
 
 class _Either(DocumentPart):

@@ -73,7 +73,11 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
             "the object 'lingjing' knows mission, mode, settings, seed, origin, datum_m and targets",
         )
     if kind == "value_error":
-        return PLACELESS, "give X and Y in centimetres, or lon and lat in degrees"
+        said = str(one["msg"]).removeprefix("Value error, ")
+        way_out = "give X and Y in centimetres, or lon and lat in degrees" if said == PLACELESS else "leave one of them"
+        return f"has {said}", way_out
+    if kind == "multiple_of":
+        return f"is {given:g}, a whole number is due", _SCHEMA
     if kind in _DUE:
         hint = "write the number without quotes" if isinstance(given, str) and kind == "float_type" else _SCHEMA
         return f"{_DUE[kind]} is due, this is {kind_of(given)}", hint

@@ -128,8 +128,8 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
         one = isinstance(value, dict)
         read = [_target(item, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items)]
         parsed.notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes)
-        yield Found(field, key, where, tuple(target for target in read if target is not None), one)
+        yield Found(field, key, where, tuple(read), one)
 
 
-def _target(item: dict[str, Any], where: str, parsed: Parsed) -> HiddenPlace | None:
+def _target(item: dict[str, Any], where: str, parsed: Parsed) -> HiddenPlace:
     return parsed.converted(parsed.spelt.unify(item, HiddenPlace, where), HiddenPlace, where)

@@ -20,10 +20,12 @@ from lingjing.mission.reset.shapes import LISTS, Coordinates
 FAR_M = 20_000.0
 """A scene is a few kilometres wide: what lies farther off is noted, and degrees farther off give the origin."""
 
-LOW_M, HIGH_M = -100.0, 3_000.0
-"""Heights over a scene's datum lie between these; beyond, they were measured from somewhere else."""
+LOW_M = -100.0
+GROUND_HIGH_M, HIDDEN_HIGH_M, FLYING_HIGH_M = 80.0, 450.0, 3_000.0
+"""Heights over a scene's datum lie between these: of what walks, drives or floats (a bridge's deck is 80 m high), of
+hidden places (a building is 400 m high) and of what flies. Beyond, they were measured from somewhere else."""
 
-_ON_THE_GROUND = ("quadruped", "road", "vessel")
+ON_THE_GROUND = ("quadruped", "road", "vessel")
 
 
 class DocumentFrame(msgspec.Struct, frozen=True):
@@ -56,14 +58,15 @@ class DocumentFrame(msgspec.Struct, frozen=True):
 def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]) -> DocumentFrame:
     """The frame of a document whose template has its origin at `origin`."""
     given = parsed.scenario.lingjing
-    on_ground, others = _places(parsed, found)
-    every = [*on_ground, *others]
+    on_ground, hidden, flying = _places(parsed, found)
+    every = [*hidden, *on_ground, *flying]
     frame = DocumentFrame(origin)
     if given is not None and given.origin is not None:
         if not (-90.0 <= given.origin[0] <= 90.0 and -180.0 <= given.origin[1] <= 180.0):
-            where = f"{parsed.path}.lingjing.origin"
+            where = f"{parsed.at('lingjing')}.origin"
             parsed.report(where, "is no latitude and longitude", "write degrees: [39.83, 109.94]")
-        frame = DocumentFrame(given.origin)
+        else:
+            frame = DocumentFrame(given.origin)
     elif (worked_out := _origin(every, origin)) is not None:
         parsed.notes.append(
             f"{parsed.path}: the scene's origin is taken to be at {worked_out[0]:g}, {worked_out[1]:g}, where the "
@@ -72,8 +75,11 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
         frame = DocumentFrame(worked_out)
     if given is not None and given.datum_m is not None:
         return DocumentFrame(frame.origin, given.datum_m)
-    heights = _heights(frame, on_ground) or _heights(frame, others)
-    if not heights or LOW_M <= min(heights) <= HIGH_M or abs(min(heights)) > FARTHEST_M:
+    heights = _heights(frame, [*on_ground, *hidden]) or _heights(frame, flying)
+    high_m = (
+        GROUND_HIGH_M if _heights(frame, on_ground) else HIDDEN_HIGH_M if _heights(frame, hidden) else FLYING_HIGH_M
+    )
+    if not heights or LOW_M <= min(heights) <= high_m or abs(min(heights)) > FARTHEST_M:
         return frame
     parsed.notes.append(
         f"{parsed.path}: heights begin at {min(heights):g} m, which is taken for the ground; "
@@ -82,16 +88,17 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
     return DocumentFrame(frame.origin, min(heights))
 
 
-def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], list[Coordinates]]:
-    """The coordinates of what stands on the ground, and of what flies."""
-    on_ground: list[Coordinates] = [target.place for one in found for target in one.targets]
-    on_ground += parsed.task.initial_state.rescue_range
+def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], list[Coordinates], list[Coordinates]]:
+    """The coordinates of what moves on the ground or the water, of hidden places and corners, and of what flies."""
+    hidden: list[Coordinates] = [target.place for one in found for target in one.targets]
+    hidden += parsed.task.initial_state.rescue_range
+    on_ground: list[Coordinates] = []
     flying: list[Coordinates] = []
     for one in LISTS:
         if one.engine != "satellite":
             rows = getattr(parsed.scenario.equipment_list, one.attribute)
-            (on_ground if one.engine in _ON_THE_GROUND else flying).extend(row.data for row in rows)
-    return on_ground, flying
+            (on_ground if one.engine in ON_THE_GROUND else flying).extend(row.data for row in rows)
+    return on_ground, hidden, flying
 
 
 def _heights(frame: DocumentFrame, places: Iterable[Coordinates]) -> list[float]:

@@ -14,10 +14,14 @@ from lingjing.mission import frames, model
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instance_entities import FARTHEST_M, holds, place_fault
 from lingjing.mission.instantiate import parameters, scene_spec
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
-from lingjing.mission.reset.frame import FAR_M, DocumentFrame
+from lingjing.mission.reset.frame import FAR_M, GROUND_HIGH_M, HIDDEN_HIGH_M, LOW_M, ON_THE_GROUND, DocumentFrame
 from lingjing.mission.reset.shapes import Coordinates
+
+_MOST = 1e9
+"""No number of a hidden place is as large."""
 
 
 class Measure(NamedTuple):
@@ -34,7 +38,7 @@ class Measure(NamedTuple):
 
     def fits(self, value: object) -> TypeGuard[float]:
         """Whether a value of the document is such a number."""
-        return isinstance(value, int | float) and not isinstance(value, bool) and value >= self.least
+        return isinstance(value, int | float) and not isinstance(value, bool) and self.least <= value < _MOST
 
 
 MEASURES = (
@@ -94,6 +98,18 @@ def far_off(spot: DocumentEntry, frame: DocumentFrame, parsed: Parsed) -> str:
     return f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
 
 
+def high_up(spot: DocumentEntry, group: model.Group, frame: DocumentFrame, parsed: Parsed) -> str:
+    """What to note of a height that cannot be one over the scene for such an entity, or ""."""
+    _, _, *above = world(spot, frame, parsed)
+    high_m = GROUND_HIGH_M if group.engine in ON_THE_GROUND else HIDDEN_HIGH_M
+    if not above or LOW_M <= above[0] <= high_m or engine_kind(group.engine).anywhere:
+        return ""
+    return (
+        f"{spot.path}: its height is {above[0]:g} m over the scene, which is played so; if heights are measured from "
+        'elsewhere, "lingjing": {"datum_m": metres} would say from where'
+    )
+
+
 def contradiction(spot: DocumentEntry, frame: DocumentFrame) -> str:
     """What to note if the two spellings of a place name different ones, or ""."""
     data = spot.data
@@ -145,6 +161,7 @@ def filled(
         group = next(g for g in mission.groups if g.name == group.name)
     if not spots:
         return mission
+    parsed.placed.update((member_id(group, k), spot.path) for k, spot in enumerate(spots, start=1))
     properties = _positioned(group, spots, frame, parsed, where)
     if any(spot.heading_deg is not None for spot in spots):
         for spot in spots:
@@ -175,6 +192,7 @@ def _positioned(
         return group.properties
     parsed.notes.extend(note for note in (contradiction(spot, frame) for spot in spots) if note)
     parsed.notes.extend(note for note in (far_off(spot, frame, parsed) for spot in spots) if note)
+    parsed.notes.extend(note for note in (high_up(spot, group, frame, parsed) for spot in spots) if note)
     given = tuple(world(spot, frame, parsed) for spot in spots)
     for spot, place in zip(spots, given, strict=True):
         fault = place_fault(place, group.engine)

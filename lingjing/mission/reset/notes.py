@@ -39,13 +39,12 @@ def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str
     yield from _unread([(scenario, Scenario)], path)
     equipment = scenario.get("equipmentList")
     if isinstance(equipment, Mapping):
-        where = f"{path}.equipmentList"
-        yield from _unread([(equipment, EquipmentList)], where)
+        yield from _unread([(equipment, EquipmentList)], parsed.lists_path)
         for one in LISTS:
-            yield from _unread_rows(equipment.get(one.name), Satellite, f"{where}.{one.name}")
+            yield from _unread_rows(equipment.get(one.name), Satellite, parsed.list_path(one.name))
     yield from _unread([(task, TaskRow)], task_path)
     yield from _unread([(state, InitialState)], state_path)
-    yield from _unread_rows(state.get("rescueRange"), Corner, f"{state_path}.rescueRange")
+    yield from _unread_rows(state.get("rescueRange"), Corner, parsed.in_state("rescueRange"))
     holders = {where: holder for holder, where in parsed.holders()}
     for field in found:
         value = holders[field.path.removesuffix(f".{field.key}")][field.key]
@@ -58,7 +57,7 @@ def _codes(parsed: Parsed) -> Iterator[str]:
     times = Counter(item.equipment_code for items in lists for item in items if item.equipment_code)
     shared = [f"'{code}'" for code, count in times.items() if count > 1]
     if shared:
-        yield f"{parsed.path}.equipmentList: an equipmentCode stands more than once: {', '.join(shared)}"
+        yield f"{parsed.lists_path}: an equipmentCode stands more than once: {', '.join(shared)}"
 
 
 _TWICE = ("tasktype",)

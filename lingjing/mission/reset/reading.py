@@ -19,17 +19,18 @@ from lingjing.errors import UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import frames, geometry2d, model
 from lingjing.mission.instance import Weather
-from lingjing.mission.instantiate import choose_mode, parameters
+from lingjing.mission.instantiate import choose_settings
 from lingjing.mission.reset.document import Parsed, parse
 from lingjing.mission.reset.faults import document_error
 from lingjing.mission.reset.fields import Found, hidden_fields
 from lingjing.mission.reset.frame import DocumentFrame, frame_of
 from lingjing.mission.reset.groups import DocumentEntry, draw_of, filled, number_like, origin_of, plays, point, world
 from lingjing.mission.reset.notes import leftovers
+from lingjing.mission.reset.repair import followed
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
 from lingjing.mission.reset.template import template_name
-from lingjing.mission.weather_words import sky_of
+from lingjing.mission.weather_words import RAINY, sky_of
 
 MODES = {"star": "star", "星型": "star", "broadcast": "broadcast", "广播": "broadcast", "single": "single"}
 """Spellings of a communication mode in `collaborationType`, which else says how the work is shared in free words."""
@@ -46,7 +47,8 @@ def instantiate_document(
     """
     parsed = parse(text, path)
     found = hidden_fields(parsed)
-    if parsed.faults:
+    first = len(parsed.faults)
+    if first and not parsed.decided:
         raise document_error(path, parsed.faults)
     name, where, why = template_name(parsed, found)
     try:
@@ -58,13 +60,13 @@ def instantiate_document(
     parsed.notes.insert(0, f"template '{name}': {why}")
     mission = _placed(template, parsed, found)
     if parsed.faults:
-        raise document_error(path, parsed.faults)
+        raise document_error(path, followed(parsed.faults, first, parsed.task_path))
     parsed.notes.extend(leftovers(text, parsed, found))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     draws: dict[str, ex.Expr] = {
         group.name: drawn for group in template.groups if (drawn := draw_of(group)) is not None
     }
-    origin = model.Origin(file=path, sha256=digest, document=text, draws=draws)
+    origin = model.Origin(file=path, sha256=digest, document=text, draws=draws, places=dict(parsed.placed))
     return msgspec.structs.replace(mission, origin=origin), tuple(parsed.notes)
 
 
@@ -101,10 +103,11 @@ def _configured(template: model.Mission, parsed: Parsed) -> model.Mission:
     if extra is None:
         return template
     try:
-        mode = choose_mode(template, extra.mode)
-        parameters(template, mode, extra.settings)
+        mode, _ = choose_settings(template, extra.mode, extra.settings)
     except UsageError as error:
-        raise parsed.fault(f"{parsed.path}.lingjing", str(error), error.hint) from None
+        for fault in error.faults:
+            parsed.report(f"{parsed.at('lingjing')}.{fault.where}", fault.message, fault.hint)
+        return template
     changed = tuple(
         msgspec.structs.replace(p, default=number_like(p.default, extra.settings[p.name]))
         if p.name in extra.settings
@@ -118,7 +121,7 @@ def _configured(template: model.Mission, parsed: Parsed) -> model.Mission:
 def _collaborating(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template in the mode that `collaborationType` names, if it names one."""
     word = parsed.scenario.collaboration_type
-    mode, where = MODES.get(folded(word)), f"{parsed.path}.collaborationType"
+    mode, where = MODES.get(folded(word)), parsed.at("collaborationType")
     if mode is None or mode == template.modes.default:
         return template
     if mode not in template.modes.allowed:
@@ -134,13 +137,15 @@ def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """Title, goal and weather."""
     state = parsed.task.initial_state
     if len(parsed.scenario.task_matrix) > 1:
-        parsed.notes.append(f"{parsed.path}.taskMatrix: the first of {len(parsed.scenario.task_matrix)} rows is played")
+        parsed.notes.append(
+            f"{parsed.at('taskMatrix')}: the first of {len(parsed.scenario.task_matrix)} rows is played"
+        )
     mission = _at_height(mission, parsed)
     return msgspec.structs.replace(
         mission,
         title=parsed.scenario.scene_name or mission.title,
         goal=parsed.task.goal or mission.goal,
-        weather=_weather(mission.weather, state.weather, f"{parsed.state_path}.weather", parsed),
+        weather=_weather(mission.weather, state.weather, parsed.in_state("weather"), parsed),
     )
 
 
@@ -150,7 +155,7 @@ _ALTITUDE = "altitude"
 
 def _at_height(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """The mission with `takeoff_height_m` as the height its aircraft fly at, if it has a parameter that takes it."""
-    height, where = parsed.task.initial_state.takeoff_height_m, f"{parsed.state_path}.takeoff_height_m"
+    height, where = parsed.task.initial_state.takeoff_height_m, parsed.in_state("takeoff_height_m")
     if height is None:
         return mission
     known = next((one for one in mission.parameters if one.name == _ALTITUDE), None)
@@ -175,6 +180,8 @@ def _weather(
         said = f"'{word}'" if isinstance(word, str) else "an object"
         parsed.notes.append(f"{where}: {said} is not understood and kept; the template's weather stands")
         return given
+    if sky.word == RAINY:
+        parsed.notes.append(f"{where}: '{word}' is read as what it does to visibility and cloud; no rain falls")
     known = {p.name: p.value.value for p in given if isinstance(p.value, ex.Number)}
     calm = Weather()
     if sky.fits(known.get("visibility_m", calm.visibility_m), known.get("cloud", calm.cloud)):
@@ -191,12 +198,14 @@ def _weather(
 
 def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: DocumentFrame) -> model.Mission:
     """Put one of the six lists into the groups of the template that its engine drives."""
-    where = f"{parsed.path}.equipmentList.{one.name}"
+    where = parsed.list_path(one.name)
     listed: tuple[Equipment, ...] = getattr(parsed.scenario.equipment_list, one.attribute)
     driven = [g for g in mission.groups if g.role == "asset" and g.engine == one.engine and plays(mission, g)]
     said = parsed.task.initial_state.uav_count
     if one.engine == "multirotor" and said is not None and said != len(listed):
-        parsed.notes.append(f"{parsed.state_path}.uav_count says {said:g}, the list has {len(listed)}: the list counts")
+        parsed.notes.append(
+            f"{parsed.in_state('uav_count')} says {said:g}, the list has {len(listed)}: the list counts"
+        )
     if not driven:
         if listed:
             parsed.notes.append(
@@ -235,7 +244,7 @@ def _spot(item: Equipment, where: str, parsed: Parsed) -> DocumentEntry:
 
 
 def _outline(mission: model.Mission, parsed: Parsed, frame: DocumentFrame) -> geometry2d.Polygon | None:
-    where = f"{parsed.state_path}.rescueRange"
+    where = parsed.in_state("rescueRange")
     corners = parsed.task.initial_state.rescue_range
     region = search_region(mission)
     if not corners:

@@ -6,6 +6,7 @@ centimetres (`X`, `Y`, `Z`) or WGS84 (`lon`, `lat`, `alt`); see `lingjing.missio
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
 
@@ -19,6 +20,9 @@ Free = Annotated[Any, Field(description="kept as it is, nothing reads it")]
 
 Code = Annotated[str | int, Field(union_mode="left_to_right")]
 """What names a thing: a text, or a number."""
+
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+"""An angle as people write one: once around to either side."""
 
 PLACES = (("X", "Y"), ("lon", "lat"))
 """The pairs of coordinates that place something."""
@@ -43,8 +47,8 @@ LISTS: tuple[EntityList, ...] = (
 
 
 def folded(word: str) -> str:
-    """Letters and digits of a spelling, lower case."""
-    return "".join(letter for letter in word if letter.isalnum()).casefold()
+    """Letters and digits of a spelling, lower case, each in its plain form: `Ｆｉｒｅ－１` is `fire1`."""
+    return "".join(letter for letter in unicodedata.normalize("NFKC", word) if letter.isalnum()).casefold()
 
 
 def spelt(*others: str, alias: str | None = None, default: Any = None) -> Any:
@@ -96,7 +100,12 @@ class Coordinates(DocumentPart):
     lon: Annotated[float, Field(ge=-180, le=180)] | None = spelt("lng", "long", "longitude", "经度")
     lat: Annotated[float, Field(ge=-90, le=90)] | None = spelt("latitude", "纬度")
     alt: float | None = spelt("altitude", "海拔")
-    yaw: float | None = None
+    yaw: Degrees | None = None
+
+    @property
+    def spot(self) -> tuple[float | None, ...]:
+        """The coordinates as they are given."""
+        return self.x, self.y, self.z, self.lon, self.lat, self.alt
 
     @property
     def is_place(self) -> bool:
@@ -140,9 +149,9 @@ class HiddenPlace(Coordinates):
     name: str = ""
     weight: Annotated[float, Field(ge=0)] | None = None
     demand: Annotated[float, Field(ge=0)] | None = None
-    person_count: Annotated[float, Field(ge=0)] | None = spelt("people", "人数")
+    person_count: Annotated[float, Field(ge=1, multiple_of=1)] | None = spelt("people", "人数")
     spacing: Free = None
-    heading: float | None = None
+    heading: Degrees | None = None
     status: Free = None
     range: Free = None
     scale: Free = None
@@ -181,11 +190,16 @@ class HiddenPlace(Coordinates):
 
     @model_validator(mode="after")
     def _is_placed(self) -> HiddenPlace:
+        given = [one for one in (self.data, self.position, self) if one is not None and one.is_place]
+        if len({one.spot for one in given}) > 1:
+            raise ValueError(f"{len(given)} places that differ")
+        if self.weight is not None and self.demand is not None and self.weight != self.demand:
+            raise ValueError(f"'weight' {self.weight:g} and 'demand' {self.demand:g}, which say the same and differ")
         return _placed(self, self.place)
 
 
 P = TypeVar("P", bound=DocumentPart)
-PLACELESS = "has no place"
+PLACELESS = "no place"
 
 
 def _placed(part: P, place: Coordinates) -> P:
@@ -201,9 +215,9 @@ class Equipment(DocumentPart):
     name: str = ""
     side: Free = ""
     data: Data
-    heading: float | None = None
-    raw: float | None = None
-    yaw: float | None = None
+    heading: Degrees | None = None
+    raw: Degrees | None = None
+    yaw: Degrees | None = None
     sensor_type: Free = ""
 
 

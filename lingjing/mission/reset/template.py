@@ -16,6 +16,9 @@ from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.shapes import LISTS, folded
 
+_FILLERS = ("task", "mission", "scenario", "任务", "场景")
+"""What a task type may begin or end with, folded, and mean the same."""
+
 
 class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What tells a mission apart: the engines of its assets, the types of its targets, and spellings of its task.
@@ -34,7 +37,8 @@ class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 
     def named(self, word: str, found: Iterable[Found]) -> bool:
         """Whether a task type, folded, means the mission in a document with these hidden places."""
-        return word in self.spellings or (word in self.also and any(self.holds(one) for one in found))
+        words = {word, *(word.removeprefix(filler).removesuffix(filler) for filler in _FILLERS)}
+        return bool(words & self.spellings) or (bool(words & self.also) and any(self.holds(one) for one in found))
 
     def equipped(self, engines: frozenset[str]) -> bool:
         """Whether a document that lists entities of these engines may be for the mission."""
@@ -70,19 +74,26 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
         return given.mission, f"{parsed.path}.lingjing.mission", "named by 'lingjing'"
     full = [one for one in found if one.targets]
     said, unknown = _named(parsed, full)
-    for fitting, where, why in said:
-        narrowed = fitting if len(fitting) == 1 else _narrowed(parsed, fitting, full)
-        if len(narrowed) == 1:
-            mission = narrowed[0].mission
-            others = [
-                f"{path} names '{o[0].mission}'" for o, path, _ in said if len(o) == 1 and o[0].mission != mission
-            ]
-            return mission, where, why + (f" (although {' and '.join(others)})" if others else "")
-        if fitting:
-            names = ", ".join(one.mission for one in narrowed or fitting)
-            hint = f'name it: "lingjing": {{"mission": "{(narrowed or fitting)[0].mission}"}} in the scenario'
-            raise parsed.fault(where, f"may be any of {names}; nothing in the document tells which", hint)
-    return _recognised(parsed, full, unknown)
+    if not said:
+        return _recognised(parsed, full, unknown)
+    common = [one for one in said[0][0] if all(one in fitting for fitting, _, _ in said)]
+    if not common:
+        each = "; ".join(f"{where.rpartition('.')[2]} names {_either(fitting)}" for fitting, where, _ in said)
+        message = f"contradicts the other task type: {each}"
+        raise parsed.fault(said[-1][1], message, _name_it(said[0][0][0].mission))
+    agreed = common if len(common) == 1 else _narrowed(parsed, common, full) or common
+    if len(agreed) > 1:
+        hint = _name_it(agreed[0].mission)
+        raise parsed.fault(said[0][1], f"may be any of {_either(agreed)}; nothing in the document tells which", hint)
+    return agreed[0].mission, said[0][1], " and ".join(dict.fromkeys(why for _, _, why in said)) + unknown
+
+
+def _either(those: Iterable[TemplateSignature]) -> str:
+    return ", ".join(one.mission for one in those)
+
+
+def _name_it(mission: str) -> str:
+    return f'name the template: "lingjing": {{"mission": "{mission}"}} in the scenario'
 
 
 def _narrowed(parsed: Parsed, fitting: Sequence[TemplateSignature], found: Sequence[Found]) -> list[TemplateSignature]:
@@ -120,7 +131,7 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
         used = [f.key for f in found if one.holds(f)] + [
             name for engine, name in lists.items() if engine in one.engines
         ]
-        return one.mission, f"{parsed.path}.equipmentList", f"recognised by {_listing(dict.fromkeys(used))}{unknown}"
+        return one.mission, parsed.lists_path, f"recognised by {_listing(dict.fromkeys(used))}{unknown}"
     if fitting:
         names = ", ".join(one.mission for one in fitting)
         raise parsed.fault(
@@ -136,11 +147,14 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
     names = ", ".join(one.mission for one in possible)
     what = f"of {seen}" if seen else "of empty lists"
     lacking = "" if found else " without any hidden place"
-    near = next((one.mission for one in signatures() if any(one.holds(f) for f in found)), possible[0].mission)
+    plain = [field for field in found if not field.field.general] or found
+    near = next((one for one in signatures() if any(one.holds(f) for f in plain)), possible[0])
+    wanting = [one.name for one in LISTS if one.engine in near.engines - lists.keys()]
+    needs = f"; '{near.mission}' would, with {_listing(wanting)}" if wanting else ""
     raise parsed.fault(
         parsed.path,
-        f"no template fits a scenario {what}{lacking}{unknown}; by its entities it may be {names}",
-        f'name the template: "lingjing": {{"mission": "{near}"}} in the scenario',
+        f"no template fits a scenario {what}{lacking}{unknown}; by its entities it may be {names}{needs}",
+        f"add {_listing(wanting)}, or {_name_it(near.mission)}" if wanting else _name_it(near.mission),
     )
 
 
