@@ -46,7 +46,7 @@ def bare(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) ->
 
 def test_the_wheel_carries_the_library_the_missions_and_the_schemas(wheels: tuple[Path, Path]) -> None:
     names = set(zipfile.ZipFile(wheels[0]).namelist())
-    for folder in ("scenarios", "schemas"):
+    for folder in ("scenarios", "schemas", "suites"):
         shipped = {path for path in (ROOT / folder).rglob("*") if path.is_file()}
         assert shipped
         assert {f"lingjing/_data/{path.relative_to(ROOT).as_posix()}" for path in shipped} <= names
