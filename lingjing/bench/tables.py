@@ -184,20 +184,37 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """The paper's behavioural signatures, as far as an episode's metrics hold them: means over episodes."""
+    """The paper's behavioural signatures and rates of actions: means over episodes, actions pooled."""
     for condition, some in _by(rows, lambda row: row.condition).items():
         lines = []
         for entrant, own in _by(some, lambda row: row.entrant).items():
             played = Played(tuple(own))
             cells = (
-                percent(played.mean("coverage")), plain(played.mean("first_discovery_tick"), ".1f"),
-                plain(played.mean("idle_fraction"), ".2f"), plain(played.mean("rejections"), ".1f"),
-                plain(played.mean("substitutions"), ".1f"),
-            )  # fmt: skip
+                percent(played.mean("coverage")),
+                plain(played.mean("first_discovery_tick"), ".1f"),
+                percent(played.mean("redundant_revisits")),
+                plain(played.mean("idle_fraction"), ".2f"),
+                percent(played.mean("discovery_messages")),
+                *(percent(played.weighted(name, "actions")) for name in _ACTION_RATES),
+            )
             lines.append(_line(own[0], (entrant,), cells))
-        heads = ("Coverage", "First discovery tick", "Idle fraction", "Refused", "Replaced answers")
+        heads = (
+            "Coverage",
+            "First discovery",
+            "Revisits",
+            "Idle",
+            "Comm. at discovery",
+            "Adher.",
+            "Repeat",
+            "OOB",
+            "Forgot",
+        )
         named = _titled(title or "Behaviour", condition)
-        yield ResultTable("behaviour", named, ("Entrant",), heads, marked(lines, lower=(1, 2, 3, 4)))
+        note = "first discovery is a tick, over episodes with one; rates of actions are weighted by actions"
+        yield ResultTable("behaviour", named, ("Entrant",), heads, marked(lines, lower=(1, 2, 3, 6, 7, 8)), (note,))
+
+
+_ACTION_RATES = ("adherence", "repetition", "out_of_bounds", "forgotten")
 
 
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
@@ -206,12 +223,17 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     for entrant, own in _by(rows, lambda row: row.entrant).items():
         played = Played(tuple(own))
         cells = (
-            percent(played.weighted("miss_rate", "frames")), percent(played.weighted("hallucination_rate", "frames")),
-            plain(played.f1(), ".2f"), plain(played.weighted("calibration_error", "reports"), ".2f"),
-        )  # fmt: skip
+            percent(played.weighted("miss_rate", "frames")),
+            percent(played.weighted("hallucination_rate", "frames")),
+            percent(played.weighted("confusion_rate", "frames")),
+            plain(played.f1(), ".2f"),
+            plain(played.weighted("calibration_error", "reports"), ".2f"),
+        )
         lines.append(_line(own[0], (entrant,), cells))
-    compared = marked(lines, by_column=True, lower=(0, 1, 3))
-    yield ResultTable("perception", title or "Perception", ("Entrant",), ("Miss", "Halluc.", "F1", "ECE"), compared)
+    compared = marked(lines, by_column=True, lower=(0, 1, 2, 4))
+    yield ResultTable(
+        "perception", title or "Perception", ("Entrant",), ("Miss", "Halluc.", "Confus.", "F1", "ECE"), compared
+    )
 
 
 def _paired(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:

@@ -255,3 +255,12 @@ def test_the_bar_says_what_is_done_and_left() -> None:
     assert bench._bar(10, 20, countdown) == "[#####.....] 10/20, 1 h 05 min and $3.20 left:"
     assert (bench.duration(100.0), bench.duration(0.4)) == ("2 min", "0 s")
     assert blank_metrics().cost_usd == 0.0
+
+
+def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -> None:
+    few = {"coverage": 0.9, "first_discovery_tick": 12, "redundant_revisits": 0.1, "idle_fraction": 0.12,
+           "discovery_messages": 0.8, "actions": 10, "adherence": 1.0}  # fmt: skip
+    many = {**few, "first_discovery_tick": None, "actions": 90, "adherence": 0.5}
+    rows = [made_row(metrics=few), made_row(seed=1, metrics=many)]
+    (table,) = make_tables(rows, ["behaviour"])
+    assert [cell.text for cell in table.lines[0].cells][:6] == ["90", "12.0", "10", "0.12", "80", "55"]
