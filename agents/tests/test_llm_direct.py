@@ -95,3 +95,29 @@ async def test_nobody_listens():
         port = free.getsockname()[1]
     with pytest.raises(ModelError, match=f"127.0.0.1:{port}"):
         await ask(f"http://127.0.0.1:{port}/v1", tries=2)
+
+
+REFUSALS = [
+    ('{"error": {"code": 401, "message": "no such user"}}', 401, 1),
+    ('{"error": {"code": 429, "message": "no such user"}}', 429, 2),
+    ('{"error": {"code": "busy", "message": "no such user"}, "choices": null}', 502, 2),
+    ('{"error": "no such user"}', 502, 2),
+]
+
+
+@pytest.mark.parametrize(("body", "status", "asked"), REFUSALS)
+async def test_an_error_that_comes_with_200_is_a_refusal_in_the_services_own_words(body: str, status: int, asked: int):
+    """An intermediary that has begun to answer can only say so in the body."""
+    with serve([Reply(body=body)]) as server:
+        with pytest.raises(ModelError, match=f"answered {status}.*no such user") as failure:
+            await ask(server.url, tries=2)
+        assert len(server.requests) == asked
+    assert (failure.value.status, failure.value.fault, failure.value.billed) == (status, "service", False)
+
+
+async def test_the_text_of_an_answer_in_parts():
+    thinking = '{"type": "thinking", "thinking": [{"type": "text", "text": "hm"}]}'
+    parts = f'[{thinking}, {{"type": "text", "text": "h"}}, {{"type": "text", "text": "i"}}]'
+    with serve([Reply(body='{"error": null, "choices": [{"message": {"content": ' + parts + "}}]}")]) as server:
+        answer, calls = await ask(server.url)
+    assert (answer.text, calls) == ("hi", 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import httpx
@@ -27,8 +27,13 @@ class _ToolCall(msgspec.Struct):
     function: _Called = msgspec.field(default_factory=_Called)
 
 
+class _Part(msgspec.Struct):
+    type: str = ""
+    text: str | None = None
+
+
 class _Message(msgspec.Struct):
-    content: str | None = None
+    content: str | list[_Part] | None = None
     refusal: str | None = None
     tool_calls: list[_ToolCall] | None = None
     reasoning_content: str | None = None
@@ -53,6 +58,17 @@ class _Tokens(msgspec.Struct):
 class _Answer(msgspec.Struct):
     choices: list[_Choice]
     usage: _Tokens | None = None
+
+
+class _Failure(msgspec.Struct):
+    """An answer in which an intermediary that had begun with 200 says what came of it."""
+
+    error: msgspec.Raw
+    choices: msgspec.Raw | None = None
+
+
+class _Numbered(msgspec.Struct):
+    code: Annotated[int, msgspec.Meta(ge=400, le=599)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +98,9 @@ class DirectClient:
             raise ModelError(message, transient=True, billed=_sent(error)) from error
         except UnreadableAnswerError as error:
             raise ModelError(str(error), transient=True, billed=True) from error
-        if answer.status != httpx.codes.OK:
-            raise self._refused(answer, request)
+        failed = _failed(answer.body) if answer.status == httpx.codes.OK else answer.status
+        if failed:
+            raise self._refused(replace(answer, status=failed), request)
         return _completion(answer.body)
 
     def _url(self) -> str:
@@ -107,6 +124,20 @@ class DirectClient:
             fault="model" if answer.status == httpx.codes.BAD_REQUEST and filtered(text) else "service",
             adapted=answer.status in (400, 422) and self.dialect.adapt(text, request),
         )
+
+
+def _failed(content: bytes) -> int:
+    """The status of the error that stands in the place of an answer, 502 if it names none; 0 if there is no error."""
+    try:
+        failure = msgspec.json.decode(content, type=_Failure)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return 0
+    if bytes(failure.error) == b"null" or failure.choices is not None:
+        return 0
+    try:
+        return msgspec.json.decode(failure.error, type=_Numbered).code
+    except (msgspec.DecodeError, RecursionError):
+        return int(httpx.codes.BAD_GATEWAY)
 
 
 def basic(login: str) -> str:
@@ -136,7 +167,7 @@ def _completion(content: bytes) -> ModelCompletion:
     tokens = answer.usage or _Tokens()
     kept = tokens.prompt_tokens_details or _PromptTokens()
     return ModelCompletion(
-        text=_called(said) or said.content or "",
+        text=_called(said) or _written(said),
         finish_reason=choice.finish_reason or "stop",
         prompt_tokens=tokens.prompt_tokens or 0,
         completion_tokens=tokens.completion_tokens or 0,
@@ -148,6 +179,13 @@ def _completion(content: bytes) -> ModelCompletion:
 def _called(message: _Message) -> str:
     """The arguments of the first tool that the model calls."""
     return next((call.function.arguments for call in message.tool_calls or () if call.function.arguments), "")
+
+
+def _written(message: _Message) -> str:
+    """The text of a message, of whose parts those that are reasoning or no text are left out."""
+    if isinstance(message.content, list):
+        return "".join(part.text or "" for part in message.content if part.type == "text")
+    return message.content or ""
 
 
 def _sent(error: httpx.HTTPError) -> bool:
