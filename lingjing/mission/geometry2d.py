@@ -114,6 +114,11 @@ def edge_distance(polygon: Sequence[Vector2], x: float, y: float) -> float:
     return nearest
 
 
+def area_distance(polygon: Sequence[Vector2], x: float, y: float) -> float:
+    """Distance from a point to the polygon's area, metres; 0 inside."""
+    return 0.0 if contains(polygon, x, y) else edge_distance(polygon, x, y)
+
+
 def convex_hull(points: Sequence[Vector2]) -> Polygon:
     """The convex hull, anticlockwise (Andrew's monotone chain)."""
     ordered = sorted(set(points))

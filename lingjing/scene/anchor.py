@@ -21,13 +21,13 @@ import msgspec
 
 from lingjing.errors import MissionError
 from lingjing.mission.feasibility.standing import UNDER_M
-from lingjing.mission.geometry2d import contains, edge_distance
+from lingjing.mission.geometry2d import area_distance, contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.instance_entities import GROUND_REACH_M
 from lingjing.mission.kinds import engine_kind
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
-from lingjing.scene.lines import length, nearest, point_at
+from lingjing.scene.lines import line_length, point_at, project
 from lingjing.scene.tiles import Tiles
 
 REACH_M = 400.0
@@ -164,8 +164,8 @@ class _Anchoring:
         def lanes(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
             for road in tile.roads:
                 for lane in road.lanes if not road.tunnel else ():
-                    if lane.kind == "car" and length(lane.shape) > 2.0:
-                        at = _kept_inside(lane.shape, nearest(lane.shape, x, y)[1])
+                    if lane.kind == "car" and line_length(lane.shape) > 2.0:
+                        at = _kept_inside(lane.shape, project(lane.shape, x, y).at_m)
                         (px, py, _), heading = point_at(lane.shape, at)
                         yield hypot(px - x, py - y), lane.id, lane.shape, heading
 
@@ -176,8 +176,8 @@ class _Anchoring:
     ) -> float | None:
         """The place on a lane nearest to an entity, in its region, that keeps its distance from vehicles."""
         x, y, _ = entity.position
-        wanted = _kept_inside(line, nearest(line, x, y)[1])
-        for step in range(int(length(line) / ALONG_M) + 1):
+        wanted = _kept_inside(line, project(line, x, y).at_m)
+        for step in range(int(line_length(line) / ALONG_M) + 1):
             for at in (wanted + ALONG_M * step, wanted - ALONG_M * step) if step else (wanted,):
                 if at != _kept_inside(line, at):
                     continue
@@ -197,7 +197,7 @@ class _Anchoring:
         def roofs(tile: Tile) -> Iterator[tuple[float, str, Building]]:
             for building in tile.buildings:
                 if building.id not in self._roofs and building.roof_m == 0.0:
-                    yield _distance(building, x, y), building.id, building
+                    yield area_distance(building.polygon, x, y), building.id, building
 
         for _, _, building in sorted(self._around(entity, roofs, lambda item: item[0]), key=lambda item: item[:2]):
             spot = self._roof_spot(building, entity, within)
@@ -221,7 +221,7 @@ class _Anchoring:
                 continue
             if self._footing.roof_over(px, py) != building.top_m or not _in_region(entity, px, py):
                 continue
-            if within is None or any(nearest(line, px, py)[0] <= within - SLACK_M for line in lanes):
+            if within is None or any(project(line, px, py).off_m <= within - SLACK_M for line in lanes):
                 return round(px, 3), round(py, 3)
         return None
 
@@ -236,7 +236,7 @@ class _Anchoring:
             for road in tile.roads
             if not road.tunnel and not road.bridge
             for lane in road.lanes
-            if lane.kind == "car" and nearest(lane.shape, x, y)[0] < size + within
+            if lane.kind == "car" and project(lane.shape, x, y).off_m < size + within
         ]
 
     def _on_facade(self, entity: Entity) -> Entity:
@@ -245,7 +245,7 @@ class _Anchoring:
         def facades(tile: Tile) -> Iterator[tuple[float, str, Building]]:
             for building in tile.buildings:
                 if building.entrance is not None and building.base_m < 1.0 and building.id not in self._facades:
-                    yield _distance(building, x, y), building.id, building
+                    yield area_distance(building.polygon, x, y), building.id, building
 
         found = sorted(self._around(entity, facades, lambda item: item[0]), key=lambda item: item[:2])
         for _, _, building in found:
@@ -314,7 +314,7 @@ class _Anchoring:
         def ways(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...]]]:
             for name, line in lines(tile):
                 if len(line) > 1:
-                    yield nearest(line, x, y)[0], name, line
+                    yield project(line, x, y).off_m, name, line
 
         found = sorted(self._around(entity, ways, lambda item: item[0]), key=lambda item: item[:2])
         for _, _, line in found:
@@ -372,7 +372,7 @@ def _in_region(entity: Entity, x: float, y: float) -> bool:
 def _nearest_in_region(entity: Entity, line: tuple[Vector, ...]) -> float | None:
     """How far along a line the place nearest to an entity lies that is in its region; None if there is none."""
     x, y, _ = entity.position
-    wanted, total = nearest(line, x, y)[1], length(line)
+    wanted, total = project(line, x, y).at_m, line_length(line)
     for step in range(int(total / ALONG_M) + 1):
         for at in (wanted + ALONG_M * step, wanted - ALONG_M * step) if step else (wanted,):
             if 0.0 <= at <= total and _in_region(entity, *point_at(line, at)[0][:2]):
@@ -387,7 +387,7 @@ def _with_building(entity: Entity, building: Building) -> Entity:
 
 
 def _kept_inside(line: tuple[Vector, ...], at: float) -> float:
-    total = length(line)
+    total = line_length(line)
     margin = min(LANE_END_M, total / 2.0)
     return min(total - margin, max(margin, at))
 
@@ -402,10 +402,6 @@ def _apart(dx: float, dy: float, line: tuple[Vector, ...], at: float) -> float:
 def _turn(one: float, other: float) -> float:
     """Degrees between two headings, 0 to 180."""
     return abs((one - other + 180.0) % 360.0 - 180.0)
-
-
-def _distance(building: Building, x: float, y: float) -> float:
-    return 0.0 if contains(building.polygon, x, y) else edge_distance(building.polygon, x, y)
 
 
 def _road_reach_m(entity: Entity, instance: Instance) -> float | None:

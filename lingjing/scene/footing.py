@@ -10,7 +10,7 @@ from math import cos, hypot, pi, sin
 
 from lingjing.mission.geometry2d import Polygon, contains, edge_distance
 from lingjing.scene.city import City, Road
-from lingjing.scene.lines import nearest
+from lingjing.scene.lines import project
 from lingjing.scene.tiles import Tiles
 
 STEP_M = 0.5
@@ -125,7 +125,7 @@ def _within(polygon: Polygon, x: float, y: float, margin: float) -> bool:
 
 def _on_road(roads: Sequence[Road], x: float, y: float, margin: float) -> bool:
     return any(
-        nearest(lane.shape, x, y)[0] < lane.width_m / 2.0 + margin
+        project(lane.shape, x, y).off_m < lane.width_m / 2.0 + margin
         for road in roads
         if not road.tunnel
         for lane in road.lanes

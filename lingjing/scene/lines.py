@@ -2,42 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2, degrees, hypot
+from math import atan2, degrees, hypot, inf
+from typing import Generic, TypeVar
 
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
 
+P = TypeVar("P", Vector2, Vector)
 
-def length(line: Sequence[Vector]) -> float:
+
+@dataclass(frozen=True, slots=True)
+class LinePlace(Generic[P]):
+    """The point of a line that is nearest to a place in plan: `share` of the way from corner `start` to corner `end`.
+
+    Metres in plan: how far the place lies `off_m`, how far along the line the point is (`at_m`), the line's length.
+    """
+
+    off_m: float
+    at_m: float
+    start: P
+    end: P
+    share: float
+    length_m: float
+
+    @property
+    def point(self) -> Vector2:
+        """The point in plan."""
+        (ax, ay, *_), (bx, by, *_) = self.start, self.end
+        return ax + self.share * (bx - ax), ay + self.share * (by - ay)
+
+    @property
+    def heading_deg(self) -> float:
+        """The compass heading of the line there."""
+        return heading_deg(self.start, self.end)
+
+
+def project(line: Sequence[P], x: float, y: float) -> LinePlace[P]:
+    """The point of a line of one corner or more that is nearest to a place; of several the first."""
+    start, end, share = line[0], line[0], 0.0
+    off, at, passed = inf, 0.0, 0.0
+    for a, b in pairwise(line):
+        east, north = b[0] - a[0], b[1] - a[1]
+        span = hypot(east, north)
+        if span == 0.0:
+            continue
+        part = min(1.0, max(0.0, ((x - a[0]) * east + (y - a[1]) * north) / (span * span)))
+        away = hypot(x - (a[0] + part * east), y - (a[1] + part * north))
+        if away < off:
+            off, at, start, end, share = away, passed + part * span, a, b, part
+        passed += span
+    if off == inf:
+        off = hypot(x - start[0], y - start[1])
+    return LinePlace(off, at, start, end, share, passed)
+
+
+def heading_deg(start: Sequence[float], end: Sequence[float]) -> float:
+    """The compass heading from one point to another, in degrees from 0 to below 360."""
+    return degrees(atan2(end[0] - start[0], end[1] - start[1])) % 360.0 % 360.0
+
+
+def line_length(line: Iterable[Vector]) -> float:
     """Metres along a line, in plan."""
     return sum(hypot(bx - ax, by - ay) for (ax, ay, _), (bx, by, _) in pairwise(line))
-
-
-def distance_to(line: Sequence[Vector2], x: float, y: float) -> float:
-    """Metres in plan from a place to a line of points in plan."""
-    found = float("inf")
-    for (ax, ay), (bx, by) in pairwise(line):
-        length2 = (bx - ax) ** 2 + (by - ay) ** 2 or 1.0
-        share = min(1.0, max(0.0, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length2))
-        found = min(found, hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay)))
-    return found
-
-
-def nearest(line: Sequence[Vector], x: float, y: float) -> tuple[float, float]:
-    """Distance in plan from a place to a line, and how far along the line its nearest point lies."""
-    best, at, passed = float("inf"), 0.0, 0.0
-    for (ax, ay, _), (bx, by, _) in pairwise(line):
-        span = hypot(bx - ax, by - ay)
-        if span > 0.0:
-            share = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / (span * span)
-            share = min(1.0, max(0.0, share))
-            distance = hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay))
-            if distance < best - 1e-9:
-                best, at = distance, passed + share * span
-        passed += span
-    return best, at
 
 
 def point_at(line: Sequence[Vector], at: float) -> tuple[Vector, float]:
@@ -49,8 +78,8 @@ def point_at(line: Sequence[Vector], at: float) -> tuple[Vector, float]:
         if span == 0.0:
             continue
         share = min(1.0, max(0.0, (at - passed) / span))
-        heading = degrees(atan2(bx - ax, by - ay)) % 360.0
-        found = (ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)), heading
+        point = ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)
+        found = point, heading_deg((ax, ay), (bx, by))
         if at <= passed + span:
             return found
         passed += span

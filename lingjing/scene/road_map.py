@@ -11,7 +11,6 @@ import heapq
 import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
 
@@ -19,6 +18,7 @@ import msgspec
 
 from lingjing.errors import UsageError
 from lingjing.mission.geometry2d import Vector2
+from lingjing.scene.lines import project
 from lingjing.scene.network import car_lanes, elements_of
 
 
@@ -149,16 +149,5 @@ def _segments(edge: Element) -> Iterator[RoadSegment]:
 
 
 def _on(segment: RoadSegment, place: Vector2) -> RoadPlace:
-    off, at, nearest, before = math.inf, 0.0, segment.shape[0], 0.0
-    for (ax, ay), (bx, by) in pairwise(segment.shape):
-        length = math.dist((ax, ay), (bx, by))
-        if length == 0.0:
-            continue
-        along = ((place[0] - ax) * (bx - ax) + (place[1] - ay) * (by - ay)) / (length * length)
-        share = min(max(along, 0.0), 1.0)
-        point = (ax + share * (bx - ax), ay + share * (by - ay))
-        away = math.dist(point, place)
-        if away < off:
-            off, at, nearest = away, before + share * length, point
-        before += length
-    return RoadPlace(segment=segment.id, at_m=min(at, segment.length_m), off_m=off, point=nearest)
+    near = project(segment.shape, *place)
+    return RoadPlace(segment=segment.id, at_m=min(near.at_m, segment.length_m), off_m=near.off_m, point=near.point)

@@ -24,7 +24,7 @@ from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.scene.districts.palette import WHITE
 from lingjing.scene.footing import Footing
-from lingjing.scene.lines import nearest, point_at
+from lingjing.scene.lines import point_at, project
 from lingjing.scene.store import write_store
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -76,7 +76,7 @@ def test_everything_stands_where_it_is_declared_to(name: str) -> None:
         lanes = [lane for road in city.roads for lane in road.lanes if lane.kind == "car"]
         for entity in on(instance, "road"):
             x, y, z = entity.position
-            assert min(nearest(lane.shape, x, y)[0] for lane in lanes) < 0.01, entity.id
+            assert min(project(lane.shape, x, y).off_m for lane in lanes) < 0.01, entity.id
             assert z == pytest.approx(0.0)
         for entity in on(instance, "roof"):
             x, y, z = entity.position
@@ -94,10 +94,10 @@ def test_everything_stands_where_it_is_declared_to(name: str) -> None:
             assert footing.is_clear(x, y, 0.5), entity.id
             assert z == footing.height(x, y)
         for entity in on(instance, "bridge"):
-            assert min(nearest(bridge.path, *entity.position[:2])[0] for bridge in city.bridges) < 0.01
+            assert min(project(bridge.path, *entity.position[:2]).off_m for bridge in city.bridges) < 0.01
             assert entity.position[2] == 12.0
         for entity in on(instance, "pipe"):
-            assert min(nearest(pipe.path, *entity.position[:2])[0] for pipe in city.pipes) < 0.01
+            assert min(project(pipe.path, *entity.position[:2]).off_m for pipe in city.pipes) < 0.01
             assert 1.0 < entity.position[2] < 2.0
         for entity in instance.entities:
             if "on" not in entity.properties:
@@ -170,7 +170,7 @@ def test_fires_burn_where_the_truck_reaches_them_each_on_a_roof_of_its_own() -> 
         assert len({fire.properties["building"] for fire in fires}) == len(fires) == 6
         for fire in fires:
             x, y, _ = fire.position
-            lane = min(nearest(lane.shape, x, y)[0] for road in city.roads for lane in road.lanes)
+            lane = min(project(lane.shape, x, y).off_m for road in city.roads for lane in road.lanes)
             assert lane <= 25.0, fire.id
 
 
@@ -182,7 +182,8 @@ def test_vehicles_start_a_length_apart_and_along_their_lane() -> None:
         for one, other in combinations(vans, 2):
             assert hypot(one.position[0] - other.position[0], one.position[1] - other.position[1]) > 2.9
         for van in vans:
-            distance, at, shape = min((*nearest(lane.shape, *van.position[:2]), lane.shape) for lane in lanes)
+            places = ((project(lane.shape, *van.position[:2]), lane.shape) for lane in lanes)
+            distance, at, shape = min((place.off_m, place.at_m, shape) for place, shape in places)
             assert distance < 0.01
             assert point_at(shape, at)[1] == pytest.approx(van.heading_deg, abs=0.01)
             assert hypot(*van.position[:2]) < 60.0, "they start at the depot"
@@ -217,7 +218,7 @@ def test_traffic_gets_from_the_start_to_every_end(name: str, start: str, ends: t
         lanes = [lane for road in city.roads for lane in road.lanes]
 
         def edge(entity: Entity, lanes: list = lanes, edges: dict = edges) -> str:
-            return edges[min((nearest(lane.shape, *entity.position[:2])[0], lane.id) for lane in lanes)[1]]
+            return edges[min((project(lane.shape, *entity.position[:2]).off_m, lane.id) for lane in lanes)[1]]
 
         pairs = [(edge(a), edge(b)) for a in instance.entities if a.group == start
                  for b in instance.entities if b.group in ends]  # fmt: skip

@@ -18,7 +18,7 @@ from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.draft import KERB_M
 from lingjing.scene.footing import Footing
-from lingjing.scene.lines import nearest, point_at
+from lingjing.scene.lines import point_at, project
 from lingjing.scene.tiles import Tiles
 
 KINDS = ("residential", "industrial", "commercial", "campus", "logistics", "coastal")
@@ -177,7 +177,7 @@ def test_a_bridge_runs_from_the_streets_over_the_water() -> None:
         ramp = next(item for item in city.bridges if item.id == "bridge-ramp").path
         for x, y, z in lane.shape:
             if x < -150.0:
-                assert z == pytest.approx(point_at(ramp, nearest(ramp, x, y)[1])[0][2], abs=0.05), "on the ramp"
+                assert z == pytest.approx(point_at(ramp, project(ramp, x, y).at_m)[0][2], abs=0.05), "on the ramp"
     slab, width = next(item for item in city.bridges if item.id == "bridge-ramp"), deck.width_m / 2.0
     way = shapely.LineString([point[:2] for point in (*slab.path[:2], *deck.path[1:])])
     parts = [shapely.LineString([point[:2] for point in item.path]) for item in (slab, deck)]

@@ -14,6 +14,7 @@ from functools import cached_property
 
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.geometry2d import Vector2
+from lingjing.scene.lines import project
 
 CAR = "passenger"
 _CELL_M = 50.0
@@ -157,24 +158,9 @@ def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
 
 def locate(lane: RoadLane, x: float, y: float) -> LanePoint:
     """The point of a lane that is nearest to (x, y)."""
-    off_m, at_m, heading, nearest, before = math.inf, 0.0, 0.0, lane.shape[0], 0.0
-    for (ax, ay), (bx, by) in itertools.pairwise(lane.shape):
-        along_x, along_y = bx - ax, by - ay
-        length = math.hypot(along_x, along_y)
-        if length == 0.0:
-            continue
-        share = min(max(((x - ax) * along_x + (y - ay) * along_y) / (length * length), 0.0), 1.0)
-        point = (ax + share * along_x, ay + share * along_y)
-        away = math.hypot(x - point[0], y - point[1])
-        if away < off_m:
-            off_m, at_m, heading, nearest = away, before + share * length, bearing(along_x, along_y), point
-        before += length
-    return LanePoint(lane, min(at_m * lane.length_m / (before or 1.0), lane.length_m), off_m, heading, nearest)
-
-
-def bearing(east: float, north: float) -> float:
-    """Compass degrees of a direction."""
-    return math.degrees(math.atan2(east, north)) % 360.0 % 360.0
+    place = project(lane.shape, x, y)
+    at_m = min(place.at_m * lane.length_m / (place.length_m or 1.0), lane.length_m)
+    return LanePoint(lane, at_m, place.off_m, place.heading_deg, place.point)
 
 
 def _agrees(lane_deg: float, heading_deg: float) -> bool:

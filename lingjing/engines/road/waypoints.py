@@ -11,10 +11,11 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from lingjing.engines.road.graph import Graph, bearing
+from lingjing.engines.road.graph import Graph
 from lingjing.engines.road.routing import DrivingWay
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.instance import Vector
+from lingjing.scene.lines import heading_deg
 
 SPACING_M = 220.0
 TURN_DEG = 40.0
@@ -53,14 +54,10 @@ def _turns(graph: Graph, stretches: Sequence[Stretch], ends: Sequence[float]) ->
     marks = []
     for (name, _, _), (following, _, _), end in zip(stretches, stretches[1:], ends, strict=False):
         leaving, entering = graph.edges[name].lanes[0].shape, graph.edges[following].lanes[0].shape
-        turn = _heading(leaving[-2:]) - _heading(entering[:2])
+        turn = heading_deg(*leaving[-2:]) - heading_deg(*entering[:2])
         if abs((turn + 180.0) % 360.0 - 180.0) > TURN_DEG:
             marks.append(end)
     return marks
-
-
-def _heading(pair: Sequence[tuple[float, float]]) -> float:
-    return bearing(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1])
 
 
 def _at(sim: Simulation, graph: Graph, stretches: Sequence[Stretch], ends: Sequence[float], along_m: float) -> Vector:

@@ -20,7 +20,7 @@ from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import disc, erect
 from lingjing.scene.districts.options import DistrictPlan
 from lingjing.scene.districts.rectangles import Rect, around
-from lingjing.scene.lines import distance_to
+from lingjing.scene.lines import project
 from lingjing.scene.network import StreetEdge, StreetNode
 from lingjing.scene.outlines import inside
 
@@ -103,7 +103,7 @@ def under_ramp(plan: DistrictPlan, start: Vector2, end: Vector2) -> bool:
         return False
     foot, top = bridge_foot(plan), plan.bridge[0]
     middle = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
-    beside = distance_to((foot, top), *middle) < 14.0
+    beside = project((foot, top), *middle).off_m < 14.0
     one, other = (end[0] - start[0], end[1] - start[1]), (top[0] - foot[0], top[1] - foot[1])
     aligned = abs(one[0] * other[0] + one[1] * other[1]) > 0.9 * hypot(*one) * hypot(*other)
     return beside and aligned
@@ -146,8 +146,8 @@ def _promenade(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
             draft.prop("tree", *place, 0.0, scale=chance.uniform(0.8, 1.2), variant=k % 8)
     for x, y, bearing in _stations(plan.shore, 6.0):
         place = _aside((x, y), bearing, -chance.uniform(18.0, 0.9 * plan.spacing[0] / 2.0))
-        bridge = plan.bridge and distance_to((bridge_foot(plan), *plan.bridge), *place) < 14.0
-        if chance.random() < 0.6 and distance_to(plan.shore, *place) < STRAND_M and not bridge:
+        bridge = plan.bridge and project((bridge_foot(plan), *plan.bridge), *place).off_m < 14.0
+        if chance.random() < 0.6 and project(plan.shore, *place).off_m < STRAND_M and not bridge:
             draft.prop("tree", *place, 0.0, scale=chance.uniform(0.7, 1.3), variant=chance.randrange(8))
 
 
@@ -186,8 +186,8 @@ def _afloat(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     for k in range(int(26 * (plan.extent_m / 1600.0) ** 2) + 6):
         for _ in range(40):
             x, y = chance.uniform(-plan.half_m, 1.3 * plan.half_m), chance.uniform(-plan.half_m, plan.half_m)
-            bridge = plan.bridge and distance_to(plan.bridge, x, y) < 35.0
-            if not inside(land, x, y) and distance_to(plan.shore, x, y) > 80.0 and not bridge:
+            bridge = plan.bridge and project(plan.bridge, x, y).off_m < 35.0
+            if not inside(land, x, y) and project(plan.shore, x, y).off_m > 80.0 and not bridge:
                 break
         else:
             continue

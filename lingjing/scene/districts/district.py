@@ -18,7 +18,7 @@ from lingjing.scene.districts.palette import HOMES
 from lingjing.scene.districts.rectangles import Rect, around, bounds
 from lingjing.scene.districts.streets import APRON_M, CityBlock, StreetGrid, blocks, grid, network
 from lingjing.scene.districts.zones import fill, heights, surface
-from lingjing.scene.lines import distance_to
+from lingjing.scene.lines import project
 from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, read_roads
 from lingjing.scene.outlines import inside
 
@@ -121,7 +121,7 @@ def _dry(plan: DistrictPlan, box: Rect) -> bool:
         return True
     land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
     corners = box.polygon
-    return all(inside(land, x, y) and distance_to(plan.shore, x, y) > coast.STRAND_M for x, y in corners)
+    return all(inside(land, x, y) and project(plan.shore, x, y).off_m > coast.STRAND_M for x, y in corners)
 
 
 def _block(draft: Draft, plan: DistrictPlan, block: CityBlock, kind: str, tree_gap_m: float) -> None:
@@ -144,7 +144,7 @@ def _streets(plan: DistrictPlan, made: StreetGrid, gates: sites.Gates) -> tuple[
 
         def wet(start: tuple[float, float], end: tuple[float, float]) -> bool:
             ends = (start, end)
-            dry = all(inside(land, *p) and distance_to(plan.shore, *p) > coast.STRAND_M for p in ends)
+            dry = all(inside(land, *p) and project(plan.shore, *p).off_m > coast.STRAND_M for p in ends)
             return not dry or coast.under_ramp(plan, start, end)
 
         blocked = wet

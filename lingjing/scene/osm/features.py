@@ -54,6 +54,14 @@ class Features:
 
         return shapely.box(*self.frame.bounds)
 
+    def pieces(self, line: Feature) -> Iterator[Any]:
+        """The pieces of a line inside the frame, as shapely has them."""
+        import shapely
+
+        for part in shapely.get_parts(shapely.intersection(line.shape, self.box)):
+            if part.geom_type == "LineString" and part.length > 0.5:
+                yield part
+
 
 def collect(data: MapData, frame: MapFrame) -> Features:
     """The features of a map."""

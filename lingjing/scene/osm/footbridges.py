@@ -33,7 +33,7 @@ def footbridges(features: Features, roads: Iterable[Road]) -> Iterator[Bridge]:
     heights = _heights(bridges, features)
     ends: dict[tuple[float, float], float] = {}
     for bridge, height in zip(bridges, heights, strict=True):
-        for number, path in enumerate(_paths(bridge, features)):
+        for number, path in enumerate(map(_corners, features.pieces(bridge))):
             yield _deck(f"foot-{bridge.ref}", number, bridge, tuple((x, y, height) for x, y in path))
             for end in (path[0], path[-1]):
                 ends[end] = max(height, ends.get(end, 0.0))
@@ -77,7 +77,7 @@ def _heights(bridges: list[Feature], features: Features) -> list[float]:
 
 def _ramps(way: Feature, grade: float, ends: dict[tuple[float, float], float], features: Features) -> Iterator[Bridge]:
     """A way that begins or ends at a raised deck: the part of it that leads down to the ground."""
-    for number, path in enumerate(_paths(way, features)):
+    for number, path in enumerate(map(_corners, features.pieces(way))):
         for side, points in enumerate((path, path[::-1])):
             height = ends.get(points[0], 0.0)
             if height > LEVEL_M:
@@ -107,11 +107,5 @@ def _deck(name: str, number: int, way: Feature, path: tuple[Vector, ...]) -> Bri
                   name=way.tags.get("name:en", way.tags.get("name", "")))  # fmt: skip
 
 
-def _paths(line: Feature, features: Features) -> Iterator[list[tuple[float, float]]]:
-    """The pieces of a line inside the frame."""
-    import shapely
-
-    part: Any
-    for part in shapely.get_parts(shapely.intersection(line.shape, features.box)):
-        if part.geom_type == "LineString" and part.length > 0.5:
-            yield [(x, y) for x, y, *_ in part.coords]
+def _corners(part: Any) -> list[tuple[float, float]]:
+    return [(x, y) for x, y, *_ in part.coords]

@@ -17,7 +17,8 @@ from lingjing.mission.geometry2d import Extent, Polygon
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Junction, Lane, Road, Solid
 from lingjing.scene.cutting import polygons, rings
-from lingjing.scene.osm.features import Feature, Features
+from lingjing.scene.lines import line_length
+from lingjing.scene.osm.features import Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
 
 DECK_M = 0.9
@@ -155,7 +156,7 @@ def walls(features: Features, free: Any) -> Iterator[Solid]:
         thick, usual = WALLS[kind]
         height = metres(line.tags, "height") or usual
         material = "hedge" if kind == "hedge" else "concrete"
-        for part in _cut(line, features):
+        for part in features.pieces(line):
             for number, (a, b) in enumerate(pairwise(part.simplify(0.2).coords)):
                 outline = _strip(a, b, thick)
                 if outline and not _crosses(outline, free):
@@ -194,7 +195,7 @@ def _longest_within(path: tuple[Vector, ...], bounds: Extent) -> tuple[Vector, .
             runs[-1].append(end)
         else:
             runs.append([start, end])
-    return tuple(max(runs, key=_length)) if runs else ()
+    return tuple(max(runs, key=line_length)) if runs else ()
 
 
 def _within(a: Vector, b: Vector, bounds: Extent) -> tuple[float, float] | None:
@@ -211,22 +212,9 @@ def _within(a: Vector, b: Vector, bounds: Extent) -> tuple[float, float] | None:
     return (first, last) if first < last else None
 
 
-def _length(path: Iterable[Vector]) -> float:
-    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
-
-
 def _mix(a: Vector, b: Vector, share: float) -> Vector:
     x, y, z = (round(p + share * (q - p), 3) for p, q in zip(a, b, strict=True))
     return x, y, z
-
-
-def _cut(line: Feature, features: Features) -> Iterator[Any]:
-    """The pieces of a line inside the frame."""
-    import shapely
-
-    for part in shapely.get_parts(shapely.intersection(line.shape, features.box)):
-        if part.geom_type == "LineString" and part.length > 0.5:
-            yield part
 
 
 def _piles(name: str, outline: Polygon, level_m: float) -> Iterator[Solid]:

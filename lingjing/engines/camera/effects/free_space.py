@@ -8,10 +8,11 @@ from itertools import pairwise
 from math import cos, hypot, radians, sin
 
 from lingjing.engines.camera.models.catalogue import people_in_line, spacing_in_line
-from lingjing.mission.geometry2d import Polygon, contains, edge_distance
+from lingjing.mission.geometry2d import Polygon, area_distance, contains
 from lingjing.mission.instance import Entity, Vector
 from lingjing.scene.city import Pieces
 from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
+from lingjing.scene.lines import project
 
 ELBOW_M = 0.6
 """Room that somebody needs on each side."""
@@ -54,10 +55,10 @@ def inward(position: Vector, near: Iterable[Pieces]) -> PlanPoint:
     roof = next(roofs, ())
     east = north = 0.0
     for a, b in pairwise((*roof, *roof[:1])):
-        away, foot = _nearest_on((a, b), (x, y))
-        if 0.0 < away < ROOF_MARGIN_M:
-            share = (ROOF_MARGIN_M - away) / away
-            dx, dy = share * (x - foot[0]), share * (y - foot[1])
+        edge = project((a, b), x, y)
+        if 0.0 < edge.off_m < ROOF_MARGIN_M:
+            share = (ROOF_MARGIN_M - edge.off_m) / edge.off_m
+            dx, dy = share * (x - edge.point[0]), share * (y - edge.point[1])
             east, north = max(east, dx, key=abs), max(north, dy, key=abs)
     return (east, north) if roof and contains(roof, x + east, y + north) else (0.0, 0.0)
 
@@ -82,9 +83,9 @@ class _Obstacles:
         """Whether somebody can stand there."""
         x, y = spot
         return (
-            not any(contains(wall, x, y) or edge_distance(wall, x, y) < ELBOW_M for wall in self._walls)
+            not any(area_distance(wall, x, y) < ELBOW_M for wall in self._walls)
             and all(hypot(px - x, py - y) >= reach + ELBOW_M for (px, py), reach in self._round)
-            and all(_apart(strip, spot) >= half for strip, half in self._strips)
+            and all(project(strip, x, y).off_m >= half for strip, half in self._strips)
         )
 
 
@@ -94,21 +95,6 @@ def _touches(polygon: Polygon, about: PlanPoint, reach_m: float) -> bool:
         min(values) <= here + reach_m and max(values) >= here - reach_m
         for values, here in zip(zip(*polygon, strict=True), about, strict=True)
     )
-
-
-def _apart(strip: tuple[PlanPoint, PlanPoint], spot: PlanPoint) -> float:
-    """From a place to a piece of a line, m."""
-    return _nearest_on(strip, spot)[0]
-
-
-def _nearest_on(strip: tuple[PlanPoint, PlanPoint], spot: PlanPoint) -> tuple[float, PlanPoint]:
-    """(distance, point) of a piece of a line nearest to a place."""
-    (ax, ay), (bx, by) = strip
-    east, north = bx - ax, by - ay
-    square = east * east + north * north
-    t = min(1.0, max(0.0, ((spot[0] - ax) * east + (spot[1] - ay) * north) / square)) if square else 0.0
-    foot = ax + t * east, ay + t * north
-    return hypot(foot[0] - spot[0], foot[1] - spot[1]), foot
 
 
 __all__ = ["facing", "inward"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import atan2, cos, degrees, hypot, inf, radians, sin
+from math import cos, hypot, inf, radians, sin
 from typing import TypeVar
 
 import msgspec
@@ -18,9 +18,10 @@ from lingjing.engines.camera.effects.free_space import facing, inward
 from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.models.places import KERB_M
 from lingjing.mission.appearance import COLOURS
-from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.geometry2d import Polygon, area_distance
 from lingjing.mission.instance import Entity, Vector
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Road, Solid, Tile
+from lingjing.scene.lines import LinePlace, line_length, project
 
 AWARE = (
     "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
@@ -160,12 +161,13 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     if look == "bridge_fracture":
         found = _nearest([(bridge, bridge.path) for piece in near for bridge in piece.bridges], x, y)
         if found is not None:
-            bridge, foot, heading = found
-            return Site(ground_m, heading, bridge.width_m, bridge.thickness_m, foot[2])
+            bridge, deck = found
+            top_m = _between(deck.start, deck.end, deck.share)[2]
+            return Site(ground_m, deck.heading_deg, bridge.width_m, bridge.thickness_m, top_m)
     if look == "pipeline_leak":
         pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
         if pipe is not None:
-            return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
+            return Site(ground_m, pipe[1].heading_deg, radius_m=pipe[0].radius_m)
     if look == "building_fire":
         return Site(ground_m, inward=inward(entity.position, near))
     if look == "queue_of_people":
@@ -210,7 +212,7 @@ def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
             found.update((b.id, entity) for b in pieces.buildings if b.id == anchored)
             continue
         x, y, _ = entity.position
-        away, building = min(((_outline_distance(b.polygon, x, y), b.id) for b in pieces.buildings), default=(inf, ""))
+        away, building = min(((area_distance(b.polygon, x, y), b.id) for b in pieces.buildings), default=(inf, ""))
         if away <= NEAR_M:
             found[building] = entity
     return found
@@ -224,7 +226,7 @@ def gap_of(entity: Entity) -> float:
 
 def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
     """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
-    _, at, _, _ = _project(path, x, y)
+    at = project(path, x, y).at_m
     return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
 
 
@@ -236,7 +238,7 @@ def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
         run = VERGE_M
         for lane in road.lanes:
             if len(lane.shape) > 1:
-                best = min(best, (_project(lane.shape, x, y)[0], run + 0.5 * lane.width_m))
+                best = min(best, (project(lane.shape, x, y).off_m, run + 0.5 * lane.width_m))
             run += lane.width_m
     return best[1]
 
@@ -284,18 +286,18 @@ def _clipped(polygon: Polygon, inside: list[float]) -> Polygon:
 
 def _cut_bridge(bridge: Bridge, entity: Entity, gap: float) -> tuple[Bridge, ...]:
     x, y, _ = entity.position
-    if _project(bridge.path, x, y)[0] > NEAR_M:
+    if project(bridge.path, x, y).off_m > NEAR_M:
         return (bridge,)
     return tuple(msgspec.structs.replace(bridge, path=path) for path in split(bridge.path, x, y, gap))
 
 
 def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
     x, y, _ = entity.position
-    if not road.lanes or _project(road.lanes[0].shape, x, y)[0] > NEAR_M:
+    if not road.lanes or project(road.lanes[0].shape, x, y).off_m > NEAR_M:
         return (road,)
     halves: tuple[list[Lane], list[Lane]] = ([], [])
     for lane in road.lanes:
-        _, at, _, _ = _project(lane.shape, x, y)
+        at = project(lane.shape, x, y).at_m
         for half, shape in zip(
             halves, (_until(lane.shape, at - 0.5 * gap), _from(lane.shape, at + 0.5 * gap)), strict=True
         ):
@@ -314,32 +316,11 @@ def _paint(entity: Entity) -> tuple[float, float, float] | None:
     return COLOURS.get(given) if isinstance(given, str) else None
 
 
-def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, Vector, float] | None:
-    """The thing whose path comes nearest, the point on it and the path's bearing there."""
-    best: tuple[float, T, Vector, float] | None = None
-    for thing, path in things:
-        if len(path) > 1:
-            away, _, foot, heading = _project(path, x, y)
-            if away <= NEAR_M and (best is None or away < best[0]):
-                best = away, thing, foot, heading
-    return None if best is None else best[1:]
-
-
-def _project(path: Path, x: float, y: float) -> tuple[float, float, Vector, float]:
-    """(distance, length along the path, the point on it, its bearing there) of the nearest point of a path."""
-    best, run = (inf, 0.0, path[0], 0.0), 0.0
-    for a, b in pairwise(path):
-        east, north = b[0] - a[0], b[1] - a[1]
-        long = hypot(east, north)
-        if long < 1e-9:
-            continue
-        t = min(1.0, max(0.0, ((x - a[0]) * east + (y - a[1]) * north) / long**2))
-        foot = a[0] + t * east, a[1] + t * north, a[2] + t * (b[2] - a[2])
-        away = hypot(foot[0] - x, foot[1] - y)
-        if away < best[0]:
-            best = away, run + t * long, foot, degrees(atan2(east, north)) % 360.0
-        run += long
-    return best
+def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, LinePlace[Vector]] | None:
+    """The thing whose path comes nearest, and where."""
+    places = [(thing, project(path, x, y)) for thing, path in things if len(path) > 1]
+    thing, place = min(places, key=lambda one: one[1].off_m, default=(None, None))
+    return None if thing is None or place is None or place.off_m > NEAR_M else (thing, place)
 
 
 def _until(path: Path, length: float) -> Path:
@@ -358,22 +339,11 @@ def _until(path: Path, length: float) -> Path:
 
 def _from(path: Path, length: float) -> Path:
     """A path without its first `length` metres."""
-    total = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
-    return tuple(reversed(_until(tuple(reversed(path)), total - length)))
+    return tuple(reversed(_until(tuple(reversed(path)), line_length(path) - length)))
 
 
 def _between(a: Vector, b: Vector, t: float) -> Vector:
     return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])
-
-
-def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
-    """From a point to a building's outline; 0 inside."""
-    ring = tuple((east, north, 0.0) for east, north in (*polygon, polygon[0]))
-    crossings = sum(
-        1 for (ax, ay, _), (bx, by, _) in pairwise(ring)
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay)
-    )  # fmt: skip
-    return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
 __all__ = ["Site", "TownChanges", "altered", "changes_of", "faced", "gap_of", "site_of", "split", "with_changes"]
