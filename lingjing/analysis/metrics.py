@@ -27,6 +27,7 @@ from lingjing.analysis.completion import owed_kg
 from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.incidents import incidents
+from lingjing.analysis.last_mile import last_mile
 from lingjing.analysis.repetition import repeated_target_rate
 from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
@@ -168,6 +169,10 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     0012](adr/0012-targets-too-faint-to-see.md))."""
     stages: Annotated[tuple[StageMetric, ...], "outcome"] = ()
     """Each stage: subjects done of those required."""
+    last_mile: Annotated[int | None, "outcome"] = None
+    """How many of S1 to S5 of last-mile delivery were done in a row: aerial inspection, ends of the route named, places
+    of the way named on the road graph, arrival at the stop, the target house; N/A in other missions. What an
+    intervention gives counts as done."""
 
 
 def printed() -> dict[str, tuple[str, str]]:
@@ -236,6 +241,7 @@ def metrics(trace: Trace) -> Metrics:
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
         stages=_stages(trace),
+        last_mile=None if (chain := last_mile(trace)) is None else chain.cumulative,
     )
 
 

@@ -1,0 +1,125 @@
+"""S1 to S5 of last-mile delivery, from typed reports of the route's ends and of the places that it passes."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from lingjing.analysis.last_mile import LastMile, last_mile
+from lingjing.data import data_path
+from lingjing.kernel.cities import CityBuilder
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City, content_sha256
+from lingjing.scene.road_map import read_road_map
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import (
+    AdjudicatedEvent,
+    AgentBinding,
+    BoundaryRecord,
+    Envelope,
+    Header,
+    Outcome,
+    StageChange,
+)
+
+GOOD = {"start": (-120.0, -182.0), "target": (255.0, 185.0)}
+
+
+@cache
+def placed(name: str = "ld") -> tuple[Instance, City]:
+    mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
+    return CityBuilder(PluginHost()).place(instantiate(mission, seed=1))
+
+
+def trace(
+    *messages: tuple[str, dict], intervention: str = "", arrived: bool = False, won: bool = False, seen: bool = False
+) -> Trace:
+    instance, city = placed()
+    envelopes = tuple(
+        Envelope(
+            id=f"m1-{number}", tick=1, sender="coordinator", recipient="driver", kind=kind, category="other", body=body,
+            bytes=9, deliver_at=1,
+        )
+        for number, (kind, body) in enumerate(messages, 1)
+    )  # fmt: skip
+    record = BoundaryRecord(
+        tick=1, time_s=20.0, snapshots=(), engines=(), task_events=(), frames=(), observations=(), inboxes=(),
+        decisions=(), commands=(), messages=envelopes, receipts=(),
+        events=(AdjudicatedEvent(id="e1", kind="driven", tick=1, time_s=20.0, bindings=("stop_node",)),) * arrived,
+        stages=(StageChange(stage="inspect", subject="", tick=1, time_s=20.0),) * seen, reward=0.0, done=True,
+    )  # fmt: skip
+    arguments = {"intervention": intervention} if intervention else {}
+    header = Header(
+        instance=instance, bindings=(AgentBinding(agent="coordinator", policy="react", arguments=arguments),),
+        fingerprint={}, city_sha256=content_sha256(city),
+    )  # fmt: skip
+    outcome = Outcome(success=won, reason="success" if won else "budget", scr=0.0, ticks=1, digest="", frames_digest="")
+    return Trace(Path("x.mcap"), header, (record,), outcome, complete=True)
+
+
+def way(*shift: tuple[float, float]) -> list[tuple[str, dict]]:
+    """The junctions of the shortest way as reports, each moved by what is given for it."""
+    instance, city = placed()
+    at = {entity.id: entity.position[:2] for entity in instance.entities}
+    found = read_road_map(city.network).way(at["van"], at["stop_node"])
+    assert found is not None
+    moves = [*shift, *[(0.0, 0.0)] * 20]
+    return [
+        ("passing", {"number": float(number), "position": (x + dx, y + dy, 0.0)})
+        for number, ((x, y), (dx, dy)) in enumerate(zip(found.points[1:-1], moves, strict=False), 1)
+    ]
+
+
+def stages(*messages: tuple[str, dict], **more: object) -> LastMile:
+    found = last_mile(trace(*messages, **more))  # type: ignore[arg-type]
+    assert found is not None
+    return found
+
+
+def test_the_chain_is_cumulative():
+    assert stages().cumulative == 0
+    assert stages(seen=True).cumulative == 1
+    assert stages(("ends", GOOD), seen=True).cumulative == 2
+    assert stages(("ends", GOOD), *way(), seen=True).cumulative == 3
+    assert stages(("ends", GOOD), *way(), seen=True, arrived=True).cumulative == 4
+    assert stages(("ends", GOOD), *way(), seen=True, arrived=True, won=True).cumulative == 5
+    assert stages(seen=True, arrived=True, won=True).cumulative == 1  # the engine's success hides no gap
+
+
+def test_both_ends_must_be_near():
+    for wrong in ({**GOOD, "target": (255.0, 140.0)}, {**GOOD, "start": (0.0, 0.0)}):
+        assert "S2" not in stages(("ends", wrong)).done
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        way((40.0, 40.0)),  # not on a road
+        list(reversed([(kind, {**body, "number": -body["number"] + 100}) for kind, body in way()])),  # backwards
+        [("passing", {"number": 1.0, "position": (-120.0, -182.0)})],  # nothing between the ends
+    ],
+)
+def test_places_that_make_no_way_are_not_the_third_stage(messages: list[tuple[str, dict]]):
+    assert "S3" not in stages(*messages).done
+
+
+def test_a_later_report_of_a_place_takes_the_earlier_ones_place():
+    wrong = [("passing", {"number": 1.0, "position": (-300.0, 300.0)})]
+    assert "S3" in stages(*wrong, *way()).done
+    assert "S3" not in stages(*way(), *wrong).done
+
+
+@pytest.mark.parametrize(("name", "given", "count"), [("A0", (), 1), ("A1", ("S2",), 2), ("A2", ("S2", "S3"), 4)])
+def test_what_an_intervention_gives_counts(name: str, given: tuple[str, ...], count: int):
+    found = stages(intervention=name, seen=True, arrived=True)
+    assert (found.given, found.cumulative) == (given, count)
+
+
+def test_other_missions_have_no_such_stages():
+    instance, _ = placed("cr")
+    other = trace()
+    header = Header(instance=instance, bindings=(), fingerprint={})
+    assert last_mile(Trace(Path("x.mcap"), header, other.boundaries, other.outcome, complete=True)) is None
