@@ -12,6 +12,7 @@
 - `last_mile`   S1 to S5 of last-mile delivery, from typed reports of ends and way
 - `incidents`   who crashed, fell, ran out of energy, when and where
 - `registries`  the kernel's registry at every boundary, from the records alone
+- `families`    the failure family of a lost episode, with the records that show it
 - `clauses`     what a condition lacks, with the values it had
 - `ending`      `why(trace)`: why it ended as it did
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics

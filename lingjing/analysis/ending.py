@@ -15,6 +15,7 @@ import msgspec
 from lingjing.analysis.clauses import reading, unmet
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import shots
+from lingjing.analysis.families import attribute
 from lingjing.analysis.idleness import idle_steps
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.registries import Rebuilt, registries
@@ -29,6 +30,9 @@ IDLE_TICKS = 5
 
 _MOST = 6
 """Lines of one kind; the rest are counted."""
+
+_CLAUSES = 12
+"""Lines of what success lacked."""
 
 _SUCCESS = "success: every part of the mission's condition held"
 _WORDS = {
@@ -45,18 +49,20 @@ _WORDS = {
 
 class EpisodeEnding(msgspec.Struct, frozen=True, kw_only=True):
     """Why an episode ended. `cause` is what ended it; `lacking` the parts of success that did not hold, indented by
-    depth; `targets` how far each came; `troubles` what went wrong on the way, with when it began. All in words."""
+    depth; `targets` how far each came; `troubles` what went wrong on the way, with when it began; `family` the
+    failure family of a lost episode with its records. All in words."""
 
     episode: str
     cause: str
     lacking: tuple[str, ...] = ()
     targets: tuple[str, ...] = ()
     troubles: tuple[str, ...] = ()
+    family: str = ""
 
     @property
     def text(self) -> str:
         """The whole of it, a few headings and lines."""
-        blocks = [self.episode, f"ended by: {self.cause}"]
+        blocks = [self.episode, f"ended by: {self.cause}", *([f"failure family: {self.family}"] if self.family else [])]
         for heading, lines in (
             ("success lacked", self.lacking), ("how far each came", self.targets), ("on the way", self.troubles)
         ):  # fmt: skip
@@ -72,10 +78,21 @@ def why(trace: Trace) -> EpisodeEnding:
     return EpisodeEnding(
         episode=_episode(trace),
         cause=_cause(trace),
-        lacking=() if won or not history else tuple(_lacking(trace, history)),
+        lacking=() if won or not history else tuple(_first(_lacking(trace, history), _CLAUSES)),
         targets=tuple(_first(_targets(trace))) if history else (),
         troubles=tuple(_troubles(trace, history)),
+        family=_family(trace),
     )
+
+
+def _family(trace: Trace) -> str:
+    found = attribute(trace)
+    if found is None or not found.chain:
+        return "" if found is None else f"{found.family}: no rule is supported by the trace"
+    links = "; ".join(
+        f"{link.text} (tick {link.tick}{f', {link.record}' if link.record else ''})" for link in found.chain
+    )
+    return f"{found.family} of {found.target} from tick {found.tick}: {links}"
 
 
 def _episode(trace: Trace) -> str:
@@ -143,7 +160,9 @@ def _seen(trace: Trace, target: str) -> str:
     if not pictures:
         return f"in none of {len(shots(trace))} pictures" + (f", matched at tick {matched[0]}" if matched else "")
     seen = f"in {len(pictures)} of {len(shots(trace))} pictures, first {pictures[0].id}"
-    return f"{seen}, " + (f"first matched at tick {matched[0]}" if matched else "matched by no report" * bool(rules))
+    if not rules:
+        return seen
+    return f"{seen}, first matched at tick {matched[0]}" if matched else f"{seen}, matched by no report"
 
 
 def _stages(trace: Trace, target: str) -> str:
@@ -244,9 +263,9 @@ def _absent(trace: Trace) -> Iterator[str]:
         yield f"{count} picture{'s' * (count > 1)} did not come ({reason}), first at tick {first}"
 
 
-def _first(lines: Iterable[str]) -> Iterator[str]:
+def _first(lines: Iterable[str], most: int = _MOST) -> Iterator[str]:
     """The first of many lines, and how many more there are."""
     all_of_them = list(lines)
-    yield from all_of_them[:_MOST]
-    if len(all_of_them) > _MOST:
-        yield f"and {len(all_of_them) - _MOST} more"
+    yield from all_of_them[:most]
+    if len(all_of_them) > most:
+        yield f"and {len(all_of_them) - most} more"

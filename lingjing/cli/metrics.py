@@ -58,12 +58,20 @@ def _row(trace: Trace) -> dict[str, Any]:
     """Who played what, and every metric."""
     import msgspec
 
+    from lingjing.analysis.families import attribute
     from lingjing.analysis.metrics import metrics
 
     instance = trace.header.instance
     policies = "+".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
-    who = {"trace": str(trace.path), "mission": instance.mission, "mode": instance.mode, "seed": instance.seed}
-    return {**who, "policy": policies, "complete": trace.complete, **msgspec.to_builtins(metrics(trace))}
+    who: dict[str, Any] = {
+        "trace": str(trace.path),
+        "mission": instance.mission,
+        "mode": instance.mode,
+        "seed": instance.seed,
+    }
+    failed = attribute(trace)
+    who |= {"policy": policies, "complete": trace.complete, "family": None if failed is None else failed.family}
+    return {**who, **msgspec.to_builtins(metrics(trace))}
 
 
 def _pooled(traces: Sequence[Trace], args: argparse.Namespace) -> dict[str, Any]:
@@ -71,6 +79,7 @@ def _pooled(traces: Sequence[Trace], args: argparse.Namespace) -> dict[str, Any]
     import msgspec
 
     from lingjing.analysis import pooled
+    from lingjing.analysis.families import shares
     from lingjing.trace.reader import read_trace
 
     found: dict[str, Any] = {
@@ -79,6 +88,7 @@ def _pooled(traces: Sequence[Trace], args: argparse.Namespace) -> dict[str, Any]
         "tsr": pooled.tsr(traces),
         "macro_average": pooled.macro_average(traces),
         "f1": pooled.f1(traces),
+        "families": shares(traces),
         "terciles": msgspec.to_builtins(pooled.drift(traces)),
     }
     if args.baseline:
@@ -125,7 +135,8 @@ def _table(rows: Sequence[dict[str, Any]], pooled: dict[str, Any]) -> str:
             group = of
         lines.append(f"{name}: {_value([row[name] for row in rows], unit)}")
     lines += ["", "[together]"]
-    lines += [f"{name}: {_shown(value)}" for name, value in pooled.items() if name != "terciles"]
+    lines += [f"{name}: {_shown(value)}" for name, value in pooled.items() if not isinstance(value, dict)]
+    lines += [f"family {name}: {_shown(value)}" for name, value in (pooled["families"] or {}).items()]
     for third, rates in pooled["terciles"].items():
         told = ", ".join(f"{name} {_shown(value)}" for name, value in rates.items())
         lines.append(f"{third} third: {told}")

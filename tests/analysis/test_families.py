@@ -1,0 +1,196 @@
+"""Each rule of a failure family on a trace made for it, and how often they agree with a reader."""
+
+import tomllib
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.analysis.ending import why
+from lingjing.analysis.families import FAMILIES, Attribution, attribute, shares
+from lingjing.bench.columns import shipped
+from lingjing.play.episode import Session
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import (
+    Action,
+    AdjudicatedEvent,
+    BoundaryRecord,
+    Box,
+    Decision,
+    DecisionRecord,
+    Envelope,
+    Outcome,
+    Receipt,
+    StageChange,
+)
+from tests.analysis.test_metrics import at, boundary, frame, matched, report
+
+replace = msgspec.structs.replace
+LABELS = Path(__file__).with_name("family_labels.toml")
+
+
+@pytest.fixture
+def lost(trace: Trace):  # type: ignore[no-untyped-def]
+    """A rescue of 60 ticks in which victim[1] alone is not rescued, with what `events` say by tick."""
+    saved = [
+        AdjudicatedEvent(id=f"e1-{n}", kind="rescued", tick=1, time_s=10.0, bindings=(f"victim[{n}]",)) for n in (2, 3)
+    ]
+    outcome = Outcome(success=False, reason="budget", scr=2 / 3, ticks=60, digest="", frames_digest="")
+
+    def build(events: dict[int, dict[str, object]], reason: str = "budget") -> Trace:
+        records: list[BoundaryRecord] = []
+        for tick in range(61):
+            fields = dict(events.get(tick, {}))
+            if tick == 1:
+                fields["events"] = (*saved, *fields.get("events", ()))  # type: ignore[misc]
+            records.append(boundary(tick, **fields))
+        return Trace(trace.path, trace.header, tuple(records), replace(outcome, reason=reason), True)  # type: ignore[arg-type]
+
+    return build
+
+
+def told(trace: Trace) -> Attribution:
+    found = attribute(trace)
+    assert found is not None
+    return found
+
+
+SEEN = {"frames": (frame("a", 5, "victim[1]"),)}
+FOUND = {"messages": report(1, "a", 6), "events": (matched(6, "victim[1]", "m6-1"),)}
+LOCATED = {
+    "messages": FOUND["messages"],
+    "events": (
+        matched(6, "victim[1]", "m6-1"),
+        AdjudicatedEvent(id="e6", kind="reported", tick=6, time_s=60.0, bindings=("victim[1]", "m6-1")),
+    ),
+}
+
+
+def handed(tick: int) -> dict[str, object]:
+    """The boat is assigned to victim[1], by a message and by the mission's stage."""
+    message = Envelope(
+        id=f"m{tick}-9", tick=tick, sender="scout[1]", recipient="skipper", kind="assignment", category="assignment",
+        body={"assignee": "skipper", "target": "victim[1]"}, bytes=9, deliver_at=tick + 1,
+    )  # fmt: skip
+    return {
+        "messages": (message,),
+        "stages": (StageChange(stage="handoff", subject="victim[1]", tick=tick, time_s=10.0 * tick),),
+        "snapshots": (at(tick, v1=(0.0, 0.0), boat=(900.0, 0.0)),),
+    }
+
+
+def test_a_target_in_a_picture_that_nobody_reports_is_a_miss_from_that_picture_on(lost) -> None:  # type: ignore[no-untyped-def]
+    found = told(lost({5: SEEN}))
+    assert (found.family, found.target, found.tick) == ("perception_miss", "victim[1]", 5)
+    assert [(link.kind, link.record) for link in found.chain] == [
+        ("picture", "a"),
+        ("agent", "scout[1]"),
+        ("event", ""),
+    ]
+    late = {20: {"messages": report(1, "a", 20), "events": (matched(20, "victim[1]", "m20-1"),)}}
+    assert told(lost({5: SEEN, **late})).chain[-1].text == "the first that did came 15 ticks later"
+
+
+def test_a_target_in_no_picture_is_a_miss_when_the_ticks_run_out_and_else_unattributed(lost) -> None:  # type: ignore[no-untyped-def]
+    found = told(lost({}))
+    assert (found.family, found.tick) == ("perception_miss", 60)
+    assert told(lost({}, reason="constraint")) == Attribution(family="unattributed")
+
+
+def test_something_else_reported_first_is_a_confusion(lost) -> None:  # type: ignore[no-untyped-def]
+    buoy = Box(entity="buoy[1]", cls="buoy", box=(0.4, 0.4, 0.5, 0.5), pixels=40)
+    found = told(
+        lost({2: {"frames": (replace(frame("b", 2), boxes=(buoy,)),)}, 3: {"messages": report(1, "b", 3)}, 5: SEEN})
+    )
+    assert (found.family, found.tick) == ("object_confusion", 3)
+    assert [(link.kind, link.record) for link in found.chain] == [("picture", "b"), ("message", "m3-1")]
+
+
+@pytest.fixture
+def real_rules(trace: Trace):  # type: ignore[no-untyped-def]
+    """The synthetic trace with the rules and stages of the shipped mission, which name positions and assignments."""
+    from lingjing.dsl.loading.load import load_mission
+    from lingjing.mission.instantiate import instantiate
+
+    instance = instantiate(
+        load_mission(next(path for path in shipped() if path.stem == "ssr")), seed=1, mode="broadcast"
+    )
+
+    def with_rules(there: Trace) -> Trace:
+        own = there.header.instance
+        mixed = replace(own, rules=instance.rules, stages=instance.stages, success=instance.success)
+        return Trace(there.path, replace(there.header, instance=mixed), there.boundaries, there.outcome, True)
+
+    return with_rules
+
+
+def test_matched_and_not_located_is_a_localisation_error(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    found = told(real_rules(lost({5: SEEN, 6: FOUND})))
+    assert (found.family, found.tick) == ("localisation_error", 6)
+    assert found.chain[0].record == "m6-1"
+
+
+def test_located_and_never_or_late_assigned_is_a_handoff_break(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    found = told(real_rules(lost({5: SEEN, 6: LOCATED})))
+    assert (found.family, found.tick, found.chain[-1].text) == ("handoff_break", 6, "never assigned")
+    found = told(real_rules(lost({5: SEEN, 6: LOCATED, 30: handed(30)})))
+    assert (found.family, found.chain[-1].text) == ("handoff_break", "assigned 24 ticks later")
+
+
+def moves(tick: int, verb: str = "moveTo", reason: str = "", **arguments: object) -> dict[str, object]:
+    made = DecisionRecord(agent="skipper", decision=Decision(command=Action(verb=verb, arguments=arguments)))  # type: ignore[arg-type]
+    status = "rejected" if reason else "accepted"
+    receipt = Receipt(request=f"c{tick}-1", tick=tick, sender="skipper", resource="boat", status=status, reason=reason)  # type: ignore[arg-type]
+    return {"decisions": (made,), "receipts": (receipt,)}
+
+
+def test_an_assigned_body_that_is_refused_to_several_is_a_deadlock(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    events = {5: SEEN, 6: LOCATED, 8: handed(8), 9: moves(9, reason="conflict"), 10: moves(10, reason="conflict")}
+    found = told(real_rules(lost(events)))
+    assert (found.family, found.tick) == ("coordination_deadlock", 9)
+    assert [link.record for link in found.chain] == ["m8-9", "c9-1", "c10-1"]
+
+
+def test_an_assigned_body_sent_elsewhere_or_stubborn_is_drift(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    other = {**moves(9, x=0.0, y=0.0), "snapshots": (at(9, v1=(500.0, 0.0), v2=(0.0, 0.0), boat=(900.0, 0.0)),)}
+    found = told(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), 9: other})))
+    assert (found.family, found.tick) == ("context_drift", 9)
+    again = {tick: moves(tick, "moveTo", "unreachable", x=5000.0, y=0.0) for tick in range(9, 14)}
+    found = told(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), **again})))
+    assert (found.family, found.tick) == ("context_drift", 10)
+
+
+def test_won_and_aborted_episodes_have_no_family_and_shares_add_up(lost, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    aborted = lost({}, reason="infrastructure-abort")
+    assert attribute(trace) is None and attribute(aborted) is None
+    found = shares([lost({5: SEEN}), lost({}), lost({}, reason="constraint"), trace, aborted])
+    assert found is not None and tuple(found) == FAMILIES and sum(found.values()) == pytest.approx(1.0)
+    assert found["perception_miss"] == 2 / 3 and found["unattributed"] == 1 / 3
+    assert shares([trace]) is None
+
+
+def test_why_tells_the_family_with_its_records(lost) -> None:  # type: ignore[no-untyped-def]
+    expected = "failure family: perception_miss of victim[1] from tick 5: victim[1] stands in it (tick 5, a); "
+    assert expected in why(lost({5: SEEN})).text
+
+
+@pytest.mark.study
+def test_the_rules_agree_with_the_reader_as_often_as_the_page_says(tmp_path: Path) -> None:
+    """Plays every labelled episode. `docs/traces.md` has the number."""
+    labels = tomllib.loads(LABELS.read_text(encoding="utf-8"))
+    missions = {path.stem: path for path in shipped()}
+    agreed = []
+    with Session() as session:
+        for name, label in labels.items():
+            mission, mode, policy, seed = name.split("-")
+            done = session.run(
+                missions[mission], mode=mode, policy=policy, seed=int(seed), out=tmp_path / name, overview=False
+            )
+            found = attribute(read_trace(done.trace))
+            assert found is not None, name
+            agreed.append(found.family == label["family"])
+    assert sum(agreed) >= AGREED and len(agreed) == len(labels)
+
+
+AGREED = 24
+"""Labels of `family_labels.toml` that the rules agree with."""
