@@ -20,6 +20,7 @@ from lingjing.cli.results import exit_code, explain, print_episode, print_json, 
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
+from lingjing.kernel.world.forking import WorkerDoor
 from lingjing.mission.model import Mission
 from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
@@ -84,6 +85,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--watch-truth", action="store_true", help="watch with hidden targets shown before anybody has found them"
     )
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by play_apart
+    parser.add_argument("--fork-server", metavar="FD", type=int, help=argparse.SUPPRESS)  # set by a fork server
 
 
 def handler(args: argparse.Namespace) -> int:
@@ -282,7 +284,8 @@ def _played(
 
     def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
         if not _watched(args):
-            return play_here(options, places, LiveProgress, mission)
+            door = WorkerDoor(args.fork_server) if args.fork_server is not None else None
+            return play_here(options, places, LiveProgress, mission, door)
         from lingjing.cli.watch import EpisodeDisplays
         from lingjing.play.preparation import prepare
         from lingjing.plugins.host import PluginHost

@@ -27,6 +27,7 @@ from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
+from lingjing.kernel.world.forking import WorkerDoor
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
@@ -61,10 +62,14 @@ class EpisodeInterrupted(KeyboardInterrupt):
 
 
 class Session:
-    """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers."""
+    """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers.
 
-    def __init__(self, host: PluginHost | None = None) -> None:
+    Through a `door` the workers are forked from a process that has imported all they need.
+    """
+
+    def __init__(self, host: PluginHost | None = None, door: WorkerDoor | None = None) -> None:
         self.host = host or PluginHost()
+        self._door = door
         self._cities = CityBuilder(self.host)
         self._worlds: dict[str, World] = {}
 
@@ -154,7 +159,7 @@ class Session:
 
     def _world(self, kind: Literal["process", "inline"]) -> World:
         if kind not in self._worlds:
-            self._worlds[kind] = open_world(kind, host=self.host)
+            self._worlds[kind] = open_world(kind, host=self.host, door=self._door)
         return self._worlds[kind]
 
 

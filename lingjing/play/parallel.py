@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -10,12 +11,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 import msgspec
 
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
+from lingjing.kernel.world.forking import ForkedProcess, ForkServer
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
@@ -23,6 +26,7 @@ from lingjing.play.report import ABORTED, EpisodeReport
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
+    from lingjing.kernel.world.forking import WorkerDoor
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
@@ -31,16 +35,21 @@ GRACE_S = 90.0
 
 
 def play_here(
-    options: PlayOptions, places: Iterable[tuple[int, Path | None]], watch: Watch, mission: Mission | None = None
+    options: PlayOptions,
+    places: Iterable[tuple[int, Path | None]],
+    watch: Watch,
+    mission: Mission | None = None,
+    door: WorkerDoor | None = None,
 ) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
-    A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode.
+    A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. The workers are
+    started through the door, if there is one (`lingjing.kernel.world.forking`).
     """
     from lingjing.play.episode import EpisodeInterrupted, Session
 
     mission = mission or compiled(options)
-    with Session() as session:
+    with Session(door=door) as session:
         for seed, folder in places:
             try:
                 with watch(f"{mission.name} seed {seed}") as progress:
@@ -56,6 +65,21 @@ def play_here(
             yield report
 
 
+_CLI = "lingjing.cli.main"
+_PYTHON = [sys.executable, "-m", _CLI]
+
+PLAYED_WITH = (
+    "lingjing.cli.run", "lingjing.cli.progress", "lingjing.play.preparation", "lingjing.dsl.compilation",
+    "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin", "lingjing.engines.camera.engine",
+    "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.engine", "lingjing.engines.multirotor.engine",
+    "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine", "lingjing.kernel.evaluation",
+)  # fmt: skip
+"""What an episode imports, and nothing of policies."""
+
+WITH_EXTRAS = (("libsumo", "lingjing.engines.road.engine"), ("mujoco", "lingjing.engines.quadruped.engine"))
+"""What it imports where a package is installed."""
+
+
 class EpisodeTask(NamedTuple):
     """An episode to be played in a process of its own."""
 
@@ -64,16 +88,54 @@ class EpisodeTask(NamedTuple):
 
     def command(self) -> list[str]:
         """The command line that plays it with the options on its standard input, and prints its report as JSON."""
-        run = [sys.executable, "-m", "lingjing.cli.main", "run", "--options", "-", "-o", str(self.folder)]
-        return [*run, "--json", "--end-with", str(os.getpid())]
+        return [*_PYTHON, "run", "--options", "-", "-o", str(self.folder), "--json"]
 
 
 @dataclass(frozen=True, slots=True)
 class _Worker:
     task: EpisodeTask
-    process: subprocess.Popen[bytes]
+    process: subprocess.Popen[bytes] | ForkedProcess
     output: IO[bytes]
     errors: IO[bytes]
+
+
+class _Starter:
+    """Starts episodes: as forks of a process that has imported what they need, which is begun with the first of them;
+    a command that is not ours, or where nothing can be forked, as a process of its own."""
+
+    def __init__(self) -> None:
+        self._server: ForkServer | None = None
+
+    def start(self, task: EpisodeTask) -> _Worker:
+        """The process of an episode. A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then
+        ends each child once."""
+        output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this
+        command = task.command()
+        with tempfile.TemporaryFile() as options:
+            options.write(msgspec.json.encode(task.options))
+            options.seek(0)
+            if command[: len(_PYTHON)] == _PYTHON and sys.platform == "linux":
+                streams = options.fileno(), output.fileno(), errors.fileno()
+                return _Worker(task, self._forked(command[len(_PYTHON) :], streams), output, errors)
+            ending = ["--end-with", str(os.getpid())]
+            process = subprocess.Popen(
+                [*command, *ending], stdin=options, stdout=output, stderr=errors, process_group=0
+            )
+        return _Worker(task, process, output, errors)
+
+    def close(self) -> None:
+        """End the process that episodes are forked from."""
+        if self._server is not None:
+            self._server.close()
+
+    def _forked(self, arguments: list[str], streams: tuple[int, int, int]) -> ForkedProcess:
+        if self._server is not None:
+            try:
+                return self._server.run_module(_CLI, arguments, streams)
+            except InfrastructureError:  # it was killed: another one takes its place
+                self._server.close()
+        self._server = ForkServer([*PLAYED_WITH, *(module for package, module in WITH_EXTRAS if find_spec(package))])
+        return self._server.run_module(_CLI, arguments, streams)
 
 
 def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
@@ -83,12 +145,19 @@ def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[Episod
     was killed (from outside, or for want of memory) is an infrastructure abort of its episode.
     At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
     """
-    waiting = iter(tasks)
+    starter = _Starter()
+    with contextlib.closing(starter):
+        yield from _played_by(starter, iter(tasks), jobs)
+
+
+def _played_by(
+    starter: _Starter, waiting: Iterator[EpisodeTask], jobs: int
+) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
     running: list[_Worker] = []
     try:
         while True:
             while len(running) < jobs and (task := next(waiting, None)) is not None:
-                running.append(_start(task))
+                running.append(starter.start(task))
             if not running:
                 return
             done = [child for child in running if child.process.poll() is not None]
@@ -108,24 +177,18 @@ def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[Episod
         _end(running)
 
 
-def _start(task: EpisodeTask) -> _Worker:
-    output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this call
-    with tempfile.TemporaryFile() as options:
-        options.write(msgspec.json.encode(task.options))
-        options.seek(0)
-        # A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then ends each child once.
-        process = subprocess.Popen(task.command(), stdin=options, stdout=output, stderr=errors, process_group=0)
-    return _Worker(task, process, output, errors)
-
-
 def _finish(child: _Worker) -> EpisodeReport:
     child.output.seek(0)
     child.errors.seek(0)
     printed, complaint = child.output.read(), child.errors.read().decode(errors="replace").strip()
+    if isinstance(child.process, ForkedProcess):
+        child.process.close()
+    if child.process.returncode == ForkedProcess.LOST:
+        return without_result(child.task, "the process that it was forked from was killed")
     with suppress(msgspec.DecodeError):  # nothing, or half of it
         return msgspec.json.decode(printed, type=EpisodeReport)
     release_if_empty(child.task.folder)
-    code = child.process.returncode
+    code = child.process.wait()
     if code == ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
     if code < 0:

@@ -12,6 +12,8 @@ In the order of a call:
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
 - `handle`      the caller's end of a worker ← `launch` (its process) ← `packets` (framing) ← `messages`, `shared`
 - `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `handlers` (its answer to each request)
+- `forking`     a command's fork server as its callers see it ← `fork_server`, the process that episodes and workers are
+  forked from
 - `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends
 
 Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes
@@ -25,6 +27,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from lingjing.kernel.world.contract import World
+    from lingjing.kernel.world.forking import WorkerDoor
     from lingjing.plugins.host import PluginHost
 
 __all__ = ["WorldKind", "open_world"]
@@ -40,12 +43,14 @@ def open_world(
     plugins: tuple[str, ...] = (),
     paths: tuple[str, ...] = (),
     installed: bool = True,
+    door: WorkerDoor | None = None,
 ) -> World:
     """A world of the given kind, idle until `reset`.
 
     `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
     before the caller's `sys.path`); without `installed` they are the only ones. `host`, if the caller has built one
-    already, must offer the same; workers always find plug-ins for themselves.
+    already, must offer the same; workers always find plug-ins for themselves. Through a `door` they are forked from a
+    process that has imported all they need, else each is started anew.
     """
     if kind == "inline":
         from lingjing.kernel.world.extra_plugins import host_with
@@ -58,4 +63,4 @@ def open_world(
         raise UsageError("worker processes need Linux (or WSL2)", hint="use `--world inline`")
     from lingjing.kernel.world.process import ProcessWorld
 
-    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, host=host)
+    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, host=host, door=door)

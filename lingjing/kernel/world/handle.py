@@ -18,7 +18,8 @@ from typing import TypeVar
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.deadlines import Deadline, OwnDeadline, own_clock_of_s
-from lingjing.kernel.world.launch import ErrorOutput, WorkerPlace, WorkerSettings, launch
+from lingjing.kernel.world.forking import ForkedProcess, WorkerDoor, WorkerPlace, WorkerSettings
+from lingjing.kernel.world.launch import ErrorOutput, WorkerProcess, launch
 from lingjing.kernel.world.messages import (
     Close,
     Closed,
@@ -57,9 +58,10 @@ class Worker:
         progress: int,
         words: ErrorOutput,
         *,
-        process: subprocess.Popen[bytes] | None = None,
+        process: WorkerProcess | None = None,
         parent: Worker | None = None,
         pid: int = 0,
+        lent: bool = False,
     ) -> None:
         self.name = name
         self.pid = process.pid if process is not None else pid
@@ -73,13 +75,14 @@ class Worker:
         self._progress = CallMonitor(progress)
         os.close(progress)
         self._words = words
+        self._lent = lent
 
     @classmethod
-    def start(cls, place: WorkerPlace, settings: WorkerSettings) -> Worker:
-        """A new process of its own."""
-        started = launch(place, settings)
+    def start(cls, place: WorkerPlace, settings: WorkerSettings, door: WorkerDoor | None = None) -> Worker:
+        """A new process of its own; through a door, a camera process may have drawn for others before."""
+        made = launch(place, settings, door)
         name = f"{place} process"
-        return cls(name, started.pidfd, started.end, started.progress, started.words, process=started.process)
+        return cls(name, made.pidfd, made.end, made.progress, made.words, process=made.process, lent=made.lent)
 
     def share(self) -> Worker:
         """Count one more user."""
@@ -222,7 +225,7 @@ class Worker:
     def _end(self) -> None:
         if self._is_ours:
             self._ask_to_close()
-            if not self._await_exit(_EXIT_S):
+            if not self._lent and not self._await_exit(_EXIT_S):
                 self._signal(signal.SIGKILL)
                 self._await_exit(_EXIT_S)
         self._dispose()
@@ -264,6 +267,8 @@ class Worker:
         self._channel.close()
         self._progress.close()
         os.close(self._pidfd)
+        if isinstance(self._process, ForkedProcess):
+            self._process.close()
         self._words.drain()
         if self.parent is None:
             self._words.close()

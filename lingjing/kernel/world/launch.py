@@ -1,11 +1,8 @@
-"""Starting a worker process: its command, its environment, its standard error, and a thread that outlives it.
+"""Starting a worker process: its command, its standard error, and what its caller holds of it.
 
 Rules learnt by trying (DESIGN section 4): `Popen` over a socket pair, because `multiprocessing` breaks scripts
-without a main guard; what chooses code by processor and thread counts fixed in the
-environment before any import; a process group of its own, so that a
-terminal's Ctrl-C reaches the caller alone. A parent-death signal follows the *thread* that started a child, so each
-worker is started by a thread that then waits for it to end: it dies with the caller and not with whichever thread
-happened to ask for it, and it never stays a zombie.
+without a main guard, or a fork server; what chooses code by processor and thread counts fixed in the environment before
+any import; a process group of its own, so that a terminal's Ctrl-C reaches the caller alone.
 """
 
 from __future__ import annotations
@@ -16,38 +13,16 @@ import select
 import socket
 import subprocess
 import sys
-import threading
 from collections import deque
-from collections.abc import Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Literal
+from typing import Protocol
 
 from lingjing.errors import InfrastructureError
+from lingjing.kernel.world.forking import WorkerDoor, WorkerPlace, WorkerSettings, environment, started_to_last
 from lingjing.kernel.world.shared import progress_memory
-from lingjing.numerics import worker_environment
-
-WorkerPlace = Literal["world", "camera"]
 
 _TAIL_BYTES = 16_384
 _PIPE_BYTES = 1_048_576
-_QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
-"""MuJoCo would load a windowing library, which a process that is to be forked must not hold; JSBSim is loud."""
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerSettings:
-    """How the workers of a world are started; see `lingjing.kernel.world.open_world` for the meaning."""
-
-    plugins: tuple[str, ...] = ()
-    paths: tuple[str, ...] = ()
-    installed: bool = True
-
-    def arguments(self, place: WorkerPlace) -> list[str]:
-        """The worker's command line but for its descriptors."""
-        options = ["--place", place, "--parent", str(os.getpid())]
-        options += [] if self.installed else ["--bare"]
-        return options + [part for plugin in self.plugins for part in ("--plugin", plugin)]
 
 
 class ErrorOutput:
@@ -99,35 +74,48 @@ class ErrorOutput:
             self._chunks.popleft()
 
 
+class WorkerProcess(Protocol):
+    """A process that a worker runs in: a `subprocess.Popen`, or a `forking.ForkedProcess`."""
+
+    pid: int
+
+    def wait(self, timeout: float | None = None) -> int:
+        """The return code; `subprocess.TimeoutExpired` after so many seconds."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Launched:
-    """A worker that has been started: the caller owns all of it."""
+    """A worker that has been started: the caller owns all of it. One that is `lent` outlives its use."""
 
-    process: subprocess.Popen[bytes]
+    process: WorkerProcess
     pidfd: int
     end: socket.socket
     progress: int
     words: ErrorOutput
+    lent: bool = False
 
 
-def launch(place: WorkerPlace, settings: WorkerSettings) -> Launched:
-    """Start `python -m lingjing.kernel.world.worker`; returns at once, the worker answers when it is up."""
+def launch(place: WorkerPlace, settings: WorkerSettings, door: WorkerDoor | None) -> Launched:
+    """Start a worker, which answers when it is up: `python -m lingjing.kernel.world.worker`, or through the door."""
     try:
-        return _launch(place, settings)
+        return _launch(place, settings, door)
     except OSError as error:
         raise InfrastructureError(f"the {place} process cannot be started: {error}") from error
 
 
-def _launch(place: WorkerPlace, settings: WorkerSettings) -> Launched:
+def _launch(place: WorkerPlace, settings: WorkerSettings, door: WorkerDoor | None) -> Launched:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
     # Room for what a worker says while the caller waits for the other one.
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
-    descriptors = (theirs.fileno(), progress)
     try:
-        command = [*_command(descriptors), *settings.arguments(place)]
-        process, pidfd = _started(command, _environment(settings.paths), descriptors, writing)
+        if door is not None:
+            forked = door.start_worker(place, settings, (theirs.fileno(), progress, writing))
+            return Launched(forked, os.dup(forked.pidfd), ours, progress, ErrorOutput(reading), place == "camera")
+        process = _started(place, settings, (theirs.fileno(), progress), writing)
+        return Launched(process, os.pidfd_open(process.pid), ours, progress, ErrorOutput(reading))
     except BaseException:
         ours.close()
         os.close(progress)
@@ -136,46 +124,16 @@ def _launch(place: WorkerPlace, settings: WorkerSettings) -> Launched:
     finally:
         theirs.close()
         os.close(writing)
-    return Launched(process, pidfd, ours, progress, ErrorOutput(reading))
-
-
-def _command(descriptors: tuple[int, int]) -> list[str]:
-    # -P: the worker takes its modules from where the caller does, not from the folder it happens to run in.
-    python = [sys.executable, "-P", "-m", "lingjing.kernel.world.worker"]
-    return [*python, "--fd", str(descriptors[0]), "--progress", str(descriptors[1])]
-
-
-def _environment(paths: Sequence[str]) -> dict[str, str]:
-    search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
-    fixed = {**_QUIET, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
-    return worker_environment({**os.environ, **fixed})
 
 
 def _started(
-    command: list[str], environment: dict[str, str], descriptors: tuple[int, ...], output: int
-) -> tuple[subprocess.Popen[bytes], int]:
-    outcome: Future[tuple[subprocess.Popen[bytes], int]] = Future()
-
-    def start_and_wait() -> None:
-        try:
-            process = subprocess.Popen(
-                command,
-                env=environment,
-                pass_fds=descriptors,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                process_group=0,
-            )
-        except OSError as error:
-            outcome.set_exception(error)
-            return
-        try:
-            outcome.set_result((process, os.pidfd_open(process.pid)))
-        except OSError as error:
-            process.kill()
-            outcome.set_exception(error)
-        process.wait()
-
-    threading.Thread(target=start_and_wait, name=f"lingjing-{command[-1]}", daemon=True).start()
-    return outcome.result()
+    place: WorkerPlace, settings: WorkerSettings, descriptors: tuple[int, int], output: int
+) -> subprocess.Popen[bytes]:
+    # -P: the worker takes its modules from where the caller does, not from the folder it happens to run in.
+    python = [sys.executable, "-P", "-m", "lingjing.kernel.world.worker"]
+    told = ["--fd", str(descriptors[0]), "--progress", str(descriptors[1]), "--parent", str(os.getpid())]
+    options = [] if settings.installed else ["--bare"]
+    options += [part for plugin in settings.plugins for part in ("--plugin", plugin)]
+    return started_to_last(
+        [*python, *told, *options, "--place", place], environment(settings.paths), descriptors, output
+    )

@@ -26,9 +26,9 @@ from lingjing.kernel.world.engine_group import (
     start_engines,
 )
 from lingjing.kernel.world.extra_plugins import host_with
+from lingjing.kernel.world.forking import WorkerDoor, WorkerPlace, WorkerSettings
 from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
-from lingjing.kernel.world.launch import WorkerPlace, WorkerSettings
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
@@ -155,7 +155,9 @@ class ProcessWorld:
         paths: tuple[str, ...] = (),
         installed: bool = True,
         host: PluginHost | None = None,
+        door: WorkerDoor | None = None,
     ) -> None:
+        self._door = door
         self._settings = WorkerSettings(plugins, paths, installed)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
@@ -230,6 +232,7 @@ class ProcessWorld:
             paths=self._settings.paths,
             installed=self._settings.installed,
             host=self._host,
+            door=self._door,
         )
         camera = self._workers.camera
         if camera is not None:
@@ -274,7 +277,7 @@ class ProcessWorld:
         return None
 
     def _start(self, place: WorkerPlace) -> Worker:
-        return Worker.start(place, self._settings)
+        return Worker.start(place, self._settings, self._door)
 
     def _prepare(self, roles: EngineSelection) -> None:
         workers = self._workers

@@ -24,6 +24,7 @@ from typing import NoReturn
 from lingjing.errors import LingjingError
 from lingjing.kernel.world.deadlines import WallDeadline
 from lingjing.kernel.world.extra_plugins import host_with
+from lingjing.kernel.world.forking import WorkerSettings
 from lingjing.kernel.world.handlers import CameraHandler, RequestHandler, WorldHandler
 from lingjing.kernel.world.messages import (
     Close,
@@ -60,6 +61,12 @@ class Post:
         """Send one reply."""
         self.channel.send(encoded(message), descriptors)
 
+    def take(self, channel: int, progress: int) -> None:
+        """Answer another caller from now on."""
+        self.channel = PacketSocket(socket.socket(fileno=channel))
+        self.progress.rebind(progress)
+        os.close(progress)
+
     def reap(self, *_: object) -> None:
         """Take note of ended forks; the handler of SIGCHLD. Only those: an engine may have children of its own."""
         for pid in tuple(self.forks):
@@ -70,18 +77,67 @@ class Post:
 def main() -> NoReturn:
     """Serve until told to close or left alone."""
     options = _options()
-    guard_streams()
     _die_with(options.parent)
+    for descriptor in (options.fd, options.progress):
+        os.set_inheritable(descriptor, False)
+    settings = WorkerSettings(tuple(options.plugin), (), not options.bare)
+    post = _new_post(options.fd, options.progress, options.parent)
+    _serve(_handler(options.place, settings, post.progress), post)
+    _flush()
+    # No interpreter shutdown: in a forked copy it would run handlers that belong to the original.
+    os._exit(0)
+
+
+def serve_as_world(settings: WorkerSettings, ends: tuple[int, int], parent: int) -> None:
+    """In a fork of the server: serve one caller at these ends (channel, progress memory)."""
+    post = _new_post(*ends, parent)
+    _serve(_handler("world", settings, post.progress), post)
+    _flush()
+
+
+def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: int, parent: int) -> None:
+    """In a fork of the server: serve one caller after another, until the server's end of `control` is closed.
+
+    The engine and its graphics context stay. `control` is told when a caller has gone, and brings the next one's ends,
+    the output's too.
+    """
+    server = socket.socket(fileno=control)
+    post = _new_post(*ends, parent)
+    handler = _handler("camera", settings, post.progress)
+    while True:
+        _serve(handler, post, lasting=True)
+        post.channel.close()
+        _write_to(os.open(os.devnull, os.O_WRONLY))  # who waits for the end of what was written need not wait for us
+        server.send(b"i")
+        _, given, _, _ = socket.recv_fds(server, 1, 3, socket.MSG_CMSG_CLOEXEC)
+        if len(given) != 3:
+            return
+        _write_to(given[2])
+        post.take(*given[:2])
+
+
+def _new_post(channel: int, progress: int, parent: int) -> Post:
+    guard_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
-    for descriptor in (options.fd, options.progress):
-        os.set_inheritable(descriptor, False)
-    progress = CallMonitor(options.progress)
-    os.close(options.progress)
-    post = Post(PacketSocket(socket.socket(fileno=options.fd)), progress, options.parent)
+    post = Post(PacketSocket(socket.socket(fileno=channel)), CallMonitor(progress), parent)
+    os.close(progress)
     signal.signal(signal.SIGCHLD, post.reap)
-    _serve(_handler(options, progress), post)
+    return post
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):  # nobody may be left to read it
+            stream.flush()
+
+
+def _write_to(output: int) -> None:
+    _flush()
+    for number in (1, 2):
+        os.dup2(output, number)
+    os.close(output)
 
 
 def _options() -> argparse.Namespace:
@@ -95,27 +151,30 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _handler(options: argparse.Namespace, progress: CallMonitor) -> RequestHandler:
-    plugins = tuple(options.plugin)
-
+def _handler(place: str, settings: WorkerSettings, progress: CallMonitor) -> RequestHandler:
     def find_host() -> PluginHost:
-        return host_with(plugins, installed=not options.bare)
+        return host_with(settings.plugins, installed=settings.installed)
 
-    if options.place == "camera":
+    if place == "camera":
         return CameraHandler(find_host, progress)
     return WorldHandler(find_host, progress)
 
 
-def _serve(handler: RequestHandler, post: Post) -> NoReturn:
-    while True:
-        packet = _next(post)
-        request = decoded_request(packet.payload)
-        if isinstance(request, Fork):
-            _fork(post, packet)
-            continue
-        if isinstance(request, Close):
-            _leave(handler, post)
-        _attempt(handler, post, request)
+def _serve(handler: RequestHandler, post: Post, *, lasting: bool = False) -> None:
+    """Answer until the caller has enough or is gone; then the engines are closed, unless they last."""
+    try:
+        while True:
+            packet = _next(post)
+            request = decoded_request(packet.payload)
+            if isinstance(request, Fork):
+                _fork(post, packet)
+            elif isinstance(request, Close):
+                post.reply(Closed(problems=() if lasting else handler.close()))
+                return
+            else:
+                _attempt(handler, post, request)
+    except ChannelClosedError:
+        return
 
 
 def _attempt(handler: RequestHandler, post: Post, request: Request) -> None:
@@ -124,7 +183,7 @@ def _attempt(handler: RequestHandler, post: Post, request: Request) -> None:
             post.reply(reply, descriptors)
         post.progress.rest()
     except ChannelClosedError:
-        os._exit(0)
+        raise
     except LingjingError as error:
         post.reply(Failed(message=str(error), hint=error.hint, traceback=traceback.format_exc()))
     except Exception as error:  # noqa: BLE001 - a fault of ours; it is reported to the caller, who raises it
@@ -139,18 +198,6 @@ def _next(post: Post) -> Packet:
         except TimeoutError:
             if os.getppid() != post.parent:
                 os._exit(0)
-        except ChannelClosedError:
-            os._exit(0)
-
-
-def _leave(handler: RequestHandler, post: Post) -> NoReturn:
-    problems = handler.close()
-    with contextlib.suppress(ChannelClosedError):  # nobody may be left to tell
-        post.reply(Closed(problems=problems))
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # No interpreter shutdown: in a forked copy it would run handlers that belong to the original.
-    os._exit(0)
 
 
 def _fork(post: Post, packet: Packet) -> None:
@@ -176,11 +223,8 @@ def _fork(post: Post, packet: Packet) -> None:
 
 
 def _take_post(post: Post, packet: Packet, parent: int) -> None:
-    end, progress = packet.descriptors
     post.channel.close()
-    post.channel = PacketSocket(socket.socket(fileno=end))
-    post.progress.rebind(progress)
-    os.close(progress)
+    post.take(*packet.descriptors)
     post.parent = parent
     post.forks.clear()
 

@@ -1,0 +1,382 @@
+"""`python -m lingjing.kernel.world.fork_server`: the process that the episodes of one command are forked from.
+
+It has imported everything and has one thread, which is asserted before each fork: a fork of several threads would keep
+the locks of those that are gone. It opens no OpenGL, loads no OpenCV, runs nothing of a policy, and plays nothing:
+what happens in an episode happens in its forks. Of the state that a fork takes along only what was imported counts; the
+global random streams are begun anew. A camera process outlives its episode and is handed to the next one that asks: it
+keeps its graphics context, and a picture depends on nothing before it.
+
+It ends with the end of its caller's socket and with its caller, and its forks with it: workers by SIGKILL, modules by
+SIGTERM. A world process ends with the process that asked for it, a camera process that does not become idle as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import atexit
+import contextlib
+import ctypes
+import gc
+import os
+import runpy
+import selectors
+import signal
+import socket
+import sys
+import time
+import traceback
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import NoReturn
+
+import msgspec
+
+from lingjing.kernel.world.forking import ForkRequest, RunModule, StartWorker, WorkerSettings
+from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
+from lingjing.numerics import pins
+
+_PR_SET_PDEATHSIG = 1
+_PATROL_S = 1.0
+_LINGERS_S = 2.0
+"""How long a camera process may take to become idle when the process that it drew for has ended."""
+_MOST_DESCRIPTORS = 8
+_USUAL = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
+
+_REQUESTS: msgspec.msgpack.Decoder[ForkRequest] = msgspec.msgpack.Decoder(ForkRequest)
+
+
+@dataclass(slots=True)
+class _Process:
+    """A fork: what tells when it has ended, what is told to whom, and who asked for it."""
+
+    pid: int
+    pidfd: int
+    told: socket.socket
+    asker: int = -1
+    camera: _CameraUse | None = None
+
+
+@dataclass(slots=True)
+class _CameraUse:
+    """What the server keeps of a camera process: where it is handed over, and whether it is in use."""
+
+    control: socket.socket
+    settings: WorkerSettings
+    busy: bool = True
+    orphaned_s: float | None = None
+
+
+@dataclass(slots=True)
+class _Server:
+    door: socket.socket
+    parent: int
+    pid: int
+    selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
+    processes: dict[int, _Process] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Serve until the caller's end is closed."""
+        self.selector.register(self.door, selectors.EVENT_READ, self.asked_by_caller)
+        while os.getppid() == self.parent:
+            for key, _ in self.selector.select(_PATROL_S):
+                if key.data(key.fileobj) is False:
+                    return
+            self.end_lingerers()
+
+    # -- requests
+
+    def asked_by_caller(self, door: socket.socket) -> bool:
+        """A request through the caller's socket; False at its end."""
+        try:
+            request, descriptors = _received(door)
+        except EOFError:
+            return False
+        if isinstance(request, RunModule) and len(descriptors) == 4:
+            self.run_module(request, descriptors)
+        _close(descriptors)
+        return True
+
+    def asked_by_module(self, door: socket.socket) -> None:
+        """A request of a module that runs: it may ask for workers alone."""
+        try:
+            request, descriptors = _received(door)
+        except EOFError:
+            self.selector.unregister(door)
+            door.close()
+            return
+        if isinstance(request, StartWorker) and len(descriptors) == 5:
+            self.start_worker(request, descriptors)
+        _close(descriptors)
+
+    def run_module(self, request: RunModule, descriptors: list[int]) -> None:
+        """Fork a process for a module."""
+        told = socket.socket(fileno=os.dup(descriptors[3]))
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            if self.fork(told) == 0:
+                _keep_only([*descriptors[:3], theirs.fileno()])
+                _become_module(request, descriptors[:3], theirs.fileno(), self.pid)
+        self.selector.register(ours, selectors.EVENT_READ, self.asked_by_module)
+
+    def start_worker(self, request: StartWorker, descriptors: list[int]) -> None:
+        """Hand over an idle camera process, or fork a worker."""
+        channel, progress, output, asker, told = descriptors
+        tells = socket.socket(fileno=os.dup(told))
+        if request.place == "camera" and self.hand_over(request.settings, (channel, progress, output), tells, asker):
+            return
+        control, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with far:
+            pid = self.fork(tells)
+            if pid == 0:
+                _keep_only([channel, progress, output, far.fileno()])
+                _become_worker(request, (channel, progress, output), far.fileno(), self.pid)
+        if pid is None or request.place == "world":
+            control.close()
+        if pid is not None:
+            process = self.processes[pid]
+            self.watch(process, asker)
+            if request.place == "camera":
+                process.camera = _CameraUse(control, request.settings)
+                self.selector.register(control, selectors.EVENT_READ, lambda _: self.became_idle(process))
+
+    def hand_over(self, settings: WorkerSettings, ends: tuple[int, int, int], tells: socket.socket, asker: int) -> bool:
+        """Give an idle camera process its next user; False if there is none."""
+        for process in self.processes.values():
+            camera = process.camera
+            if camera is None or camera.busy or camera.settings != settings:
+                continue
+            try:
+                socket.send_fds(camera.control, [b"n"], ends)
+            except OSError:  # it has just ended
+                continue
+            process.told.close()
+            process.told, camera.busy, camera.orphaned_s = tells, True, None
+            _tell_start(process)
+            self.watch(process, asker)
+            return True
+        return False
+
+    # -- processes
+
+    def fork(self, told: socket.socket) -> int | None:
+        """Fork: 0 in the copy, else its process id, of which `told` has been told; None where it cannot be done."""
+        if len(list(Path("/proc/self/task").iterdir())) != 1:
+            told.close()
+            raise AssertionError("the process that episodes are forked from has more than one thread")
+        try:
+            pid = os.fork()
+        except OSError:
+            told.close()  # who asked reads the end of it
+            return None
+        if pid:
+            process = self.processes[pid] = _Process(pid, os.pidfd_open(pid), told)
+            self.selector.register(process.pidfd, selectors.EVENT_READ, lambda _: self.ended(process))
+            _tell_start(process)
+        return pid
+
+    def ended(self, process: _Process) -> None:
+        """Reap a fork and tell its status."""
+        _, status = os.waitpid(process.pid, 0)
+        self.selector.unregister(process.pidfd)
+        os.close(process.pidfd)
+        self.unwatch(process)
+        with process.told, contextlib.suppress(OSError):
+            process.told.sendall(status.to_bytes(4, "little"))
+        if process.camera is not None:
+            self.selector.unregister(process.camera.control)
+            process.camera.control.close()
+        del self.processes[process.pid]
+
+    def watch(self, process: _Process, asker: int) -> None:
+        """Have a worker end with the process that asked for it."""
+        process.asker = os.dup(asker)
+        self.selector.register(process.asker, selectors.EVENT_READ, lambda _: self.asker_ended(process))
+
+    def unwatch(self, process: _Process) -> None:
+        """Who asked is of no more interest."""
+        if process.asker >= 0:
+            self.selector.unregister(process.asker)
+            os.close(process.asker)
+            process.asker = -1
+
+    def asker_ended(self, process: _Process) -> None:
+        """The process that a worker works for is gone."""
+        self.unwatch(process)
+        if process.camera is None:
+            os.kill(process.pid, signal.SIGKILL)  # it has not been reaped, so the number is its own
+        elif process.camera.busy:
+            process.camera.orphaned_s = time.monotonic()
+
+    def became_idle(self, process: _Process) -> None:
+        """A camera process has no user any more."""
+        camera = process.camera
+        if camera is not None and _read(camera.control):
+            camera.busy, camera.orphaned_s = False, None
+            self.unwatch(process)
+
+    def end_lingerers(self) -> None:
+        """End camera processes whose channel somebody holds open, or that draw for ever."""
+        for process in self.processes.values():
+            camera = process.camera
+            since_s = camera.orphaned_s if camera is not None else None
+            if since_s is not None and time.monotonic() - since_s > _LINGERS_S:
+                os.kill(process.pid, signal.SIGKILL)
+
+    def end_all(self) -> None:
+        """End what is left: modules are asked to, workers are not, and are waited for."""
+        for process in self.processes.values():
+            is_worker = process.camera is not None or process.asker >= 0
+            os.kill(process.pid, signal.SIGKILL if is_worker else signal.SIGTERM)
+            if is_worker:
+                os.waitpid(process.pid, 0)
+
+
+def main() -> NoReturn:
+    """Serve until the caller is gone."""
+    options = _options()
+    _die_with(options.parent, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.set_inheritable(options.fd, False)
+    for module in options.imports:
+        import_module(module)
+    gc.collect()
+    gc.freeze()
+    server = _Server(socket.socket(fileno=options.fd), options.parent, os.getpid())
+    server.run()
+    server.end_all()
+    os._exit(0)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="lingjing.kernel.world.fork_server")
+    parser.add_argument("--fd", type=int, required=True)
+    parser.add_argument("--parent", type=int, required=True)
+    parser.add_argument("imports", nargs="*")
+    return parser.parse_args()
+
+
+def _received(door: socket.socket) -> tuple[ForkRequest | None, list[int]]:
+    """A request and what came with it, None for nonsense; `EOFError` at the end of the socket."""
+    try:
+        data, descriptors, _, _ = socket.recv_fds(door, 1, _MOST_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC)
+    except OSError as error:
+        raise EOFError from error
+    if not data:
+        raise EOFError
+    try:
+        with open(descriptors[0], "rb") as letter:  # noqa: PTH123 - a descriptor
+            letter.seek(0)
+            return _REQUESTS.decode(letter.read()), descriptors[1:]
+    except (OSError, IndexError, msgspec.DecodeError):
+        return None, descriptors[1:]
+
+
+def _tell_start(process: _Process) -> None:
+    with contextlib.suppress(OSError):  # nobody may be left to be told
+        socket.send_fds(process.told, [process.pid.to_bytes(4, "little")], [process.pidfd])
+
+
+def _read(control: socket.socket) -> bytes:
+    try:
+        return control.recv(1)
+    except OSError:
+        return b""
+
+
+def _close(descriptors: Iterable[int]) -> None:
+    for descriptor in descriptors:
+        os.close(descriptor)
+
+
+# -- in a fork
+
+
+def _keep_only(kept: Iterable[int]) -> None:
+    """Close every descriptor but the standard streams and these: what the server holds is not the fork's."""
+    first = 3
+    for descriptor in sorted(kept):
+        os.closerange(first, descriptor)
+        first = descriptor + 1
+    os.closerange(first, os.sysconf("SC_OPEN_MAX"))
+
+
+def _begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
+    """Take what `python -m` would have given: standard streams, the usual signals, a process group."""
+    atexit._clear()
+    for standard, (descriptor, name) in enumerate(zip(streams, ("stdin", "stdout", "stderr"), strict=True)):
+        os.dup2(descriptor, standard)
+        text = open(standard, "w" if standard else "r", closefd=False)  # noqa: SIM115 - for the process's life
+        text.reconfigure(line_buffering=True, errors="backslashreplace" if name == "stderr" else None)
+        setattr(sys, name, text)
+    for name in _USUAL:
+        signal.signal(getattr(signal, name), signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as the interpreter has it from its start
+    os.setpgid(0, 0)
+    _die_with(parent, number)
+
+
+def _become_worker(request: StartWorker, ends: tuple[int, int, int], control: int, parent: int) -> NoReturn:
+    code = 1
+    try:
+        _begin(parent, signal.SIGKILL, (0, ends[2], ends[2]))
+        os.close(ends[2])
+        sys.path[:0] = [path for path in request.settings.paths if path not in sys.path]
+        if request.place == "camera":
+            serve_as_camera(request.settings, ends[:2], control, parent)
+        else:
+            serve_as_world(request.settings, ends[:2], parent)
+        code = 0
+    except Exception:  # noqa: BLE001 - as the interpreter does
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+def _become_module(request: RunModule, streams: list[int], door: int, parent: int) -> NoReturn:
+    """Be what `python -m` would have started. The interpreter is not shut down, for most of it is the server's."""
+    code = 1
+    try:
+        _begin(parent, signal.SIGTERM, streams)
+        os.chdir(request.folder)
+        os.environ.clear()
+        os.environ.update(request.environment)
+        os.environ.update({name: value for name, value in pins().items() if value})
+        sys.argv = [request.module, *request.arguments, "--fork-server", str(door)]
+        sys.path.insert(0, request.folder)  # as `python -m` has it
+        if "numpy.random" in sys.modules:
+            sys.modules["numpy.random"].seed()  # a fork would go on with the stream of its original
+        code = _run(request.module)
+    finally:
+        os._exit(code)
+
+
+def _run(module: str) -> int:
+    code = 0
+    try:
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    except SystemExit as left:
+        code = left.code if isinstance(left.code, int) else int(left.code is not None)
+    except KeyboardInterrupt:
+        code = 130
+    except BaseException:  # noqa: BLE001 - as the interpreter does
+        sys.excepthook(*sys.exc_info())
+        code = 1
+    with contextlib.suppress(BaseException):
+        atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(BaseException):
+            stream.flush()
+    return code
+
+
+def _die_with(parent: int, number: signal.Signals) -> None:
+    # prctl(2); if the parent ended before this call, no signal will come, so look afterwards.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
