@@ -112,14 +112,14 @@ def test_a_killed_child_is_an_abort_of_its_episode_alone(child, tmp_path: Path) 
 def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     child("import time; time.sleep(600)")
     started: list[subprocess.Popen[bytes]] = []
-    real = parallel._start
+    real = parallel._Starter.start
 
-    def start(task: EpisodeTask) -> parallel._Worker:
-        made = real(task)
+    def start(self: parallel._Starter, task: EpisodeTask) -> parallel._Worker:
+        made = real(self, task)
         started.append(made.process)
         return made
 
-    monkeypatch.setattr(parallel, "_start", start)
+    monkeypatch.setattr(parallel._Starter, "start", start)
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

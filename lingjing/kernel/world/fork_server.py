@@ -244,7 +244,10 @@ def main() -> NoReturn:
     gc.collect()
     gc.freeze()
     server = _Server(socket.socket(fileno=options.fd), options.parent, os.getpid())
-    server.run()
+    try:
+        server.run()
+    except BaseException:  # noqa: BLE001 - as the interpreter does, which would wait for threads that should not be
+        traceback.print_exc()
     server.end_all()
     os._exit(0)
 
@@ -310,6 +313,7 @@ def _begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
         text = open(standard, "w" if standard else "r", closefd=False)  # noqa: SIM115 - for the process's life
         text.reconfigure(line_buffering=True, errors="backslashreplace" if name == "stderr" else None)
         setattr(sys, name, text)
+    _close({*streams} - {0, 1, 2})
     for name in _USUAL:
         signal.signal(getattr(signal, name), signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as the interpreter has it from its start
@@ -321,7 +325,6 @@ def _become_worker(request: StartWorker, ends: tuple[int, int, int], control: in
     code = 1
     try:
         _begin(parent, signal.SIGKILL, (0, ends[2], ends[2]))
-        os.close(ends[2])
         sys.path[:0] = [path for path in request.settings.paths if path not in sys.path]
         if request.place == "camera":
             serve_as_camera(request.settings, ends[:2], control, parent)

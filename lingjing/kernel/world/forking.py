@@ -75,7 +75,10 @@ class ForkedProcess:
         data, descriptors, _, _ = socket.recv_fds(told, _TOLD, 1, socket.MSG_CMSG_CLOEXEC)
         if not descriptors:
             told.close()
-            raise InfrastructureError("the process that starts others could not start one", hint="see `ulimit -u`")
+            raise InfrastructureError(
+                "the process that starts others has ended, or could start no more",
+                hint="what it said is on standard error; see also `ulimit -u`",
+            )
         self.pid = int.from_bytes(data, "little")
         self.pidfd = descriptors[0]
 

@@ -1,0 +1,188 @@
+"""Modules and workers as forks of one process: as if each had been started anew, and nobody is left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lingjing.errors import InfrastructureError
+from lingjing.kernel.world.forking import ForkedProcess, ForkServer
+from tests.kernel.test_world_process import ROOT, await_gone, is_running, open_descriptors
+
+MODULE = "tests.kernel.forked_module"
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[ForkServer]:
+    monkeypatch.syspath_prepend(ROOT)
+    with ForkServer(["numpy.random", "lingjing.kernel.world.inline"]) as server:
+        yield server
+
+
+def started(server: ForkServer, folder: Path, *arguments: str, given: str = "") -> tuple[ForkedProcess, Path]:
+    output = folder / f"out-{len(list(folder.iterdir()))}"
+    (folder / "in").write_text(given)
+    with (folder / "in").open() as read, output.open("w") as written, (folder / "err").open("w") as errors:
+        process = server.run_module(MODULE, arguments, (read.fileno(), written.fileno(), errors.fileno()))
+    return process, output
+
+
+def first_line(output: Path) -> str:
+    while "\n" not in output.read_text():
+        time.sleep(0.02)
+    return output.read_text().splitlines()[0]
+
+
+def test_a_module_finds_what_python_would_have_given_it(
+    server: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MARK", "set after the server was started")
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    monkeypatch.chdir(tmp_path)
+    found = []
+    for _ in range(2):
+        process, output = started(server, tmp_path, "told", "-x", "y z", given="a line")
+        assert process.wait(600) == 7
+        assert process.poll() == 7
+        process.close()
+        found.append(json.loads(output.read_text()))
+        assert (tmp_path / "err").read_text() == "an aside\n"
+    first, second = found
+    assert first["arguments"] == ["-x", "y z"]
+    assert first["path"] == first["folder"] == str(tmp_path)
+    assert (first["mark"], first["threads_of_openmp"]) == ("set after the server was started", "3")
+    assert first["input"] == "a line"
+    assert first["descriptors"] == 5  # its streams, the way to the server, and the listing
+    assert first["group"]
+    assert first["server_played"] == []
+    assert not set(first["random"]) & set(second["random"])
+
+
+def test_worlds_of_forked_workers_are_those_of_started_ones(server: ForkServer, tmp_path: Path) -> None:
+    cameras = set()
+    for _ in range(2):
+        process, output = started(server, tmp_path, "worlds")
+        assert process.wait(600) == 0, (tmp_path / "err").read_text()
+        process.close()
+        for seen in json.loads(output.read_text()):
+            assert seen["same"]
+            assert set(seen["parents"]) == {server.pid}
+            world, camera = seen["workers"]
+            await_gone([world])
+            cameras.add(camera)
+    assert len(cameras) == 1, "a camera process outlives its episode and draws for the next one"
+    assert is_running(cameras.pop())
+
+
+def test_many_episodes_leave_nothing_open(server: ForkServer, tmp_path: Path) -> None:
+    def play() -> None:
+        process, _ = started(server, tmp_path, "worlds")
+        assert process.wait(600) == 0, (tmp_path / "err").read_text()
+        process.close()
+
+    def of_server() -> int:
+        return len(os.listdir(f"/proc/{server.pid}/fd"))
+
+    play()
+    await_steady(of_server)
+    ours, theirs = open_descriptors(), of_server()
+    for _ in range(4):
+        play()
+    await_steady(of_server)
+    assert (open_descriptors(), of_server()) == (ours, theirs)
+    assert len(Path(f"/proc/{server.pid}/task/{server.pid}/children").read_text().split()) == 1  # the camera process
+
+
+def await_steady(count) -> None:
+    last, deadline = -1, time.monotonic() + 60
+    while last != (last := count()) and time.monotonic() < deadline:
+        time.sleep(1.2)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_killed_module_takes_its_world_along_and_tells_its_end(
+    server: ForkServer, tmp_path: Path, number: signal.Signals
+) -> None:
+    process, output = started(server, tmp_path, "lingering")
+    workers = json.loads(first_line(output))
+    os.kill(process.pid, number)
+    assert process.wait(600) == -number
+    await_gone(workers[:1])
+    assert is_running(workers[1])
+    again, output = started(server, tmp_path, "lingering")
+    assert json.loads(first_line(output))[1] == workers[1]
+    again.kill()
+    assert again.wait(600) == -signal.SIGKILL
+
+
+def test_a_killed_world_is_told_as_ever(server: ForkServer, tmp_path: Path) -> None:
+    process, output = started(server, tmp_path, "lingering")
+    os.kill(json.loads(first_line(output))[0], signal.SIGKILL)
+    assert process.wait(600) == 3
+    assert output.read_text().splitlines()[1].startswith("the world process died (SIGKILL)")
+
+
+def test_a_stopped_world_goes_with_the_module_that_asked_for_it(server: ForkServer, tmp_path: Path) -> None:
+    """It cannot see the end of its socket; the server sees the end of who asked."""
+    process, output = started(server, tmp_path, "lingering")
+    world, camera = json.loads(first_line(output))
+    for pid in (world, camera):
+        os.kill(pid, signal.SIGSTOP)
+    process.kill()
+    process.wait(600)
+    await_gone([world])
+
+
+def test_a_killed_server_takes_everything_along(server: ForkServer, tmp_path: Path) -> None:
+    process, output = started(server, tmp_path, "lingering")
+    workers = json.loads(first_line(output))
+    os.kill(server.pid, signal.SIGKILL)
+    assert process.wait(600) == ForkedProcess.LOST
+    await_gone([*workers, process.pid])
+    with pytest.raises(InfrastructureError, match="the process that starts others is gone"):
+        started(server, tmp_path, "told")
+
+
+def test_nobody_outlives_a_killed_caller(tmp_path: Path) -> None:
+    code = f"""
+        import sys
+        sys.path.insert(0, {ROOT!r})
+        from pathlib import Path
+        from lingjing.kernel.world.forking import ForkServer
+        from tests.kernel.test_fork_server import first_line, started
+        server = ForkServer([])
+        process, output = started(server, Path({str(tmp_path)!r}), "lingering")
+        print(server.pid, process.pid, *eval(first_line(output)), flush=True)
+        process.wait()
+    """
+    caller = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    assert caller.stdout is not None
+    pids = [int(word) for word in caller.stdout.readline().split()]
+    assert len(pids) == 4
+    assert all(is_running(pid) for pid in pids)
+    caller.kill()
+    caller.wait()
+    await_gone(pids)
+
+
+def test_what_a_terminal_sends_does_not_reach_it(server: ForkServer, tmp_path: Path) -> None:
+    for _ in range(2):
+        process, _ = started(server, tmp_path, "told")
+        assert process.wait(600) == 7
+        os.kill(server.pid, signal.SIGINT)
+
+
+def test_with_a_second_thread_nothing_is_forked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "threaded.py").write_text(
+        "import threading, time\nthreading.Thread(target=time.sleep, args=(600,)).start()"
+    )
+    with ForkServer(["threaded"]) as server, pytest.raises(InfrastructureError, match="has ended, or could start no more"):
+        started(server, tmp_path, "told")
