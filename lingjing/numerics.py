@@ -133,7 +133,8 @@ def withdrawn(processes: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
     return tuple(f"{place}: {said}" for place, table in processes.items() for said in deviations(table))
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Versions of what computes: Python, the C library and the packages; the same on every call in one environment."""
     table = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
     table["libc"] = " ".join(platform.libc_ver()).strip() or "unknown"

@@ -205,7 +205,7 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
             AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
             for agent, (plugin, arguments) in prepared.assigned.items()
         ),
-        fingerprint=versions() | _policy_fingerprints(prepared),
+        fingerprint=dict(versions()) | _policy_fingerprints(prepared),
         city_sha256=content_sha256(city),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),

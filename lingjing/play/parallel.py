@@ -76,6 +76,9 @@ PLAYED_WITH = (
 )  # fmt: skip
 """What an episode imports, and nothing of policies."""
 
+SHARE = "lingjing.play.sharing:share"
+"""What the process that episodes are forked from is asked to do first for each kind of them."""
+
 WITH_EXTRAS = (("libsumo", "lingjing.engines.road.engine"), ("mujoco", "lingjing.engines.quadruped.engine"))
 """What it imports where a package is installed."""
 
@@ -105,6 +108,7 @@ class _Starter:
 
     def __init__(self) -> None:
         self._server: ForkServer | None = None
+        self._shared: set[bytes] = set()
 
     def start(self, task: EpisodeTask) -> _Worker:
         """The process of an episode. A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then
@@ -116,7 +120,7 @@ class _Starter:
             options.seek(0)
             if command[: len(_PYTHON)] == _PYTHON and sys.platform == "linux":
                 streams = options.fileno(), output.fileno(), errors.fileno()
-                return _Worker(task, self._forked(command[len(_PYTHON) :], streams), output, errors)
+                return _Worker(task, self._forked(task, command[len(_PYTHON) :], streams), output, errors)
             ending = ["--end-with", str(os.getpid())]
             process = subprocess.Popen(
                 [*command, *ending], stdin=options, stdout=output, stderr=errors, process_group=0
@@ -128,14 +132,24 @@ class _Starter:
         if self._server is not None:
             self._server.close()
 
-    def _forked(self, arguments: list[str], streams: tuple[int, int, int]) -> ForkedProcess:
+    def _forked(self, task: EpisodeTask, arguments: list[str], streams: tuple[int, int, int]) -> ForkedProcess:
         if self._server is not None:
             try:
-                return self._server.run_module(_CLI, arguments, streams)
+                return self._asked(self._server, task, arguments, streams)
             except InfrastructureError:  # it was killed: another one takes its place
                 self._server.close()
+                self._shared.clear()
         self._server = ForkServer([*PLAYED_WITH, *(module for package, module in WITH_EXTRAS if find_spec(package))])
-        return self._server.run_module(_CLI, arguments, streams)
+        return self._asked(self._server, task, arguments, streams)
+
+    def _asked(
+        self, server: ForkServer, task: EpisodeTask, arguments: list[str], streams: tuple[int, int, int]
+    ) -> ForkedProcess:
+        one = msgspec.structs.replace(task.options, seed=0, policy_seed=0)
+        if (kind := msgspec.json.encode(one)) not in self._shared:
+            self._shared.add(kind)
+            server.call(SHARE, kind.decode())
+        return server.run_module(_CLI, arguments, streams)
 
 
 def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:

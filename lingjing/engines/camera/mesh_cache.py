@@ -1,12 +1,12 @@
 """Meshes of a city's tiles on disk (`$XDG_CACHE_HOME/lingjing/meshes`), so that a city is meshed once and not by every
 process that draws it.
 
-A file is named by what decides its content: the city's, the code that meshes (this package and that of scenes), the
-versions and the instructions of the libraries that compute, and the tile. It begins with its SHA-256. One whose hash or
-whose indices are wrong is no file: the mesh is made again and the file written anew. Files are written beside and
-renamed, so that two writers leave one whole file; where nothing can be written nothing is kept. Together they take
-`MOST_BYTES` at most, and what one process has written since it last looked: those that were not read for longest go
-first. With `LINGJING_NO_CACHE` nothing is read and nothing is kept.
+A file is named by what decides its content: the city's (its props apart, which are in no mesh), the code that meshes
+(this package and that of scenes), the versions and the instructions of the libraries that compute, and the tile. It
+begins with its SHA-256. One whose hash or whose indices are wrong is no file: the mesh is made again and the file
+written anew. Files are written beside and renamed, so that two writers leave one whole file; where nothing can be
+written nothing is kept. Together they take `MOST_BYTES` at most, and what one process has written since it last looked:
+those that were not read for longest go first. With `LINGJING_NO_CACHE` nothing is read and nothing is kept.
 """
 
 from __future__ import annotations
@@ -108,8 +108,16 @@ def prune(folder: Path, most_bytes: int) -> None:
 def _city_key(city: City) -> str:
     chosen = taken()
     told = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {chosen[name]}" for name in _CHOSEN]
-    parts = (content_sha256(city), _code_sha256(), *told)
+    parts = (_standing_sha256(city), _code_sha256(), *told)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:40]
+
+
+def _standing_sha256(city: City) -> str:
+    """Over what stands in a city: what floats in a harbour differs from episode to episode."""
+    if city.store:
+        return content_sha256(city)
+    standing = msgspec.structs.replace(city, id="", props=(), network="", sha256="")
+    return hashlib.sha256(msgspec.msgpack.encode(standing)).hexdigest()
 
 
 @cache

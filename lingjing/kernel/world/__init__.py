@@ -12,6 +12,7 @@ In the order of a call:
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
 - `handle`      the caller's end of a worker ← `launch` (its process) ← `packets` (framing) ← `messages`, `shared`
 - `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `handlers` (its answer to each request)
+- `held_cities`   cities that a process holds for its forks
 - `forking`     a command's fork server as its callers see it ← `fork_server`, the process that episodes and workers are
   forked from
 - `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends

@@ -33,7 +33,7 @@ from typing import NoReturn
 
 import msgspec
 
-from lingjing.kernel.world.forking import ForkRequest, RunModule, StartWorker, WorkerSettings
+from lingjing.kernel.world.forking import Call, ForkRequest, RunModule, StartWorker, WorkerSettings
 from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
 from lingjing.numerics import pins
 
@@ -95,6 +95,8 @@ class _Server:
             return False
         if isinstance(request, RunModule) and len(descriptors) == 4:
             self.run_module(request, descriptors)
+        elif isinstance(request, Call):
+            _call(request)
         _close(descriptors)
         return True
 
@@ -258,6 +260,14 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--parent", type=int, required=True)
     parser.add_argument("imports", nargs="*")
     return parser.parse_args()
+
+
+def _call(request: Call) -> None:
+    module, _, name = request.function.partition(":")
+    with contextlib.suppress(Exception):  # see `ForkServer.call`
+        getattr(import_module(module), name)(request.argument)
+    gc.collect()
+    gc.freeze()
 
 
 def _received(door: socket.socket) -> tuple[ForkRequest | None, list[int]]:

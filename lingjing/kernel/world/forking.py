@@ -60,7 +60,14 @@ class StartWorker(msgspec.Struct, frozen=True, tag=True):
     settings: WorkerSettings
 
 
-ForkRequest = RunModule | StartWorker
+class Call(msgspec.Struct, frozen=True, tag=True):
+    """Call a function, `module:name`, with a text, for what later forks shall share."""
+
+    function: str
+    argument: str
+
+
+ForkRequest = RunModule | StartWorker | Call
 
 
 class ForkedProcess:
@@ -166,6 +173,11 @@ class ForkServer:
         request = RunModule(module, tuple(arguments), str(Path.cwd()), dict(os.environ))
         return _asked(self._socket, request, streams)
 
+    def call(self, function: str, argument: str) -> None:
+        """Have it call a function, `module:name`, before it forks again. An error of it is nobody's: what a fork does
+        not find, it does itself, and tells what is wrong."""
+        _send(self._socket, Call(function, argument), ())
+
     def close(self) -> None:
         """End it, with what still runs."""
         self._socket.close()
@@ -218,13 +230,21 @@ def started_to_last(
 
 def _asked(door: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        with theirs:
+            _send(door, request, (*descriptors, theirs.fileno()))
+    except InfrastructureError:
+        ours.close()
+        raise
+    return ForkedProcess(ours)
+
+
+def _send(door: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> None:
     letter = os.memfd_create("lingjing-request", os.MFD_CLOEXEC)  # of any size, which a packet is not
     try:
-        with theirs, open(letter, "wb") as file:  # noqa: PTH123 - a descriptor
+        with open(letter, "wb") as file:  # noqa: PTH123 - a descriptor
             file.write(msgspec.msgpack.encode(request))
             file.flush()
-            socket.send_fds(door, [b"r"], [letter, *descriptors, theirs.fileno()])
+            socket.send_fds(door, [b"r"], [letter, *descriptors])
     except OSError as error:
-        ours.close()
         raise InfrastructureError(f"the process that starts others is gone: {error}") from error
-    return ForkedProcess(ours)

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from lingjing.kernel.world.cosimulation import CoSimulation
 from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
+from lingjing.kernel.world.held_cities import unpacked
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
@@ -106,7 +107,9 @@ class WorldHandler:
                 self._engine_group = self._cosimulation = None
                 return self._engines.prepare(request.engines)
             case Reset():
-                self._engine_group = EngineGroup(request.instance, request.city, self._engines.by_name, self._enter)
+                self._engine_group = EngineGroup(
+                    request.instance, unpacked(request.city), self._engines.by_name, self._enter
+                )
                 self._cosimulation = CoSimulation(request.instance, (self._engine_group,)) if request.coupled else None
                 return Ready(taken=self._engines.taken)
             case Begin() if self._engine_group is not None:
@@ -146,7 +149,7 @@ class CameraHandler:
             case Prepare():
                 yield self._prepare(request), ()
             case Reset() if self._sensor is not None:
-                self._sensor.reset(request.instance, request.city)
+                self._sensor.reset(request.instance, unpacked(request.city))
                 yield Ready(taken=self._engines.taken), ()
             case Capture() if self._sensor is not None:
                 yield from self._capture(self._sensor, request)

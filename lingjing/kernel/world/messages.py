@@ -9,7 +9,6 @@ from lingjing.kernel.world.engine_group import EngineReport
 from lingjing.kernel.world.shared import Layout
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
-from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
 
@@ -28,7 +27,7 @@ class Reset(WorkerMessage, frozen=True, kw_only=True):
     each macro-step because it hosts other engines of the episode. A camera makes its pictures ready as well."""
 
     instance: Instance
-    city: City
+    city: msgspec.Raw
     coupled: bool = True
 
 

@@ -12,6 +12,8 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import msgspec
+
 from lingjing.errors import UsageError
 from lingjing.kernel.world.camera import START_S, CameraProcess
 from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
@@ -29,6 +31,7 @@ from lingjing.kernel.world.extra_plugins import host_with
 from lingjing.kernel.world.forking import WorkerDoor, WorkerPlace, WorkerSettings
 from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
+from lingjing.kernel.world.held_cities import packed
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
@@ -176,13 +179,14 @@ class ProcessWorld:
         roles = select_engines(instance, self._host)
         macro_steps(instance.clock)
         self._episode = None
+        carried = packed(city)
         try:
             self._start_workers(roles)
             if self._workers.camera is not None and roles.sensor is not None:
-                drawn = Reset(instance=instance, city=city, coupled=False)
+                drawn = Reset(instance=instance, city=carried, coupled=False)
                 self._workers.camera.begin(roles.sensor, drawn, at_once=takes_pictures_unasked(instance))
             self._prepare(roles)
-            return self._reset(_Episode(instance, roles), city)
+            return self._reset(_Episode(instance, roles), city, carried)
         except BaseException:
             self._workers.abandon_world()
             self._abandon_camera()
@@ -291,10 +295,10 @@ class ProcessWorld:
             worker, deadline = preparing
             _warn(worker.expect(Ready, deadline).problems)
 
-    def _reset(self, episode: _Episode, city: City) -> WorldBoundary:
+    def _reset(self, episode: _Episode, city: City, carried: msgspec.Raw) -> WorldBoundary:
         workers, roles, instance = self._workers, episode.cast, episode.instance
         coupled = not roles.remote and bool(roles.local)
-        reset = Reset(instance=instance, city=city, coupled=coupled)
+        reset = Reset(instance=instance, city=carried, coupled=coupled)
         processes: dict[str, dict[str, str]] = {}
         if workers.world is not None and roles.local:
             worker, deadline = _sent(workers.world, reset)

@@ -21,12 +21,12 @@ from lingjing.scene.city import City
 
 def build(spec: SceneSpec) -> City:
     """The city of a spec of any of these kinds. Raises `UsageError` for options that make no sense."""
-    from lingjing.scene.districts.district import build_district
+    from lingjing.scene.districts.district import built_district
     from lingjing.scene.districts.options import plan
     from lingjing.scene.districts.whole_city import build_wide
 
     made = plan(spec)
-    return build_wide(made) if spec.kind == "city" else build_district(made)
+    return build_wide(made) if spec.kind == "city" else built_district(made)
 
 
 __all__ = ["build"]

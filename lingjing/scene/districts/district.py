@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import lru_cache
 from math import hypot
+from pathlib import Path
 
 import msgspec
 
@@ -19,7 +21,7 @@ from lingjing.scene.districts.rectangles import Rect, around, bounds
 from lingjing.scene.districts.streets import APRON_M, CityBlock, StreetGrid, blocks, grid, network
 from lingjing.scene.districts.zones import fill, heights, surface
 from lingjing.scene.lines import project
-from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, read_roads
+from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, network_folder, read_roads
 from lingjing.scene.outlines import inside
 
 GUTTER_M = 0.4
@@ -27,6 +29,24 @@ GUTTER_M = 0.4
 
 GROUND_M = 3000.0
 """The ground goes on this far beyond, so that the horizon is land."""
+
+
+KEPT = 4
+"""Districts that a process holds: episodes of a mission differ by a seed that changes a district by the sea alone."""
+
+
+def built_district(plan: DistrictPlan) -> City:
+    """The district, the same value as before where this process has built it lately."""
+    kept = _kept(plan, network_folder())
+    if not Path(kept.network).is_file():  # the cache folder was emptied meanwhile
+        _kept.cache_clear()
+        kept = _kept(plan, network_folder())
+    return kept
+
+
+@lru_cache(KEPT)
+def _kept(plan: DistrictPlan, networks: Path) -> City:
+    return build_district(plan)
 
 
 def build_district(plan: DistrictPlan) -> City:

@@ -17,11 +17,11 @@ class DistrictPlan:
     """A district to build: square of `extent_m` about the origin, streets every `spacing` metres east and north.
 
     `layout` feeds the streams of what stays from episode to episode, `seed` those of what an episode's seed may change:
-    what floats on the water (nothing in a whole city, which is built once). `inside` is an area without public streets
-    (a compound, a factory), `homes` one whose blocks hold dwellings of different colours whatever the rest of the
-    district is, `pipeline`, `shore` and `bridge` are lines; empty where the mission names none. `height_m` is the range
-    of building heights, `deck_m` the elevation of the bridge's deck,
-    `outskirts_m` how far trees stand around the square.
+    what floats on the water (0 where nothing does: inland, and in a whole city, which is built once). `inside` is an
+    area without public streets (a compound, a factory), `homes` one whose blocks hold dwellings of different colours
+    whatever the rest of the district is, `pipeline`, `shore` and `bridge` are lines; empty where the mission names
+    none. `height_m` is the range of building heights, `deck_m` the elevation of the bridge's deck, `outskirts_m` how
+    far trees stand around the square.
     """
 
     kind: str
@@ -63,10 +63,11 @@ def plan(spec: SceneSpec) -> DistrictPlan:
     columns = _number(spec, "blocks_columns", default)
     low, high = kind.default("height")
     low = _number(spec, "height_low_m", low)
+    shore = _line(spec, "shore") or _default_shore(spec.kind, extent)
     return DistrictPlan(
         kind=spec.kind,
         layout=spec.layout,
-        seed=0 if spec.kind == "city" else spec.seed,
+        seed=spec.seed if shore and spec.kind != "city" else 0,
         origin=spec.origin,
         datum_m=spec.datum_m,
         extent_m=extent,
@@ -76,7 +77,7 @@ def plan(spec: SceneSpec) -> DistrictPlan:
         inside=_line(spec, "inside"),
         homes=_line(spec, "homes"),
         pipeline=_line(spec, "pipeline"),
-        shore=_line(spec, "shore") or _default_shore(spec.kind, extent),
+        shore=shore,
         bridge=_line(spec, "bridge"),
         deck_m=_number(spec, "deck_m", sum(kind.default("deck"))),
     )
