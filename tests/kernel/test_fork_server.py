@@ -184,5 +184,8 @@ def test_with_a_second_thread_nothing_is_forked(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "threaded.py").write_text(
         "import threading, time\nthreading.Thread(target=time.sleep, args=(600,)).start()"
     )
-    with ForkServer(["threaded"]) as server, pytest.raises(InfrastructureError, match="has ended, or could start no more"):
+    with (
+        ForkServer(["threaded"]) as server,
+        pytest.raises(InfrastructureError, match="has ended, or could start no more"),
+    ):
         started(server, tmp_path, "told")

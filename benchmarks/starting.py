@@ -1,0 +1,151 @@
+"""What it costs to start an episode: CPU seconds of all processes together, user and system.
+
+For each column, with the oracle's kinds of engines and `stopping.py` as the policy, which ends the episode at once:
+
+- *alone, cold*: the first episode after the caches were emptied, as a process of its own (`lingjing run`);
+- *alone*: the same on a city seen before;
+- *forked*: each further episode of a study (`play_apart`), up to the first decision and up to the second one with a
+  picture between them; the second holds a tick of simulation and a picture, which are no part of starting.
+
+`--oracle` also plays oracles' episodes and tells which share of one starting is; `--many N` plays N episodes in one
+run and tells what they leave: memory of the process they are forked from, descriptors, processes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from lingjing.dsl.loading.shipped import find_mission
+from lingjing.kernel.world.forking import ForkServer
+from lingjing.play import parallel
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeTask, play_apart
+
+ROOT = Path(__file__).parents[1]
+POLICY = f"{Path(__file__).with_name('stopping.py')}:Stop"
+COLUMNS = (
+    "bi-single",
+    "cd-star",
+    "cr-star",
+    "idf-broadcast",
+    "ld-star",
+    "ssr-star",
+    "ufr-star",
+    "upr-star",
+    "vdn-single",
+)
+FURTHER = 4
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--columns", nargs="+", default=COLUMNS, metavar="COLUMN")
+    parser.add_argument("--oracle", action="store_true", help="play oracles' episodes as well")
+    parser.add_argument("--many", type=int, metavar="N", help="play N episodes in one run, and nothing else")
+    args = parser.parse_args()
+    with caches():
+        if args.many:
+            many(args.columns[0], args.many)
+            return
+        head = ["column", "alone, cold", "alone", "forked, to a decision", "forked, to the next one with a picture"]
+        print_row(*head, *(["oracle's episode", "share of starting"] if args.oracle else []))
+        print_row(*["---"] * (len(head) + 2 * args.oracle))
+        for column in args.columns:
+            cold, warm = alone(column), alone(column)
+            decision, picture = further(column, "decision"), further(column, "picture")
+            played = [f"{(whole := further(column, '')):.2f}", f"{100 * decision / whole:.0f} %"] if args.oracle else []
+            print_row(column, f"{cold:.2f}", f"{warm:.2f}", f"{decision:.2f}", f"{picture:.2f}", *played)
+
+
+def alone(column: str) -> float:
+    """CPU seconds of `lingjing run` that is stopped at its first decision."""
+    mission, _, mode = column.rpartition("-")
+    with tempfile.TemporaryDirectory() as folder:
+        call = [sys.executable, "-m", "lingjing.cli.main", "run", mission, "--mode", mode, "--policy", POLICY]
+        before = spent()
+        subprocess.run([*call, "-o", f"{folder}/run", "--no-overview"], cwd=ROOT, capture_output=True, check=False)
+        return spent() - before
+
+
+def further(column: str, until: str) -> float:
+    """CPU seconds of each episode after the first in one run; until nothing: of a whole episode of the oracle."""
+    return (forked(column, until, 1 + FURTHER) - forked(column, until, 1)) / FURTHER
+
+
+def forked(column: str, until: str, count: int) -> float:
+    before = spent()
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in play_apart(tasks(column, until, count, Path(folder)), jobs=1):
+            pass
+    return spent() - before
+
+
+def tasks(column: str, until: str, count: int, folder: Path) -> Iterator[EpisodeTask]:
+    mission, _, mode = column.rpartition("-")
+    policy = {"policy": POLICY, "policy_args": {"until": until}} if until else {"policy": "oracle"}
+    for seed in range(1, 1 + count):
+        options = PlayOptions(mission=str(find_mission(mission)), mode=mode, seed=seed, overview=False, **policy)
+        yield EpisodeTask(options, folder / str(seed))
+
+
+def many(column: str, count: int) -> None:
+    """What is left after more and more episodes of one run."""
+    servers: list[ForkServer] = []
+
+    class Watched(ForkServer):
+        def __init__(self, imports: list[str]) -> None:
+            super().__init__(imports)
+            servers.append(self)
+
+    parallel.ForkServer = Watched  # type: ignore[misc]
+    print_row(
+        "episodes", "memory of the server, MB", "its descriptors", "its processes", "ours: memory, MB", "descriptors"
+    )
+    print_row(*["---"] * 6)
+    with tempfile.TemporaryDirectory() as folder:
+        for done, _ in enumerate(play_apart(tasks(column, "picture", count, Path(folder)), jobs=2), 1):
+            if done in {1, 2, 5, count} or done % 10 == 0:
+                pid = servers[-1].pid
+                forks = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+                own = os.getpid()
+                print_row(done, memory_mb(pid), descriptors(pid), len(forks), memory_mb(own), descriptors(own))
+    print(f"{len(servers)} server(s)")
+
+
+def memory_mb(pid: int) -> int:
+    status = Path(f"/proc/{pid}/status").read_text()
+    return round(int(status.partition("VmRSS:")[2].split()[0]) / 1024)
+
+
+def descriptors(pid: int) -> int:
+    return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
+
+
+def spent() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+@contextmanager
+def caches() -> Iterator[None]:
+    """Caches of our own, empty at first."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CACHE_HOME"] = folder
+        yield
+
+
+def print_row(*cells: object) -> None:
+    print("|", " | ".join(map(str, cells)), "|", flush=True)
+
+
+if __name__ == "__main__":
+    main()

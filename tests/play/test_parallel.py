@@ -1,0 +1,107 @@
+"""Episodes that are forked from one process: those of fresh processes, bit for bit, and strangers to one another."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from lingjing.play import selfcheck
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeTask, play_apart
+from lingjing.play.report import ABORTED
+from tests.kernel.test_world_process import await_gone
+
+PLAYER = """
+import os, signal
+from pathlib import Path
+import numpy as np
+import lingjing.engines.road.engine as road
+from lingjing.plugins.policy import Action, Decision
+
+HERE = Path({folder!r})
+Path(HERE, f"loaded-{{os.getpid()}}").write_text(str(float(np.random.random())))
+if hasattr(road, "tainted") or "TAINTED" in os.environ:
+    Path(HERE, "tainted").touch()
+road.tainted = os.environ["TAINTED"] = "by an episode"
+road.RoadEngine.advance = None  # in this process; the world is another one
+
+def server():
+    parent = os.getppid()
+    return int(Path(f"/proc/{{parent}}/stat").read_text().rpartition(")")[2].split()[1])
+
+class Player:
+    def __init__(self, fatal="no"):
+        self.fatal = fatal == "yes"
+
+    async def reset(self, brief):
+        self.role = brief.role
+        Path(HERE, f"server-{{server()}}").touch()
+
+    async def act(self, observation, inbox):
+        if self.fatal and observation.tick == 1:
+            os.kill(server(), signal.SIGKILL)
+        if self.role == "flyer" and observation.tick == 0:
+            return Decision(command=Action(verb="takeoff"))
+        if self.role == "walker" and observation.tick == 0:
+            return Decision(command=Action(verb="takePhoto"))
+        return Decision()
+"""
+
+
+def player(folder: Path) -> str:
+    file = folder / "player.py"
+    file.write_text(PLAYER.format(folder=str(folder)))
+    return f"{file}:Player"
+
+
+def tasks(folder: Path, policy: str, seeds: tuple[int, ...]) -> list[EpisodeTask]:
+    return [
+        EpisodeTask(
+            PlayOptions(mission=str(selfcheck.MISSION), policy=policy, seed=seed, policy_seed=number, overview=False),
+            folder / f"run-{number}",
+        )
+        for number, seed in enumerate(seeds)
+    ]
+
+
+def fresh(task: EpisodeTask) -> tuple[str, str, str]:
+    """The same episode in processes of its own, none of them forked from another that has played."""
+    command = [*task.command()[:-2], str(task.folder) + "-fresh", "--json"]
+    options = json.dumps({"mission": task.options.mission, "policy": task.options.policy, "seed": task.options.seed,
+                          "policy_seed": task.options.policy_seed, "overview": False})  # fmt: skip
+    done = subprocess.run(command, input=options, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    return report["digest"], report["frames_digest"], report["reason"]
+
+
+def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_another(tmp_path: Path) -> None:
+    given = tasks(tmp_path, player(tmp_path), (3, 4, 3))
+    played = {task.folder: report for task, report in play_apart(given, jobs=1)}
+    first, other, again = (played[task.folder] for task in given)
+    told = [(report.digest, report.frames_digest, report.reason) for report in (first, other, again)]
+    assert first.frames_digest
+    assert told[0] == told[2] != told[1]
+    assert first.withdrawn == ()
+    assert fresh(given[0]) == told[0]
+    assert fresh(given[1]) == told[1]
+    assert not (tmp_path / "tainted").exists()
+    loaded = {path.name.partition("-")[2]: path.read_text() for path in tmp_path.glob("loaded-*")}
+    assert len(set(loaded.values())) == len(loaded) == 5, "each process has a global random stream of its own"
+    servers = {path.name.partition("-")[2] for path in tmp_path.glob("server-*")}
+    assert not servers & set(loaded), "a policy was loaded in the process that episodes are forked from"
+
+
+def test_a_killed_server_is_an_abort_of_its_episode_and_the_next_is_played(tmp_path: Path) -> None:
+    first, second = tasks(tmp_path, player(tmp_path), (3, 4))
+    first = first._replace(options=replace(first.options, policy_args={"fatal": "yes"}))
+    played = {task.folder: report for task, report in play_apart([first, second], jobs=1)}
+    aborted, whole = played[first.folder], played[second.folder]
+    assert (aborted.reason, aborted.detail) == (ABORTED, "the process that it was forked from was killed")
+    assert whole.reason == "budget", whole.detail
+    servers = [int(path.name.partition("-")[2]) for path in tmp_path.glob("server-*")]
+    assert len(servers) == 2
+    await_gone(servers)
