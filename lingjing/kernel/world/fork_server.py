@@ -81,7 +81,8 @@ class _Server:
         self.selector.register(self.door, selectors.EVENT_READ, self.asked_by_caller)
         while os.getppid() == self.parent:
             for key, _ in self.selector.select(_PATROL_S):
-                if key.data(key.fileobj) is False:
+                # What was answered before in this round may have ended what this one is about.
+                if self.selector.get_map().get(key.fd) == key and key.data(key.fileobj) is False:
                     return
             self.end_lingerers()
 
