@@ -33,7 +33,7 @@ from typing import NoReturn
 
 import msgspec
 
-from lingjing.kernel.world.forking import Call, ForkRequest, RunModule, StartWorker, WorkerSettings
+from lingjing.kernel.world.forking import CallFunction, ForkRequest, RunModule, StartWorker, WorkerSettings
 from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
 from lingjing.numerics import pins
 
@@ -96,7 +96,7 @@ class _Server:
             return False
         if isinstance(request, RunModule) and len(descriptors) == 4:
             self.run_module(request, descriptors)
-        elif isinstance(request, Call):
+        elif isinstance(request, CallFunction):
             _call(request)
         _close(descriptors)
         return True
@@ -263,7 +263,7 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _call(request: Call) -> None:
+def _call(request: CallFunction) -> None:
     module, _, name = request.function.partition(":")
     with contextlib.suppress(Exception):  # see `ForkServer.call`
         getattr(import_module(module), name)(request.argument)

@@ -60,14 +60,14 @@ class StartWorker(msgspec.Struct, frozen=True, tag=True):
     settings: WorkerSettings
 
 
-class Call(msgspec.Struct, frozen=True, tag=True):
+class CallFunction(msgspec.Struct, frozen=True, tag=True):
     """Call a function, `module:name`, with a text, for what later forks shall share."""
 
     function: str
     argument: str
 
 
-ForkRequest = RunModule | StartWorker | Call
+ForkRequest = RunModule | StartWorker | CallFunction
 
 
 class ForkedProcess:
@@ -176,7 +176,7 @@ class ForkServer:
     def call(self, function: str, argument: str) -> None:
         """Have it call a function, `module:name`, before it forks again. An error of it is nobody's: what a fork does
         not find, it does itself, and tells what is wrong."""
-        _send(self._socket, Call(function, argument), ())
+        _send(self._socket, CallFunction(function, argument), ())
 
     def close(self) -> None:
         """End it, with what still runs."""
