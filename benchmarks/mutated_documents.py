@@ -3,7 +3,8 @@
 `python benchmarks/mutated_documents.py [--count 100000] [--seed 1]` takes the shipped documents, changes one to four
 things in each (a value of another kind, a key renamed, removed, doubled or nulled, a list cut or repeated, a number
 made huge), reads them and counts how they ended. It fails at the first that raises anything but a `LingjingError`, and
-at the first that is read although a coordinate that it gives is no number.
+at the first that is read although an entity's coordinate is no finite number or its heading is beyond a turn. The
+documents of other systems that the tests have (`tests/mission/wild`) are among those that are changed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 import collections
 import copy
 import json
+import math
 import random
 import sys
 from collections.abc import Callable, Mapping
@@ -21,6 +23,7 @@ from typing import Any
 
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import LingjingError
+from lingjing.mission.jsontext import without_comments
 from lingjing.mission.model import Mission
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.reset.shapes import LISTS
@@ -34,7 +37,10 @@ ODD: tuple[Any, ...] = (
     "北",
     -1,
     0,
+    1e9,
     1e300,
+    float("nan"),
+    float("inf"),
     10**400,
     -243_000,
     3.5,
@@ -44,7 +50,8 @@ ODD: tuple[Any, ...] = (
     {"X": 1},
     "x" * 999,
 )
-COORDINATES = ("X", "Y", "Z", "x", "y", "z", "lon", "lat", "alt")
+COORDINATES = ("X", "Y", "Z", "lon", "lat", "alt")
+HEADINGS = ("heading", "raw", "yaw")
 
 
 def spots(value: Any) -> list[tuple[Any, Any]]:
@@ -81,24 +88,35 @@ def mutate(whole: Any, chance: random.Random) -> Any:
 
 
 def silent(text: str) -> bool:
-    """Whether a coordinate of an entity is no number."""
+    """Whether a coordinate of an entity is no finite number, or a heading beyond a turn."""
     scenario = json.loads(text).get("scenario")
     lists = scenario.get("equipmentList", {}) if isinstance(scenario, dict) else {}
     known = [lists[one.name] for one in LISTS if isinstance(lists.get(one.name), list)]
     rows = [row for rows in known for row in rows if isinstance(row, dict)]
     places = [row["data"] for row in rows if isinstance(row.get("data"), dict)]
-    return any(isinstance(place.get(name), str | list | dict | bool) for place in places for name in COORDINATES[:3])
+    headings = [row.get(name) for row in rows for name in HEADINGS]
+    turns = [one for one in headings if isinstance(one, int | float) and not abs(one) <= 360.0]
+    given = [place.get(name) for place in places for name in COORDINATES]
+    return bool(turns) or any(
+        isinstance(one, str | list | dict | bool) or (isinstance(one, float) and not math.isfinite(one))
+        for one in given
+    )
 
 
 def read_mutated(count: int, seed: int, tell: Callable[[int, Mapping[str, int]], object]) -> Mapping[str, int]:
     """How so many documents ended, by kind of error; `AssertionError` for one that ended as none may."""
     chance = random.Random(seed)
-    texts = [file.read_text(encoding="utf-8") for file in sorted((ROOT / "scenarios" / "reset").glob("*.json"))]
+    folders = (ROOT / "scenarios" / "reset", ROOT / "tests" / "mission" / "wild")
+    texts = [
+        without_comments(file.read_text(encoding="utf-8"))
+        for folder in folders
+        for file in sorted(folder.glob("*.json"))
+    ]
     templates: Callable[[str], Mission] = cache(templates_beside(ROOT / "nowhere"))
     ends: collections.Counter[str] = collections.Counter()
     for number in range(count):
         whole = json.loads(chance.choice(texts))
-        if chance.random() < 0.5:
+        if chance.random() < 0.5 and isinstance(whole.get("scenario"), dict):
             whole["scenario"].pop("lingjing", None)
         for _ in range(chance.randint(1, 4)):
             if isinstance(whole, dict) and spots(whole):

@@ -24,7 +24,14 @@ DUE = {
 }
 """What is due, by the first words of the error types of pydantic (`int_parsing`, `int_type`, `int_from_float`)."""
 
-_BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
+BOUNDS = {
+    **dict.fromkeys(("ge", "minimum"), "at least"),
+    **dict.fromkeys(("gt", "exclusiveMinimum"), "more than"),
+    **dict.fromkeys(("le", "maximum"), "at most"),
+    **dict.fromkeys(("lt", "exclusiveMaximum"), "less than"),
+}
+"""Bounds in words, by their names in pydantic and in JSON Schema."""
+
 _SHOWN = 20
 """Letters of a given text that a message repeats; a longer one may be a secret in the wrong place."""
 
@@ -38,14 +45,23 @@ def worded(found: Mapping[str, Any]) -> str:
         return "is not known"
     if kind in ("literal_error", "enum"):
         return f"is {shown(given)}, {context.get('expected', '')} is due"
-    due = DUE.get(kind) or next((words for start, words in DUE.items() if kind.startswith(f"{start}_")), "")
-    if due and not kind.startswith("string_too"):
+    due = due_for(kind) or limit(context)
+    if due:
         return f"is {shown(given)}, {due} is due"
-    for bound, words in _BOUNDS.items():
-        if bound in context:
-            return f"is {shown(given)}, {words} {_number(context[bound])} is due"
     message = str(found["msg"]).removeprefix("Value error, ")
     return message[:1].lower() + message[1:]
+
+
+def due_for(kind: str) -> str:
+    """What is due where pydantic found an error of this type, if that is a type of value; else ""."""
+    if kind.startswith("string_too"):
+        return ""
+    return DUE.get(kind) or next((words for start, words in DUE.items() if kind.startswith(f"{start}_")), "")
+
+
+def limit(context: Mapping[str, Any]) -> str:
+    """`at least 3`, of the context of pydantic's error; "" if it is about no bound."""
+    return next((f"{words} {_number(context[name])}" for name, words in BOUNDS.items() if name in context), "")
 
 
 def shown(value: object) -> str:
@@ -70,4 +86,4 @@ def _number(value: object) -> str:
     return f"{value:,.15g}".replace(",", "") if isinstance(value, int | float) else str(value)
 
 
-__all__ = ["DUE", "shown", "worded"]
+__all__ = ["BOUNDS", "DUE", "due_for", "limit", "shown", "worded"]

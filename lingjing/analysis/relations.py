@@ -27,7 +27,7 @@ from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
-from lingjing.plugins.decisions import PHOTO
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 

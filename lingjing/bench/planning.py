@@ -24,7 +24,6 @@ from lingjing.bench.suite import (
 )
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
-from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.errors import Fault, LingjingError, MissionError, UsageError
 from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
@@ -37,6 +36,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_model
 from lingjing.plugins.options import option_faults, spellings, takes_any_name, unknown_option
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.suggest import did_you_mean
 
 GROUPS = {"commercial": "Commercial models", "open": "Open-source models"}
 """The headings of the paper's tables, by a model's tier."""

@@ -144,7 +144,7 @@ def shipped_suites() -> tuple[str, ...]:
 
 def find_suite(word: str) -> Path:
     """A file that is there wins; else a shipped suite by name (`main`, `suites/main.toml`). Raises `UsageError`."""
-    from lingjing.dsl.source.suggest import did_you_mean
+    from lingjing.suggest import did_you_mean
 
     path = Path(word)
     try:
@@ -210,7 +210,7 @@ def json_schema() -> bytes:
 
 
 def _form_faults(error: ValidationError) -> Iterator[Fault]:
-    from lingjing.dsl.source.suggest import nearest
+    from lingjing.suggest import nearest
 
     found = error.errors(include_url=False)
     for one in found:

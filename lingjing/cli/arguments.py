@@ -10,9 +10,6 @@ from lingjing.errors import ErrorCollector, Fault, UsageError
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
 
-MODES = ("star", "broadcast", "single")
-"""What `--mode` takes; whether the mission has it is said by the mission."""
-
 MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import MODES, parse_seeds
+from lingjing.cli.arguments import parse_seeds
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
+from lingjing.mission.vocabulary import MODES
 
 if TYPE_CHECKING:
     from lingjing.bench.countdown import Countdown
@@ -271,7 +272,7 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:
     """The suite's cells that the command line asks for. Raises `UsageError` for names that it does not have."""
-    from lingjing.dsl.source.suggest import did_you_mean
+    from lingjing.suggest import did_you_mean
 
     entrants = [player.name for player in plan.players]
     for option, given, known in (

@@ -6,9 +6,9 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import MODES
 from lingjing.cli.files import read_mission, write_output
 from lingjing.errors import ErrorCollector, ExitCode, UsageError
+from lingjing.mission.vocabulary import MODES
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission

@@ -35,7 +35,7 @@ def page(code: str) -> str:
     digits = code.upper().removeprefix("LJ")
     wanted = f"LJ{digits.zfill(4)}"
     if wanted not in CODES:
-        from lingjing.dsl.source.suggest import nearest
+        from lingjing.suggest import nearest
 
         close = nearest(wanted, CODES)
         hint = f"did you mean {close}? " if close else ""

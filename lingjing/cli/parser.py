@@ -36,6 +36,6 @@ class ArgumentParser(argparse.ArgumentParser):
 
 
 def _nearest(word: object, choices: Iterable[object]) -> str | None:
-    from lingjing.dsl.source.suggest import nearest
+    from lingjing.suggest import nearest
 
     return nearest(str(word), [str(choice) for choice in choices])

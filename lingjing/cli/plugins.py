@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import sys
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_model
 from lingjing.plugins.options import declared_model
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.suggest import nearest
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -100,8 +100,8 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
         return
     found = [offer for offer in offers(host) if offer.name == name]
     if not found:
-        close = difflib.get_close_matches(name, [offer.name for offer in offers(host)], n=1)
-        hint = f"did you mean `{close[0]}`?" if close else "`lingjing plugins` lists all names"
+        close = nearest(name, [offer.name for offer in offers(host)])
+        hint = f"did you mean `{close}`?" if close else "`lingjing plugins` lists all names"
         raise UsageError(f"nothing that is installed is called `{name}`", hint=hint)
     for offer in found:
         yield msgspec.structs.replace(offer, options=_options(offer, host))

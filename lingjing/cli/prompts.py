@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import MODES, parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
+from lingjing.mission.vocabulary import MODES
 
 if TYPE_CHECKING:
     from lingjing.plugins.prompts import PromptPlugin

@@ -10,8 +10,8 @@ from collections.abc import Callable, Container, Iterable, Mapping
 
 from lingjing.mission.instance import ArgumentSpec, Datum, MessageSpec, VerbSpec
 from lingjing.mission.model import Field
+from lingjing.mission.spec_schema import REACH_M
 from lingjing.mission.values import is_finite
-from lingjing.plugins.decisions import REACH_M
 
 ValueCheck = Callable[[Datum, Container[str]], str]
 """What is wrong with a value, or ""; the second operand are the ids of the pictures taken so far."""

@@ -20,7 +20,8 @@ from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
-from lingjing.plugins.decisions import PHOTO, altitude_band, argument_bounds
+from lingjing.mission.vocabulary import PHOTO
+from lingjing.plugins.decisions import altitude_band, argument_bounds
 from lingjing.trace.records import Action, Command, Receipt
 
 PREEMPTING = "stop"

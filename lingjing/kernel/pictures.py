@@ -14,7 +14,7 @@ import numpy as np
 from lingjing.kernel.commands import camera_of
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import Instance
-from lingjing.plugins.decisions import PHOTO
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import Picture
 from lingjing.trace.images import decode_jpeg, quantise_depth

@@ -17,12 +17,11 @@ from lingjing.kernel.append_only import AppendOnlyMap
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
+from lingjing.mission.vocabulary import UNLOCK
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, Route, TaskEvent
 
 Binding = tuple[str, ...]
 
-UNLOCK = "unlock."
-"""Prefix of the verbs that the kernel sends: `unlock.<interaction>`."""
 
 SIGHTINGS = 100
 """So many different reported positions of an entity are remembered: a destination is taken from a recent one."""

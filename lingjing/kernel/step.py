@@ -30,14 +30,14 @@ from lingjing.kernel.inspections import Inspections, commands_of
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
 from lingjing.kernel.reference_pictures import ReferencePictures, is_reference
-from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
+from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.supported import check_playable
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Instance
-from lingjing.plugins.decisions import PHOTO
+from lingjing.mission.vocabulary import PHOTO, UNLOCK
 from lingjing.plugins.evaluator import Evaluation, Evaluator
 from lingjing.plugins.policy import Brief, Inbox, Observation
 from lingjing.scene.city import City

@@ -10,11 +10,13 @@ from lingjing.dsl.checking.keys import PropertyKey
 from lingjing.dsl.checking.scope import SymbolTables, TypeDecl
 from lingjing.dsl.checking.toplevel import load_library
 from lingjing.dsl.checking.typenames import word as type_word
+from lingjing.dsl.syntax.lexer import OPERANDS
 from lingjing.dsl.syntax.tokens import Token
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.context import Context, context_at
 from lingjing.mission import functions as f
 from lingjing.mission.units import ANGLE, BY_NAME, NONE, SPEED, UNITS, Dimension, dimension_name, unit_of
+from lingjing.mission.vocabulary import EVERYONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,6 @@ STATEMENTS_IN: dict[str, tuple[str, ...]] = {
 
 _COMPOUND = ("m/s", "km/h", "m/s^2", "deg/s", "m^2", "m^3", "kB/s", "B/s", "kg*m^2")
 _AFTER_OPERAND = ("in", "and", "or", "when", "at", "by", "from", "to")
-_OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 
 
 def complete(analysis: Analysis, offset: int) -> Completion:
@@ -152,7 +153,7 @@ class _Completer:
             yield from self._groups("asset")
         elif at.head() in ("EQUAL", "NAME") and (key := self._key()) is not None and key.choices:
             yield from (Item(choice, "value") for choice in key.choices)
-        elif at.before() in _OPERANDS:
+        elif at.before() in OPERANDS:
             yield from (Item(word, "keyword") for word in (*_AFTER_OPERAND, *self._clauses()))
         else:
             yield from self._expression()
@@ -259,7 +260,7 @@ class _Completer:
         """`message kind : record from roles to roles`."""
         seen = [token.type for token in self.at.statement]
         if self.at.before() in ("FROM", "TO") or (self.at.before() == "SEP" and "FROM" in seen):
-            everyone = [Item("all", "value", "every other agent")] if "TO" in seen else []
+            everyone = [Item(EVERYONE, "value", "every other agent")] if "TO" in seen else []
             return [*self._names(("role",)), *everyone]
         if self.at.before() == "NAME" and "COLON" in seen:
             return [Item(word, "keyword") for word in ("from", "to", "when")]

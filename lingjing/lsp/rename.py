@@ -9,9 +9,10 @@ from lingjing.errors import UsageError
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.names import GLOBAL, NameKey, Occurrence
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
+from lingjing.mission.vocabulary import EVERYONE, MODES
 
 _WORD = re.compile(r"[^\W\d]\w*")
-_RESERVED = frozenset(("all", "events", "peers", "mode", "tick", "star", "broadcast"))
+_RESERVED = frozenset((EVERYONE, "events", "peers", "mode", "tick", *MODES))
 
 
 def renamable(analysis: Analysis, offset: int) -> Occurrence:

@@ -17,6 +17,7 @@ Modules in the order a mission passes them:
 - `reset`: `resetScenario` documents in and out.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
 - `appearance`: colours, shapes and looks that a type may have.
+- `vocabulary`: words that several packages spell alike. `spec_schema`: JSON Schemas of action and message specs.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
 - `clock`: how tick and macro-step fit.
 - `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: (mission, seed, mode,

@@ -12,19 +12,22 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from lingjing.errors import Fault
+from lingjing.suggest import nearest
+from lingjing.validation import BOUNDS, DUE, shown
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
 _DUE = {
-    "number": "a number",
-    "integer": "a whole number",
-    "string": "a text",
-    "array": "a list",
-    "object": "an object",
+    "number": DUE["float"],
+    "integer": DUE["int"],
+    "string": DUE["string"],
+    "array": DUE["list"],
+    "object": DUE["dict"],
     "boolean": "true or false",
     "null": "null",
 }
+"""What is due, by the types of JSON Schema."""
 
 
 def schema_faults(value: object, kind: Any) -> tuple[Fault, ...]:
@@ -53,13 +56,11 @@ def kind_of(value: object) -> str:
             return "true" if value else "false"
         case str():
             return f"the text '{value[:40]}'"
-        case int() | float():
-            return f"the number {value:g}" if abs(value) < 1e300 else "a number out of range"
-        case Mapping():
-            return "an object"
-        case list() | tuple():
-            return "a list"
-    return "null"
+        case int() | float() if abs(value) < 1e300:
+            return f"the number {shown(value)}"
+        case None:
+            return "null"
+    return shown(value)
 
 
 def _faults(error: ValidationError) -> Iterator[Fault]:
@@ -134,10 +135,8 @@ def _worded(error: ValidationError) -> str:
             return f"{_either(kinds)} is due, this is {kind_of(given)}"
         case "enum":
             return f"{_either([str(one) for one in due])} is due, this is {kind_of(given)}"
-        case "minimum" | "maximum":
-            return f"at {'least' if error.validator == 'minimum' else 'most'} {due} is due, this is {given}"
-        case "exclusiveMinimum":
-            return f"more than {due} is due, this is {given}"
+        case "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum":
+            return f"{BOUNDS[error.validator]} {due} is due, this is {given}"
         case "minItems" | "maxItems":
             return f"a list of {due} is due, this one has {len(given)}"
     return str(error.message)[:200]
@@ -150,7 +149,5 @@ def _either(words: Iterable[str]) -> str:
 
 
 def _nearest(word: object, known: Iterable[str]) -> str:
-    import difflib
-
-    close = difflib.get_close_matches(str(word), list(known), n=1)
-    return f"did you mean '{close[0]}'?" if close else ""
+    close = nearest(str(word), known)
+    return f"did you mean '{close}'?" if close else ""

@@ -10,8 +10,7 @@ from lingjing.mission import instance_rules, model
 from lingjing.mission.evaluate import Members, Scope, evaluate, members, number
 from lingjing.mission.instance import AgentSpec, ChannelSpec, CommsSpec, MessageSpec
 from lingjing.mission.instance_entities import at_path, holds, member_ids
-
-EVERYONE = "all"
+from lingjing.mission.vocabulary import EVERYONE
 
 
 def agents(mission: model.Mission, scope: Scope) -> tuple[AgentSpec, ...]:

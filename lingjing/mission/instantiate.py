@@ -25,6 +25,7 @@ from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.prompt_filling import PromptFiller
 from lingjing.mission.seeding import integer
 from lingjing.mission.values import is_finite
+from lingjing.suggest import nearest
 
 CELLS_MOST = 10_000
 
@@ -213,12 +214,10 @@ def _unit(expr: ex.Expr) -> str:
 
 
 def _suggestion(name: str, names: Iterable[str]) -> str:
-    import difflib  # only on the way to a message
-
     known = tuple(names)
-    close = difflib.get_close_matches(name, known, n=1)
+    close = nearest(name, known)
     listed = f"it has {', '.join(known)}" if known else "it has none"
-    return f"did you mean '{close[0]}'? {listed}" if close else listed
+    return f"did you mean '{close}'? {listed}" if close else listed
 
 
 def _clock(mission: model.Mission, scope: Scope) -> Clock:

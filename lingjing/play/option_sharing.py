@@ -90,7 +90,8 @@ def _shared(
     for key, value in given.items():
         name, dot, option = key.partition(".")
         if name not in plugins or not dot:
-            fault = Fault(key, f"names no {_KNOWN[kind]} and one of its options", unknown_option(name, plugins).hint)
+            hint = f"write {name}.OPTION" if name in plugins else unknown_option(name, plugins).hint
+            fault = Fault(key, f"names no {_KNOWN[kind]} and one of its options", hint)
             faults[f"{kind}s"] = (*faults.get(f"{kind}s", ()), fault)
         else:
             shares.setdefault(name, {})[option] = value

@@ -17,6 +17,7 @@ from lingjing.errors import UsageError
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import one_line, policy_of
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.suggest import nearest
 
 _METHODS = ("reset", "act")
 _START = "`lingjing new agent NAME` writes a policy to start from"
@@ -69,10 +70,8 @@ def _policy_class(module: ModuleType, path: Path, name: str) -> type:
         return _only_policy(own, path)
     found = vars(module).get(name)
     if found is None:
-        import difflib
-
-        close = difflib.get_close_matches(name, own, n=1)
-        known = f"did you mean `{close[0]}`?" if close else f"it has: {', '.join(own) or 'no classes'}"
+        close = nearest(name, own)
+        known = f"did you mean `{close}`?" if close else f"it has: {', '.join(own) or 'no classes'}"
         raise UsageError(f"`{path}` has no class `{name}`", hint=known)
     if not isinstance(found, type):
         raise UsageError(f"`{name}` in `{path}` is not a class", hint=_START)

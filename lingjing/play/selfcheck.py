@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.errors import ExitCode, InfrastructureError
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.numerics import withdrawn
 from lingjing.play.episode import run
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
@@ -28,12 +29,12 @@ _SCRIPT: dict[str, dict[int, Action]] = {
     "flyer": {
         0: Action(verb="takeoff"),
         2: Action(verb="setDestination", arguments={"x": 40.0, "y": 30.0, "z": 35.0}),
-        5: Action(verb="takePhoto"),
+        5: Action(verb=PHOTO),
     },
     "walker": {
         0: Action(verb="right", arguments={"angle": 70.0}),
         1: Action(verb="forward", arguments={"distance": 25.0}),
-        5: Action(verb="takePhoto"),
+        5: Action(verb=PHOTO),
     },
     "driver": {0: Action(verb="setDestination", arguments={"x": 0.0, "y": 60.0})},
 }

@@ -20,25 +20,22 @@ import msgspec
 
 from lingjing.mission.faults import faults_of
 from lingjing.mission.model import Field
-from lingjing.plugins.policy import ArgumentSpec, Brief, Datum, Decision, MessageSpec, Resource, VerbSpec
-
-REACH_M = 1.0e7
-"""No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
-what passes stays finite, so a policy cannot bring an engine down with a number."""
+from lingjing.mission.spec_schema import (
+    REACH_M,
+    JsonSchema,
+    altitude_band,
+    argument_bounds,
+    field_schema,
+    object_schema,
+)
+from lingjing.mission.vocabulary import EVERYONE, PHOTO
+from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
 
 MESSAGES_PER_CALL = 32
 """A policy call may send a finite list; the kernel refuses what comes after this many."""
 
-PHOTO = "takePhoto"
-"""The verb that the kernel routes to the camera engine instead of the resource's own."""
-
 FAULTS_TOLD = 20
 """So many faults of one answer are told at most."""
-
-ELEVATIONS = ("z", "altitude")
-"""Arguments that are an elevation, which the altitude band bounds."""
-
-JsonSchema = dict[str, object]
 
 
 class DecisionFormat:
@@ -97,7 +94,7 @@ def decision_schema(brief: Brief, extra: Mapping[str, JsonSchema] | None = None)
         _command(resource, verb) for resource in brief.resources for verb in resource.verbs if _can(resource, verb)
     ]
     messages = [_message(brief, message) for message in sendable(brief)]
-    return _object(
+    return object_schema(
         {
             "thought": {"type": "string", "description": "what you see and why you act, in at most three sentences"},
             "command": {"anyOf": [*commands, {"type": "null"}]},
@@ -116,34 +113,15 @@ def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
     return tuple(
         message
         for message in brief.messages
-        if {"all", brief.role}.intersection(message.senders)
+        if {EVERYONE, brief.role}.intersection(message.senders)
         and (message.category == "report" or _heard(brief, message))
     )
 
 
 def recipients(brief: Brief, message: MessageSpec) -> tuple[str, ...]:
     """The agents that a hub may name as recipients of a message kind."""
-    everyone = "all" in message.recipients
+    everyone = EVERYONE in message.recipients
     return tuple(peer.id for peer in brief.peers if everyone or peer.role in message.recipients)
-
-
-def altitude_band(properties: Mapping[str, Datum]) -> tuple[float, float] | None:
-    """The lowest and the highest elevation of what has such a band, metres."""
-    low, high = properties.get("band_low_m"), properties.get("band_high_m")
-    if not isinstance(low, int | float) or not isinstance(high, int | float):
-        return None
-    return float(low), float(high)
-
-
-def argument_bounds(spec: ArgumentSpec, properties: Mapping[str, Datum]) -> tuple[float, float]:
-    """Within what the kernel clips an argument: its declared bounds, an elevation also to the altitude band.
-
-    What `up` and `down` may still rise and sink to the band depends on where the resource is.
-    """
-    low = -math.inf if spec.minimum is None else spec.minimum
-    high = math.inf if spec.maximum is None else spec.maximum
-    band = altitude_band(properties) if spec.name in ELEVATIONS else None
-    return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
 
 
 def _heard(brief: Brief, message: MessageSpec) -> bool:
@@ -163,9 +141,9 @@ def _command(resource: Resource, verb: VerbSpec) -> JsonSchema:
     properties: JsonSchema = {
         "resource": {"const": resource.id},
         "verb": {"const": verb.name},
-        "arguments": _object(arguments, required),
+        "arguments": object_schema(arguments, required),
     }
-    return _object(properties, tuple(properties))
+    return object_schema(properties, tuple(properties))
 
 
 def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec) -> JsonSchema:
@@ -192,8 +170,8 @@ def _message(brief: Brief, message: MessageSpec) -> JsonSchema:
         to = (
             {"type": "array", "items": {"type": "string", "enum": names}} if names else {"type": "array", "maxItems": 0}
         )
-    properties: JsonSchema = {"kind": {"const": message.kind}, "body": _object(body, required), "to": to}
-    return _object(properties, tuple(properties))
+    properties: JsonSchema = {"kind": {"const": message.kind}, "body": object_schema(body, required), "to": to}
+    return object_schema(properties, tuple(properties))
 
 
 def field_values(brief: Brief, field: Field) -> str:
@@ -241,43 +219,8 @@ _MEANT = {
 
 def _field(brief: Brief, field: Field) -> JsonSchema:
     if field.name in _NAMED and field.type == "name" and _NAMED[field.name](brief):
-        return {**_FIELDS["name"], "description": field_values(brief, field)}
-    if field.type == "number":
-        bounds = {"minimum": field.minimum, "maximum": field.maximum, "description": field.unit or None}
-        return {"type": "number", **{key: value for key, value in bounds.items() if value is not None}}
-    return _FIELDS[field.type]
-
-
-def _object(properties: Mapping[str, object], required: tuple[str, ...]) -> JsonSchema:
-    return {
-        "type": "object",
-        "properties": dict(properties),
-        "required": list(required),
-        "additionalProperties": False,
-    }
-
-
-_FIELDS: dict[str, JsonSchema] = {
-    "name": {"type": "string"},
-    "text": {"type": "string"},
-    "frame": {"type": "string", "description": "id of a picture"},
-    "flag": {"type": "boolean"},
-    "names": {"type": "array", "items": {"type": "string"}},
-    "position": {
-        "type": "array",
-        "items": {"type": "number", "minimum": -REACH_M, "maximum": REACH_M},
-        "minItems": 2,
-        "maxItems": 3,
-        "description": "east, north, elevation in metres",
-    },
-    "box": {
-        "type": "array",
-        "items": {"type": "number", "minimum": 0, "maximum": 1},
-        "minItems": 4,
-        "maxItems": 4,
-        "description": "x_min, y_min, x_max, y_max in 0..1, origin top left",
-    },
-}
+        return {**field_schema(field), "description": field_values(brief, field)}
+    return field_schema(field)
 
 
 def _without_null(values: Any) -> Any:
@@ -292,6 +235,6 @@ def _message_completed(message: object) -> object:
 
 
 __all__ = [
-    "DecisionFormat", "JsonSchema", "altitude_band", "argument_bounds", "decision_schema", "field_values", "recipients",
-    "sendable",
+    "PHOTO", "DecisionFormat", "JsonSchema", "altitude_band", "argument_bounds", "decision_schema", "field_values",
+    "recipients", "sendable",
 ]  # fmt: skip

@@ -10,7 +10,6 @@ This module loads pydantic. `lingjing.plugins.engine`, `policy`, `hookspecs` and
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import re
 import traceback
@@ -26,18 +25,13 @@ from pydantic.fields import FieldInfo
 
 from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.plugins.engine import EngineSpec
+from lingjing.suggest import nearest
 from lingjing.validation import worded
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
     _Errors = tuple[ErrorDetails, ...]
-
-_FEW = 8
-"""A message lists so many names at most."""
-
-_SHARE = 0.7
-"""How alike two names must be, 0 to 1, for one to be suggested for the other."""
 
 
 class PluginOptions(BaseModel):
@@ -142,10 +136,8 @@ def spellings(model: type[PluginOptions]) -> tuple[str, ...]:
 def unknown_option(name: str, known: Iterable[str]) -> Fault:
     """The fault of an option that nobody takes, with the nearest of the known ones."""
     names = tuple(dict.fromkeys(known))
-    close = difflib.get_close_matches(name, names, n=1, cutoff=_SHARE)
-    return Fault(
-        name, "is not known", f"did you mean `{close[0]}`?" if close else f"known: {', '.join(names) or 'none'}"
-    )
+    close = nearest(name, names)
+    return Fault(name, "is not known", f"did you mean `{close}`?" if close else f"known: {', '.join(names) or 'none'}")
 
 
 def takes_any_name(model: type[PluginOptions]) -> bool:

@@ -322,7 +322,7 @@ def test_every_fault_of_what_engines_are_told_is_told_at_once():
         )
     assert [(fault.where, fault.hint) for fault in caught.value.faults] == [
         ("brigde.port", "did you mean `bridge`?"),
-        ("kite", "did you mean `kite`?"),
+        ("kite", "write kite.OPTION"),
         ("port", ""),
         ("hots", "did you mean `host`?"),
         ("line", "known: none"),

@@ -16,8 +16,8 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
+from lingjing.mission.vocabulary import EVERYONE
 
-EVERYONE = "all"
 RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from lingjing.dsl.checking.calls import CallChecker
 from lingjing.dsl.checking.values import UNKNOWN, Environment, TypedExpression
-from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import AGGREGATES, FUNCTIONS, NUMBER
+from lingjing.suggest import did_you_mean
 
 
 def is_aggregate(node: s.CallExpr) -> bool:

@@ -13,11 +13,11 @@ from lingjing.dsl.checking.elaborate import Elaborator
 from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, TypedExpression
-from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
 from lingjing.mission.units import dimension_unit
+from lingjing.suggest import did_you_mean, is_certain, nearest
 
 SEA_LEVEL = "sea level"
 

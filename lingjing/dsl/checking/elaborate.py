@@ -17,7 +17,6 @@ from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
@@ -44,6 +43,7 @@ from lingjing.mission.units import (
     si_value,
     unit_of,
 )
+from lingjing.suggest import nearest
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">="))
 _NAMELIKE = frozenset(("name", "names", "entity", "role", "text"))

@@ -16,11 +16,11 @@ import msgspec
 from lingjing.dsl.checking.scope import MissionDecl
 from lingjing.dsl.checking.toplevel import FileChecker, Files
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.source.text import JoinedSource, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
 from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
+from lingjing.suggest import did_you_mean, nearest
 
 DEEPEST = 8
 """Missions that extend each other in a row."""

@@ -16,12 +16,12 @@ from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.scope import GroupInfo, TypeDecl
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import Type
 from lingjing.mission.interactions import UNSAID, Holder, InteractionFault, actor_fault, own_faults, shared_faults
+from lingjing.suggest import did_you_mean, nearest
 
 _WORDS = {name: name for name in ("by", "status", "takes", "gives", "up_to", "told")} | {"source": "from"}
 """The names that an interaction is made of → the author's words for them."""

@@ -17,9 +17,9 @@ from lingjing.mission.clock import clock_fault
 from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
 from lingjing.mission.kinds import SceneOption, builtin_scenes, scene_kind
 from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
+from lingjing.mission.vocabulary import MODES
 
 SECONDS = Type("quantity", TIME)
-MODES = ("star", "broadcast", "single")
 RECEIPTS = ("own", "all", "none")
 
 

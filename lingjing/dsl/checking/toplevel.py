@@ -17,11 +17,11 @@ from lingjing.dsl.checking.scope import Declaration, Library, MissionDecl, Symbo
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import TypeChecker
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
 from lingjing.mission.diagnostics import Diagnostic, Related
+from lingjing.suggest import did_you_mean, nearest
 
 VERSION = 1
 

@@ -12,9 +12,9 @@ import msgspec
 
 from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.diagnostics import Related, Span
+from lingjing.suggest import did_you_mean, nearest
 
 _MOST_RELATED = 5
 _SYNTAX = ("LJ0010", "LJ0011", "LJ0006", "LJ0001")

@@ -11,10 +11,10 @@ import re
 from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, Environment
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.functions import Type
 from lingjing.mission.wording import HOLE, PATH
+from lingjing.suggest import did_you_mean, nearest
 
 _SHOWN = frozenset(
     ("quantity", "text", "name", "flag", "position", "entity", "group", "region", "grid", "list", "range", "any")

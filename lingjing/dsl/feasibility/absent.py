@@ -11,10 +11,10 @@ from collections.abc import Callable, Container, Iterator
 from typing import Literal
 
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.kinds import builtin_engines, builtin_scenes, is_described
 from lingjing.mission.model import Mission
+from lingjing.suggest import did_you_mean
 
 Offered = Literal["scene", "engine"]
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lingjing.dsl.syntax.lexer import OPERANDS
 from lingjing.dsl.syntax.tokens import Token
 
 _TIGHT_AFTER = frozenset(("LPAR", "LSQB", "DOT", "RANGE"))
 _TIGHT_BEFORE = frozenset(("RPAR", "RSQB", "COMMA", "SEP", "DOT", "DOTSTAR", "RANGE"))
-_OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 _OPENERS = frozenset(("LPAR", "LSQB", "LSET"))
 _CLOSERS = frozenset(("RPAR", "RSQB", "RSET"))
 _QUANTIFIERS = frozenset(("EXISTS", "FORALL"))
@@ -77,4 +77,4 @@ def _is_spaced(tokens: list[Token], at: int, colon_is_spaced: bool) -> bool:
 
 
 def _is_sign(tokens: list[Token], at: int) -> bool:
-    return tokens[at].type == "MINUS" and (at == 0 or tokens[at - 1].type not in _OPERANDS)
+    return tokens[at].type == "MINUS" and (at == 0 or tokens[at - 1].type not in OPERANDS)

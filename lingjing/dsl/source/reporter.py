@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.source.text import JoinedSource, SourceText
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
+from lingjing.suggest import did_you_mean, is_certain, nearest
 
 MOST = 1000
 """Diagnostics of one file. More do not help a reader, and take memory without bound for a file that is no mission."""

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from unicodedata import normalize
 
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import is_certain, nearest
 from lingjing.dsl.syntax.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
 from lingjing.mission.diagnostics import Related
+from lingjing.suggest import is_certain, nearest
 
 DEEPEST = 64
 """Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
@@ -64,7 +64,7 @@ _BLOCK_KEYWORDS = ("clock", "budget", "weather", "comms", "actions")
 _DRAWN = re.compile(r"[ \t]*~")
 _BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
 _BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-_OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
+OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 
 
@@ -198,7 +198,7 @@ class Lexer:
 
     def _sign_is_free(self, start: int) -> bool:
         sign = self.tokens[-1]
-        return sign.end == start and (len(self.tokens) < 2 or self.tokens[-2].type not in _OPERANDS)
+        return sign.end == start and (len(self.tokens) < 2 or self.tokens[-2].type not in OPERANDS)
 
     # -- structure
 
@@ -278,7 +278,7 @@ class Lexer:
         match = _STARTS.match(self.text, at)
         if match is None or (bracket == "set" and match["word"] is None):
             return False
-        two_operands = self.previous in _OPERANDS and match["word"] is not None and match["word"] not in INNER
+        two_operands = self.previous in OPERANDS and match["word"] is not None and match["word"] not in INNER
         return two_operands or self._statement_starts(at)
 
     def _statement_starts(self, at: int) -> bool:

@@ -13,12 +13,12 @@ from functools import cache
 from typing import Any
 
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.builder import Builder
 from lingjing.dsl.syntax.lexer import lex
 from lingjing.dsl.syntax.tables import Tables, load_tables
 from lingjing.dsl.syntax.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
+from lingjing.suggest import nearest
 
 
 def parse(report: Reporter, start: int = 0) -> s.File:

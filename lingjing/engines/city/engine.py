@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.engines.city.goods import Goods, check_exchange
-from lingjing.engines.city.interaction import UNLOCK, actors_in_reach, moved_on
+from lingjing.engines.city.interaction import actors_in_reach, moved_on
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
 from lingjing.engines.city.whereabouts import STEP_S, body_of
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.schedule import Schedule
+from lingjing.mission.vocabulary import UNLOCK
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.requests import Refusal, Requests
 from lingjing.plugins.step_clock import StepClock

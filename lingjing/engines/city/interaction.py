@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.trace.records import BodyState
 
-UNLOCK = "unlock."
-"""Prefix of the verbs that the kernel sends: `unlock.<interaction>`."""
-
 Actor = tuple[str, Vector]
 """Somebody who may act: its id and where it is."""
 

@@ -9,6 +9,7 @@ from lingjing.engines.satellite.earth import Horizon
 from lingjing.engines.satellite.orbit import DAY_S, JulianDate, Orbit, from_lines, instant
 from lingjing.engines.satellite.passes import PassSearch, passing
 from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
@@ -19,8 +20,6 @@ from lingjing.trace.records import BodyState, Command
 DEFAULT_EPOCH = "2026-03-20T12:00:00Z"
 SWATH_M = 20_000.0
 """What an entity without this property gets."""
-
-PHOTO = "takePhoto"
 
 
 class SatelliteEngine(FleetEngine):

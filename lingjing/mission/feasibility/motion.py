@@ -14,8 +14,9 @@ import msgspec
 
 from lingjing.mission.instance import Entity
 from lingjing.mission.intervals import ANYTHING, Bounds, exactly
+from lingjing.mission.vocabulary import PHOTO
 
-IDLE_VERBS = frozenset(("stop", "takePhoto"))
+IDLE_VERBS = frozenset(("stop", PHOTO))
 """Commands that take nobody anywhere."""
 
 DRIFT_FACTOR = 2.0

@@ -9,8 +9,7 @@ from lingjing.mission.feasibility.needs import PictureNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.instance import CameraSpec
-
-PHOTO = "takePhoto"
+from lingjing.mission.vocabulary import PHOTO
 
 RESOLVED_PX = 2.0
 """A target whose longest extent covers fewer pixels at the lowest allowed altitude, at the place of the picture where

@@ -6,8 +6,7 @@ from lingjing.mission.feasibility.needs import Handover, ReportNeed
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.instance import MessageSpec
-
-EVERYONE = "all"
+from lingjing.mission.vocabulary import EVERYONE
 
 
 def refute_report(report: ReportNeed, outline: Outline) -> Proof | None:

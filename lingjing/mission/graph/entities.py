@@ -8,6 +8,7 @@ from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.guards import Presence, either
 from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.types import NodeKind
+from lingjing.mission.vocabulary import EVERYONE
 
 BUS = "comms"
 """The bus is named after the block that declares it."""
@@ -195,7 +196,7 @@ def _add_message(kind: model.MessageKind, bus: str, draft: GraphBuilder) -> None
 
 def _roles(names: tuple[str, ...], draft: GraphBuilder) -> tuple[str, ...]:
     """The roles played in the modes shown; `all` is every one of them."""
-    if "all" in names:
+    if EVERYONE in names:
         return draft.all_of("role")
     return tuple(node for name in names if (node := draft.find(name, "role")))
 

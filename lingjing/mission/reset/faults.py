@@ -11,6 +11,7 @@ from lingjing.errors import Fault, MissionError
 from lingjing.mission.faults import kind_of
 from lingjing.mission.reset.shapes import PLACELESS
 from lingjing.mission.reset.spelling import Spelt
+from lingjing.validation import due_for, limit
 
 _SCHEMA = "schemas/reset-scenario.schema.json describes the document"
 
@@ -49,19 +50,6 @@ def _path(loc: tuple[int | str, ...], value: object, root: str, spelt: Spelt) ->
     return where, ""
 
 
-_DUE = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "string_type": "a text",
-    "tuple_type": "a list",
-    "list_type": "a list",
-    "dict_type": "an object",
-    "model_type": "an object",
-    "model_attributes_type": "an object",
-    "bool_type": "true or false",
-}
-
-
 def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
     """What is wrong, and the way out."""
     kind, given, limits = one["type"], one["input"], one.get("ctx", {})
@@ -78,14 +66,13 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
         return f"has {said}", way_out
     if kind == "multiple_of":
         return f"is {given:g}, a whole number is due", _SCHEMA
-    if kind in _DUE:
+    if due := due_for(kind):
         hint = "write the number without quotes" if isinstance(given, str) and kind == "float_type" else _SCHEMA
-        return f"{_DUE[kind]} is due, this is {kind_of(given)}", hint
+        return f"{due} is due, this is {kind_of(given)}", hint
     if kind == "literal_error":
         return f"'{given}' is not known, {limits.get('expected', '')} is", _SCHEMA
     if kind in ("too_short", "missing_argument"):
         return "is empty", "give at least one entry"
-    for bound, word in (("ge", "at least"), ("gt", "more than"), ("le", "at most")):
-        if bound in limits:
-            return f"is {given:g}, {word} {limits[bound]:g} is due", _SCHEMA
+    if bound := limit(limits):
+        return f"is {given:g}, {bound} is due", _SCHEMA
     return one["msg"][:1].lower() + one["msg"][1:], _SCHEMA

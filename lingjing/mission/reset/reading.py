@@ -30,9 +30,10 @@ from lingjing.mission.reset.repair import followed
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
 from lingjing.mission.reset.template import template_name
+from lingjing.mission.vocabulary import MODES
 from lingjing.mission.weather_words import RAINY, sky_of
 
-MODES = {"star": "star", "星型": "star", "broadcast": "broadcast", "广播": "broadcast", "single": "single"}
+MODE_WORDS: dict[str, str] = {**{mode: mode for mode in MODES}, "星型": "star", "广播": "broadcast"}
 """Spellings of a communication mode in `collaborationType`, which else says how the work is shared in free words."""
 
 
@@ -121,7 +122,7 @@ def _configured(template: model.Mission, parsed: Parsed) -> model.Mission:
 def _collaborating(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template in the mode that `collaborationType` names, if it names one."""
     word = parsed.scenario.collaboration_type
-    mode, where = MODES.get(folded(word)), parsed.at("collaborationType")
+    mode, where = MODE_WORDS.get(folded(word)), parsed.at("collaborationType")
     if mode is None or mode == template.modes.default:
         return template
     if mode not in template.modes.allowed:

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
 
 from lingjing.mission.frames import compass_from_yaw
+from lingjing.mission.vocabulary import CommunicationMode
 
 Free = Annotated[Any, Field(description="kept as it is, nothing reads it")]
 """The type of a field that documents have and a mission does not need: whatever stands there is no fault."""
@@ -279,7 +280,7 @@ class Lingjing(DocumentPart):
     model_config = ConfigDict(extra="forbid")
 
     mission: str | None = None
-    mode: Literal["star", "broadcast", "single"] | None = None
+    mode: CommunicationMode | None = None
     settings: dict[str, float] = {}
     seed: int | None = None
     origin: Annotated[tuple[float, float], Field(strict=False)] | None = None
