@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
+from typing import TypeVar
 
 from lingjing.analysis.metrics import Metrics
 from lingjing.bench.rows import SuiteRow
+
+KeyT = TypeVar("KeyT", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,4 +74,12 @@ def mean_of(values: Sequence[float]) -> float:
     return sum(values) / len(values) if values else math.nan
 
 
-__all__ = ["Played", "mean_of"]
+def rows_by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], KeyT]) -> dict[KeyT, list[SuiteRow]]:
+    """The rows by what a function says of each, in the order in which that comes first."""
+    found: dict[KeyT, list[SuiteRow]] = {}
+    for row in rows:
+        found.setdefault(key(row), []).append(row)
+    return found
+
+
+__all__ = ["Played", "mean_of", "rows_by"]

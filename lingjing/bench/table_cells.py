@@ -102,7 +102,12 @@ def probability(p: float) -> ResultCell:
     return ResultCell("< 0.001" if p < 0.001 else f"{p:.3f}", p)
 
 
+def titled(title: str, what: str) -> str:
+    """A title and what a table shows of it, either of which may be empty."""
+    return ": ".join(filter(None, (title, what)))
+
+
 __all__ = [
     "ABSENT", "PRIVILEGED", "Mark", "ResultCell", "ResultLine", "ResultTable", "best_of", "marked", "measure",
-    "percent", "plain", "probability", "ranged",
+    "percent", "plain", "probability", "ranged", "titled",
 ]  # fmt: skip

@@ -8,13 +8,18 @@ Shares are percentages. What nobody has played is a dash, what is not defined is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from itertools import combinations
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from lingjing.bench.played import Played, mean_of
+from lingjing.bench.paired_tests import paired_tests
+from lingjing.bench.played import Played, mean_of, rows_by
 from lingjing.bench.rows import SuiteRow
-from lingjing.bench.statistics import ConfidenceBounds, bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
+from lingjing.bench.statistics import (
+    ConfidenceBounds,
+    bootstrap,
+    macro_average,
+    macro_bounds,
+    wilson,
+)
 from lingjing.bench.table_cells import (
     ABSENT,
     PRIVILEGED,
@@ -26,14 +31,12 @@ from lingjing.bench.table_cells import (
     measure,
     percent,
     plain,
-    probability,
     ranged,
+    titled,
 )
 
 FEWEST = 10
 """Seeds in each column from which on the interval of a macro average is told: fewer say nothing of how it varies."""
-
-KeyT = TypeVar("KeyT", bound=Hashable)
 
 
 def make_tables(rows: Sequence[SuiteRow], kinds: Iterable[str], title: str = "") -> tuple[ResultTable, ...]:
@@ -72,28 +75,28 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
 
 def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's main table: TSR of every entrant in every column, and the macro average."""
-    for condition, some in _by(rows, lambda row: row.condition).items():
+    for condition, some in rows_by(rows, lambda row: row.condition).items():
         columns = _columns(some)
         lines = []
-        for entrant, own in _by(some, lambda row: row.entrant).items():
+        for entrant, own in rows_by(some, lambda row: row.entrant).items():
             cells = [percent(_played(own, column).rate()) for column in columns]
             lines.append(_line(own[0], (entrant,), (*cells, percent(_average(own, columns)))))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
-        named = _titled(title or "Task success rate (TSR, %)", condition)
+        named = titled(title or "Task success rate (TSR, %)", condition)
         yield ResultTable("success", named, ("Entrant",), heads, marked(lines, by_column=True))
 
 
 def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The same with what is behind each rate: successes of episodes, Wilson's interval; a bootstrap for the average."""
-    for condition, some in _by(rows, lambda row: row.condition).items():
+    for condition, some in rows_by(rows, lambda row: row.condition).items():
         columns = _columns(some)
         lines = []
-        for entrant, own in _by(some, lambda row: row.entrant).items():
+        for entrant, own in rows_by(some, lambda row: row.entrant).items():
             cells = [_wilson_cell(_played(own, column)) for column in columns]
             cells.append(ranged(_average(own, columns), average_range(own, columns)))
             lines.append(_line(own[0], (entrant,), cells))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
-        named = _titled(f"{title or 'Task success rate (TSR, %)'} with 95 % intervals", condition)
+        named = titled(f"{title or 'Task success rate (TSR, %)'} with 95 % intervals", condition)
         note = (
             f"rates: Wilson's interval; Avg: bootstrap over {FEWEST} or more seeds, the same in all modes of a mission"
         )
@@ -103,9 +106,9 @@ def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's table of communication modes: what each costs in the same instances."""
     lines: list[ResultLine] = []
-    entrants = _by(rows, lambda row: (row.entrant, row.condition))
+    entrants = rows_by(rows, lambda row: (row.entrant, row.condition))
     for (entrant, condition), own in entrants.items():
-        for mission, some in _by(own, lambda row: row.mission).items():
+        for mission, some in rows_by(own, lambda row: row.mission).items():
             both = [Played(tuple(row for row in some if row.mode == mode)) for mode in ("star", "broadcast")]
             if not all(one.rows for one in both):
                 continue
@@ -113,21 +116,21 @@ def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             for name, of, text, lower in _MODE_MEASURES:
                 cells = [text(of(one)) for one in both]
                 lines.append(ResultLine(group, (mission.upper(), name), best_of(cells, lower=lower, second=False)))
-    named = title or "Communication modes on matched instances"
+    named = titled(title, "communication modes")
     notes = ("bold marks the better mode; Gap and Rep are means of the episodes in which they are defined",)
     yield ResultTable("modes", named, ("Mission", "Metric"), ("Star", "Broadcast"), tuple(lines), notes)
 
 
 def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """Ablations, sweeps, prompts and interventions: every condition of a mission under each entrant."""
-    for (mission, mode), some in _by(rows, lambda row: (row.mission, row.mode)).items():
+    for (mission, mode), some in rows_by(rows, lambda row: (row.mission, row.mode)).items():
         lines: list[ResultLine] = []
         stages = tuple(dict.fromkeys(name for row in some for name in Played((row,)).stages()))
         heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "JSON", "Cost x", *stages)
-        for entrant, own in _by(some, lambda row: row.entrant).items():
+        for entrant, own in rows_by(some, lambda row: row.entrant).items():
             group = entrant
             base = Played(tuple(row for row in own if row.baseline)).mean("tokens")
-            each = _by(own, lambda row: row.condition)
+            each = rows_by(own, lambda row: row.condition)
             measured = []
             for condition, few in each.items():
                 played = Played(tuple(few))
@@ -151,8 +154,8 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """Provenance: cumulative success of the stages, and how well the calls behind them saw."""
-    for condition, some in _by(rows, lambda row: row.condition).items():
-        missions = _by(some, lambda row: (row.entrant, row.mission, row.mode))
+    for condition, some in rows_by(rows, lambda row: row.condition).items():
+        missions = rows_by(some, lambda row: (row.entrant, row.mission, row.mode))
         names = tuple(dict.fromkeys(name for own in missions.values() for name in Played(tuple(own)).stages()))
         farthest = max(
             (_finite(Played(tuple(own)).middle("localisation_error_m")) for own in missions.values()), default=0.0
@@ -175,7 +178,7 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         )
         yield ResultTable(
             "stages",
-            _titled(title or "Cumulative stage success (%)", condition),
+            titled(titled(title, "cumulative stage success"), condition),
             ("Mission",),
             heads,
             tuple(lines),
@@ -185,9 +188,9 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's behavioural signatures and rates of actions: means over episodes, actions pooled."""
-    for condition, some in _by(rows, lambda row: row.condition).items():
+    for condition, some in rows_by(rows, lambda row: row.condition).items():
         lines = []
-        for entrant, own in _by(some, lambda row: row.entrant).items():
+        for entrant, own in rows_by(some, lambda row: row.entrant).items():
             played = Played(tuple(own))
             cells = (
                 percent(played.mean("coverage")),
@@ -209,7 +212,7 @@ def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             "OOB",
             "Forgot",
         )
-        named = _titled(title or "Behaviour", condition)
+        named = titled(titled(title, "behaviour"), condition)
         note = "first discovery is a tick, over episodes with one; rates of actions are weighted by actions"
         yield ResultTable("behaviour", named, ("Entrant",), heads, marked(lines, lower=(1, 2, 3, 6, 7, 8)), (note,))
 
@@ -220,7 +223,7 @@ _ACTION_RATES = ("adherence", "repetition", "out_of_bounds", "forgotten")
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """Perception by entrant: what was overlooked, what was made up."""
     lines = []
-    for entrant, own in _by(rows, lambda row: row.entrant).items():
+    for entrant, own in rows_by(rows, lambda row: row.entrant).items():
         played = Played(tuple(own))
         cells = (
             percent(played.weighted("miss_rate", "frames")),
@@ -232,43 +235,14 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         lines.append(_line(own[0], (entrant,), cells))
     compared = marked(lines, by_column=True, lower=(0, 1, 2, 4))
     yield ResultTable(
-        "perception", title or "Perception", ("Entrant",), ("Miss", "Halluc.", "Confus.", "F1", "ECE"), compared
+        "perception", titled(title, "perception"), ("Entrant",), ("Miss", "Halluc.", "Confus.", "F1", "ECE"), compared
     )
-
-
-def _paired(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """McNemar's test of every two entrants or conditions on the instances that both have played, and of the two modes
-    of a mission; corrected for their number."""
-    competing = [row for row in rows if not row.privileged]
-    entrants = _by(competing, lambda row: (row.entrant, row.condition))
-    found = []
-    for (first, own), (second, others) in combinations(entrants.items(), 2):
-        if first[0] == second[0] or first[1] == second[1]:  # one thing differs
-            results = [{(row.column, row.seed): row.report.success for row in some} for some in (own, others)]
-            found.append((_called(first), _called(second), mcnemar(*results)))
-    for (entrant, condition, mission), own in _by(
-        competing, lambda row: (row.entrant, row.condition, row.mission)
-    ).items():
-        by_mode = [{row.seed: row.report.success for row in own if row.mode == mode} for mode in ("star", "broadcast")]
-        names = [f"{_called((entrant, condition))}, {mission.upper()} {mode}" for mode in ("star", "broadcast")]
-        found.append((names[0], names[1], mcnemar(*by_mode)))
-    found = [one for one in found if one[2].pairs]
-    corrected = holm([test.p for _, _, test in found])
-    lines = tuple(
-        ResultLine("", (first, second), (
-            *(ResultCell(str(number), number) for number in test[:3]), probability(test.p), probability(p),
-        ))
-        for (first, second, test), p in zip(found, corrected, strict=True)
-    )  # fmt: skip
-    heads = ("Instances", "Only first won", "Only second won", "p", "p (Holm)")
-    note = "McNemar's exact test over instances (column and seed) that both have played; Holm corrects for all pairs"
-    yield ResultTable("paired", title or "Paired tests", ("First", "Second"), heads, lines, (note,))
 
 
 def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """What an episode takes: calls, tokens, dollars, seconds."""
     lines = []
-    for entrant, own in _by(rows, lambda row: row.entrant).items():
+    for entrant, own in rows_by(rows, lambda row: row.entrant).items():
         played = Played(tuple(own))
         total = sum(one.cost_usd for one in played.metrics())
         cells = (
@@ -283,7 +257,7 @@ def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         )
         lines.append(_line(own[0], (entrant,), cells))
     heads = ("n", "Calls", "Tokens", "USD", "USD in all", "Replaced answers", "Ticks", "Wall s")
-    yield ResultTable("cost", "Means of an episode", ("Entrant",), heads, tuple(lines))
+    yield ResultTable("cost", titled(title, "means of an episode"), ("Entrant",), heads, tuple(lines))
 
 
 TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]] = {
@@ -294,7 +268,7 @@ TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]]
     "stages": _stages,
     "behaviour": _behaviour,
     "perception": _perception,
-    "paired": _paired,
+    "paired": paired_tests,
     "cost": _cost,
 }
 """Every kind of table by its name in a suite."""
@@ -339,13 +313,6 @@ def _columns(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
         return known, mission, _MODE_ORDER.index(mode) if mode in _MODE_ORDER else 0
 
     return tuple(sorted(found, key=place))
-
-
-def _by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], KeyT]) -> dict[KeyT, list[SuiteRow]]:
-    found: dict[KeyT, list[SuiteRow]] = {}
-    for row in rows:
-        found.setdefault(key(row), []).append(row)
-    return found
 
 
 def _played(rows: Iterable[SuiteRow], column: tuple[str, str]) -> Played:
@@ -396,15 +363,6 @@ def _bootstrap_ends(played: Played) -> ResultCell:
 def _ends(bounds: ConfidenceBounds) -> ResultCell:
     known = not math.isnan(bounds.low)
     return ResultCell(f"{100 * bounds.low:.0f}..{100 * bounds.high:.0f}") if known else ResultCell(ABSENT)
-
-
-def _titled(title: str, condition: str) -> str:
-    return f"{title}: {condition}" if condition else title
-
-
-def _called(key: tuple[str, str]) -> str:
-    entrant, condition = key
-    return f"{entrant} ({condition})" if condition else entrant
 
 
 def _finite(value: float) -> float:

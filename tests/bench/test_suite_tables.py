@@ -168,11 +168,14 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
     assert make_tables(column("q", "ssr", "star", 7), ["conditions"]) == ()
 
 
-def test_pairs_are_the_same_instances() -> None:
+def test_pairs_are_the_same_instances_and_each_family_is_corrected_by_itself() -> None:
     rows = [*column("a", "ssr", "star", 9), *column("b", "ssr", "star", 0, of=8), *column("c", "bi", "single", 3)]
-    (table,) = make_tables(rows, ["paired"])
-    assert [(line.label, [cell.text for cell in line.cells]) for line in table.lines] == [
-        (("a", "b"), ["8", "8", "0", "0.008", "0.008"])
+    rows += column("a", "ssr", "broadcast", 1)
+    (table,) = make_tables(rows, ["paired"], "Study")
+    assert table.title == "Study: paired tests"
+    assert [(line.group, line.label, [cell.text for cell in line.cells]) for line in table.lines] == [
+        ("Entrants and conditions", ("a", "b"), ["8", "8", "0", "0.008", "0.008"]),
+        ("Modes", ("a, SSR star", "a, SSR broadcast"), ["10", "8", "0", "0.008", "0.008"]),
     ]
 
 
