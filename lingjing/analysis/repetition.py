@@ -103,8 +103,9 @@ class _TargetEvents:
 
     def move(self, body: BodyState, target: BodyState, radius_m: float) -> None:
         """Take in where an executor and a target are: coming within the radius is an entry."""
+        (east, north, _), (to_east, to_north, _) = body.position, target.position
         pair = (body.id, target.id)
-        if math.dist(body.position[:2], target.position[:2]) > radius_m:
+        if abs(east - to_east) > radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
             self.inside.discard(pair)
         elif pair not in self.inside:
             self.inside.add(pair)
@@ -116,11 +117,11 @@ def repeated_target_rate(trace: Trace) -> float | None:
     instance = trace.header.instance
     radii = service_radii(instance)
     controlled = {agent.id: agent.controls for agent in instance.agents}
-    counted = _TargetEvents(_executors_needed(instance))
+    counted, groups = _TargetEvents(_executors_needed(instance)), _group_of_target(instance)
     for record in trace.boundaries:
         for asked in _requests(instance, record, radii):
             counted.request(asked, controlled.get(asked.sender, ()))
-        _count_entries(counted, instance, record, radii)
+        _count_entries(counted, instance, record, radii, groups)
     return ratio(counted.repeated, counted.events)
 
 
@@ -255,10 +256,13 @@ def _targets_of(
 
 
 def _count_entries(
-    counted: _TargetEvents, instance: Instance, record: BoundaryRecord, radii: tuple[ServiceRadius, ...]
+    counted: _TargetEvents,
+    instance: Instance,
+    record: BoundaryRecord,
+    radii: tuple[ServiceRadius, ...],
+    groups: Mapping[str, str],
 ) -> None:
     """Count the entries of a boundary, macro-step by macro-step, in time order with the interactions in between."""
-    groups = _group_of_target(instance)
     kinds = {unlock.interaction for unlock in instance.unlocks}
     waiting = [
         event

@@ -7,7 +7,7 @@ flushed chunk with the plain `mcap` reader as well.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, cast
@@ -68,6 +68,10 @@ class ContainerWriter:
         self._file.note(message_sum(topic, sequence, time_ns, data))
         self._writer.add_message(channel, time_ns, data, time_ns, sequence)
 
+    def end_chunk(self) -> None:
+        """Close the chunk: what comes next is unpacked without what came before."""
+        self._writer.flush()
+
     def flush(self) -> None:
         """Close and seal the chunk, and hand all to the operating system (a killed process then loses nothing)."""
         self._writer.flush()
@@ -97,9 +101,10 @@ class ContainerWriter:
         return self._channels[topic]
 
 
-def scan(path: Path) -> Iterator[Stored]:
+def scan(path: Path, passed_over: str = "") -> Iterator[Stored]:
     """Every message up to the file's end or its first damaged place, in file order; a chunk that holds more than it may
-    is a damaged place.
+    is a damaged place. A chunk all of whose messages are in topics that begin with `passed_over` is not unpacked: its
+    messages come without data, in the order of its index.
 
     Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
     """
@@ -107,11 +112,48 @@ def scan(path: Path) -> Iterator[Stored]:
     with _opened(path) as file:
         bounds = UnpackLimits(path.stat().st_size)
         try:
-            for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
-                if isinstance(record, mcap.records.Chunk):
-                    yield from _messages(record, channels, file.tell() - _chunk_length(record), bounds)
+            for chunk, at, index in _chunks(file):
+                yield from _chunk((chunk, at), index, channels, bounds, passed_over)
         except BROKEN:
             return
+
+
+def _chunks(file: IO[bytes]) -> Iterator[tuple[mcap.records.Chunk, int, list[mcap.records.MessageIndex]]]:
+    """Every whole chunk with its place and the indexes behind it; without any where the file is cut among them."""
+    waiting: tuple[mcap.records.Chunk, int] | None = None
+    index: list[mcap.records.MessageIndex] = []
+    try:
+        for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
+            if isinstance(record, mcap.records.MessageIndex):
+                index.append(record)
+                continue
+            if waiting is not None:
+                yield (*waiting, index)
+            at = file.tell()
+            waiting = (record, at - _chunk_length(record)) if isinstance(record, mcap.records.Chunk) else None
+            index = []
+    except BROKEN:
+        index = []
+    if waiting is not None:
+        yield (*waiting, index)
+
+
+def _chunk(
+    chunk: tuple[mcap.records.Chunk, int],
+    index: Sequence[mcap.records.MessageIndex],
+    channels: dict[int, str],
+    bounds: UnpackLimits,
+    passed_over: str,
+) -> Iterator[Stored]:
+    """The messages of a chunk; without their data where its index says that all of them are to be passed over."""
+    topics = [channels.get(one.channel_id, "") for one in index]
+    if not passed_over or not index or not all(topic.startswith(passed_over) for topic in topics):
+        yield from _messages(chunk[0], channels, chunk[1], bounds)
+        return
+    for topic, one in zip(topics, index, strict=True):
+        for time_ns, _ in one.records:
+            bounds.message()
+            yield Stored(topic, one.channel_id, 0, time_ns, b"", chunk[1])
 
 
 def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lingjing.errors import UsageError
 from lingjing.trace import images
+from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
 from lingjing.trace.records import CUT_SHORT, FIRST_FORMAT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
@@ -41,10 +42,10 @@ class StoredPicture:
 
 @dataclass(frozen=True, slots=True)
 class ChannelLocation:
-    """Where one channel of a picture lies in the file."""
+    """Where one channel of a picture lies in the file: a camera takes one picture at a time."""
 
     channel: int
-    sequence: int
+    time_ns: int
     chunk_at: int
 
 
@@ -108,7 +109,7 @@ def read_trace(path: str | Path) -> Trace:
     """
     path = Path(path)
     found = _Found(path)
-    for stored in scan(path):
+    for stored in scan(path, passed_over=CAMERAS):
         found.take(stored)
     if found.header is None:
         raise UsageError(f"{path} holds no episode", hint="it was cut before its first record, or is another's file")
@@ -119,7 +120,7 @@ def read_trace(path: str | Path) -> Trace:
         boundaries=tuple(found.boundaries),
         outcome=found.outcome,
         complete=not cut_short and ends_properly(path),
-        places={frame: found.places.get(sequence, {}) for frame, sequence in found.sequences.items()},
+        places={info.id: found.located(info, time_ns) for info, time_ns in found.pictures},
     )
 
 
@@ -138,22 +139,27 @@ class _Found:
         self.header: Header | None = None
         self.outcome: Outcome | None = None
         self.boundaries: list[BoundaryRecord] = []
-        self.sequences: dict[str, int] = {}
-        self.places: dict[int, dict[str, ChannelLocation]] = {}
+        self.pictures: list[tuple[FrameInfo, int]] = []
+        self.places: dict[tuple[str, int], ChannelLocation] = {}
 
     def take(self, stored: Stored) -> None:
         """Sort one message into its place; derived messages are passed over."""
         if stored.topic.startswith(CAMERAS):
-            place = ChannelLocation(stored.channel, stored.sequence, stored.chunk_at)
-            self.places.setdefault(stored.sequence, {})[stored.topic] = place
+            place = ChannelLocation(stored.channel, stored.time_ns, stored.chunk_at)
+            self.places[stored.topic, stored.time_ns] = place
         elif stored.topic == BOUNDARY:
             self.boundaries.append(self._decoded(stored, BoundaryRecord))
         elif stored.topic == FRAME:
-            self.sequences[self._decoded(stored, FrameInfo).id] = stored.sequence
+            self.pictures.append((self._decoded(stored, FrameInfo), stored.time_ns))
         elif stored.topic == HEADER:
             self.header = self._header(stored)
         elif stored.topic == OUTCOME:
             self.outcome = self._decoded(stored, Outcome)
+
+    def located(self, info: FrameInfo, time_ns: int) -> dict[str, ChannelLocation]:
+        """Where the channels of a picture lie, by topic."""
+        topics = (camera_topic(info, channel) for channel in ("", "depth", "semantic"))
+        return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
 
     def _header(self, stored: Stored) -> Header:
         """The header, after a look at the format that it names: one of tomorrow is told by its name."""
@@ -179,7 +185,10 @@ class _Found:
 
 
 def _read(path: Path, place: ChannelLocation) -> bytes:
-    for stored in chunk_messages(path, place.chunk_at):
-        if (stored.channel, stored.sequence) == (place.channel, place.sequence):
-            return stored.data
+    try:
+        for stored in chunk_messages(path, place.chunk_at):
+            if (stored.channel, stored.time_ns) == (place.channel, place.time_ns):
+                return stored.data
+    except BROKEN as error:
+        raise UsageError(f"{path} is damaged at byte {place.chunk_at}, where a picture lies: {error}") from error
     raise UsageError(f"{path} has changed since it was read")

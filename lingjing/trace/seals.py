@@ -20,6 +20,7 @@ import mmap
 import struct
 import zlib
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import IO
 
@@ -49,6 +50,8 @@ _HMAC = struct.pack("<I", 4) + b"hmac" + struct.pack("<I", len(BLANK))
 _CHAIN_AT = RECORD.size + len(_HEAD) + 4 + len(_CHAIN)
 _HMAC_AT = _CHAIN_AT + len(BLANK) + len(_HMAC)
 """Where a seal's two sums are in its bytes: its first fields, after the length of them all."""
+
+_STAMP = struct.Struct("<IQ")
 
 _LAST = struct.pack("<I", 3) + b"end"
 
@@ -90,7 +93,12 @@ def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 def message_sum(topic: str, sequence: int, time_ns: int, data: bytes) -> int:
     """The sum of one message."""
-    return zlib.crc32(data, zlib.crc32(f"{topic}\n{sequence}\n{time_ns}\n".encode()))
+    return zlib.crc32(data, zlib.crc32(_STAMP.pack(sequence, time_ns), _topic_sum(topic)))
+
+
+@lru_cache(maxsize=1024)
+def _topic_sum(topic: str) -> int:
+    return zlib.crc32(topic.encode())
 
 
 def definition_sum(*parts: str | bytes) -> int:

@@ -21,6 +21,7 @@ from lingjing.trace.container import ContainerSchema, ContainerWriter
 from lingjing.trace.encoding import to_json
 from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
 from lingjing.trace.schemas import RECORDS, schema_text
+from lingjing.trace.topics import CAMERAS
 
 PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
 """A picture to store: what is known of it, its JPEG, and depth and class ids where the camera declares them."""
@@ -104,11 +105,16 @@ class TraceWriter:
 
     def _boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts]) -> None:
         now = nanoseconds(record.time_s)
-        for snapshot in record.snapshots:  # before the pictures, whose poses are later: each topic stays in time order
-            self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
         bodies = {state.id: state for state in record.snapshots[-1].states} if record.snapshots else {}
-        for picture in pictures:
-            self._picture(picture, self._carrier(picture[0], bodies))
+        taken = [self._picture(picture, self._carrier(picture[0], bodies)) for picture in pictures]
+        if taken:
+            self._container.end_chunk()  # so that who reads records need not unpack pictures
+        for snapshot in record.snapshots:  # before the cameras' poses, which are later: each topic stays in time order
+            self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
+        for frame, number, messages in taken:
+            self._own("frame", frame, nanoseconds(frame.time_s), number)
+            for message in messages:
+                self._derived(message, nanoseconds(frame.time_s), number)
         for message in foxglove.positions(self._instance, record.snapshots[-1]) if record.snapshots else ():
             self._derived(message, now)
         for message in foxglove.logs(record):
@@ -124,15 +130,19 @@ class TraceWriter:
         )
         return bodies.get(frame.entity) if mounted else None
 
-    def _picture(self, picture: PictureParts, body: BodyState | None) -> None:
+    def _picture(self, picture: PictureParts, body: BodyState | None) -> tuple[FrameInfo, int, list[foxglove.Derived]]:
+        """Write what the topics of the camera hold of a picture; returns what else is to be written of it."""
         frame, jpeg, depth, semantic = picture
         self._pictures += 1
-        time_ns = nanoseconds(frame.time_s)
         packed = None if depth is None else images.encode_depth(depth)
         ids = None if semantic is None else images.encode_semantic(semantic)
-        self._own("frame", frame, time_ns, self._pictures)
+        others = []
         for message in foxglove.frame_messages(frame, jpeg, packed, ids, body):
-            self._derived(message, time_ns, self._pictures)
+            if message[0].startswith(CAMERAS):
+                self._derived(message, nanoseconds(frame.time_s), self._pictures)
+            else:
+                others.append(message)
+        return frame, self._pictures, others
 
     def _own(self, name: str, record: TraceRecord, time_ns: int, sequence: int = 0) -> None:
         schema = ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())

@@ -20,9 +20,11 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.trace.container import scan
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT, Outcome, Reason
+from lingjing.trace.topics import CAMERAS
 from lingjing.trace.writer import TraceWriter, part_path
 
 
@@ -237,3 +239,28 @@ def _message_class(name: str, data: bytes) -> type:
     for file in descriptor_pb2.FileDescriptorSet.FromString(data).file:
         pool.Add(file)
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
+
+
+def test_records_are_read_without_unpacking_pictures(trace: Trace) -> None:
+    """Pictures lie in chunks of their own; all but the first of each camera, which declares it, are passed over."""
+    passed = [stored for stored in scan(trace.path, passed_over=CAMERAS) if stored.topic.startswith(CAMERAS)]
+    whole = [stored for stored in scan(trace.path) if stored.topic.startswith(CAMERAS)]
+    key = [(stored.topic, stored.time_ns, stored.chunk_at) for stored in whole]
+    assert sorted((one.topic, one.time_ns, one.chunk_at) for one in passed) == sorted(key)
+    assert sum(not one.data for one in passed) > len(whole) / 2
+    records = [stored.data for stored in scan(trace.path) if not stored.topic.startswith(CAMERAS)]
+    again = [stored.data for stored in scan(trace.path, passed_over=CAMERAS) if not stored.topic.startswith(CAMERAS)]
+    assert records == again
+
+
+def test_a_damaged_picture_is_named_where_it_is_asked_for(trace: Trace, tmp_path: Path) -> None:
+    last = list(trace.frames)[-1]
+    place = next(iter(trace.places[last].values())).chunk_at
+    broken = bytearray(trace.path.read_bytes())
+    broken[place + 60] ^= 0xFF
+    path = tmp_path / "t.mcap"
+    path.write_bytes(broken)
+    back = read_trace(path)
+    assert back.boundaries == trace.boundaries
+    with pytest.raises(UsageError, match="where a picture lies"):
+        back.jpeg(last)
