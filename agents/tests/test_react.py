@@ -210,6 +210,7 @@ async def test_no_history_and_no_memory_if_they_are_switched_off():
     assert [len(request["messages"]) for request in server.requests] == [2, 2, 2]
     assert "go east" not in json.dumps(server.requests)
     assert "plan" not in server.requests[0]["response_format"]["json_schema"]["schema"]["properties"]
+    assert "YOUR MEMORY" not in server.requests[0]["messages"][0]["content"]
 
 
 async def test_commitments_and_plan_are_given_back_until_they_are_rewritten():
@@ -233,6 +234,8 @@ async def test_a_crop_is_shown_enlarged_and_costs_no_repair():
         policy = await mind(server.url, crops="1", repairs="0")
         decision = await policy.act(observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96), rgb),)), Inbox())
     assert decision.messages
+    assert "ask 1 times a tick" in server.requests[0]["messages"][0]["content"]
+    assert '"crop": {"frame": id of' in server.requests[0]["messages"][0]["content"]
     text, image = server.requests[1]["messages"][-1]["content"]
     assert '"shows":[0.5,0.5,0.6,0.6]' in text["text"]
     shown = cv2.imdecode(

@@ -40,7 +40,7 @@ from lingjing_agents.react.road_costs import road_costs
 from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.state import RequestLedger, observation_text
-from lingjing_agents.react.step import Crop, ModelStep, StepFormat
+from lingjing_agents.react.step import CROPS_TOLD, MEMORY_TOLD, Crop, ModelStep, StepFormat
 
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
@@ -116,6 +116,10 @@ class ReactPolicy:
     def _system_text(self, observation: Observation) -> str:
         parts = [self._prompt.filled(self._brief), interface(self._brief)]
         costs = road_costs(self._brief, observation)
+        if self._options.memory:
+            parts.append(f"YOUR MEMORY\n{MEMORY_TOLD}")
+        if self._options.crops:
+            parts.append(f"SEEING CLOSER\n{CROPS_TOLD.format(self._options.crops)}")
         given = self._guidance.given()
         if given:
             parts.append(f"GIVEN OF THE ROUTE\n{compact(given)}")

@@ -15,7 +15,15 @@ LINES, LETTERS = 8, 240
 """A memory has so many lines of so many letters; what is beyond is cut off."""
 
 MEMORY = {"commitments": "what you have promised or taken on, and to whom", "plan": "what you will do next, in order"}
+MEMORY_TOLD = """\
+Your answer may also have "commitments" (a list: what you have promised or taken on, to whom, what is done of it) and \
+"plan" (a list: what you will do next). At most 8 short lines each. You are given them back at every tick until you \
+write them anew; nothing else of what you thought is sure to be."""
+
 CROP = "crop"
+CROPS_TOLD = """\
+Before you decide you may ask {} times a tick to see a part of a picture enlarged: answer with "crop": {{"frame": id of \
+a picture that you have, "box": [x_min, y_min, x_max, y_max] of the whole picture}}, "command": null and "messages": []."""
 
 
 @dataclass(frozen=True, slots=True)
