@@ -235,7 +235,7 @@ async def test_a_crop_is_shown_enlarged_and_costs_no_repair():
         decision = await policy.act(observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96), rgb),)), Inbox())
     assert decision.messages
     assert "ask 1 times a tick" in server.requests[0]["messages"][0]["content"]
-    assert '"crop": {"frame": id of' in server.requests[0]["messages"][0]["content"]
+    assert '"crop": {"frame": id of a picture' in server.requests[0]["messages"][0]["content"]
     text, image = server.requests[1]["messages"][-1]["content"]
     assert '"shows":[0.5,0.5,0.6,0.6]' in text["text"]
     shown = cv2.imdecode(
