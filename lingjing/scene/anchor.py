@@ -25,6 +25,7 @@ from lingjing.mission.geometry2d import area_distance, contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.instance_entities import GROUND_REACH_M
 from lingjing.mission.kinds import engine_kind
+from lingjing.scene.camera_geometry import turn_deg
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import line_length, point_at, project
@@ -147,7 +148,7 @@ class _Anchoring:
             raise self._nothing(entity, "road")
         near = [way for way in ways if way[0] <= ways[0][0] + OTHER_LANE_M]
         if vehicle:
-            near.sort(key=lambda way: (round(_turn(way[3], entity.heading_deg) / 60.0), way[0], way[1]))
+            near.sort(key=lambda way: (round(abs(turn_deg(entity.heading_deg, way[3])) / 60.0), way[0], way[1]))
         for _, _, line, _ in (*near, *ways):
             found = self._free_on(line, entity, self._vehicles if vehicle else ())
             if found is not None:
@@ -397,11 +398,6 @@ def _apart(dx: float, dy: float, line: tuple[Vector, ...], at: float) -> float:
     heading = radians(point_at(line, at)[1])
     across = abs(dx * cos(heading) - dy * sin(heading))
     return 0.0 if across > 2.4 else VEHICLES_APART_M
-
-
-def _turn(one: float, other: float) -> float:
-    """Degrees between two headings, 0 to 180."""
-    return abs((one - other + 180.0) % 360.0 - 180.0)
 
 
 def _road_reach_m(entity: Entity, instance: Instance) -> float | None:

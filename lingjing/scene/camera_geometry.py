@@ -38,7 +38,8 @@ CameraAxes = tuple[Vector, Vector, Vector]
 
 def bearing_deg(origin: tuple[float, ...], target: tuple[float, ...]) -> float:
     """Compass bearing in [0, 360) from `origin` to `target`; 0 where they coincide. Elevations are ignored."""
-    return degrees(atan2(target[0] - origin[0], target[1] - origin[1])) % 360.0
+    # twice: what is a hair west of north comes to 360.0 itself at first
+    return degrees(atan2(target[0] - origin[0], target[1] - origin[1])) % 360.0 % 360.0
 
 
 def distance_xy(a: tuple[float, ...], b: tuple[float, ...]) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from math import ceil, floor, hypot, inf
+from math import ceil, floor
 from typing import Any
 
 import msgspec
@@ -18,6 +18,7 @@ import msgspec
 from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Lane, PaintedArea, Pieces, Road
+from lingjing.scene.lines import lengths, section
 
 STICKS_OUT_M = 100.0
 """A road or bridge longer than a square by no more than this is left as it is."""
@@ -115,12 +116,14 @@ def _roads(road: Road, side: float) -> Iterator[Road]:
 
 
 def _section(lane: Lane, start: float, end: float) -> Lane:
-    return msgspec.structs.replace(lane, shape=_between(lane.shape, start, end))
+    """The part of a lane between two shares of its length."""
+    whole = lengths(lane.shape)[-1]
+    return msgspec.structs.replace(lane, shape=section(lane.shape, start * whole, end * whole) or lane.shape)
 
 
 def _bridges(bridge: Bridge, side: float) -> Iterator[Bridge]:
     """Sections of a long bridge, cut at piers so that their spacing goes on."""
-    length = _lengths(bridge.path)[-1] if len(bridge.path) > 1 else 0.0
+    length = lengths(bridge.path)[-1]
     if length <= side + STICKS_OUT_M:
         yield bridge
         return
@@ -131,43 +134,12 @@ def _bridges(bridge: Bridge, side: float) -> Iterator[Bridge]:
         cuts.append(cuts[-1] + span)
     cuts.append(length)
     for number, (start, end) in enumerate(pairwise(cuts)):
-        path = _between(bridge.path, start / length, end / length)
+        path = section(bridge.path, start, end)
         yield msgspec.structs.replace(bridge, id=f"{bridge.id}~{number}" if number else bridge.id, path=path)
 
 
 def _shares(shape: tuple[Vector, ...], side: float) -> list[float]:
     """Where to cut a line, in shares of its length from 0 to 1: sections of about a tile's side, one if it is short."""
-    length = _lengths(shape)[-1] if len(shape) > 1 else 0.0
+    length = lengths(shape)[-1]
     count = 1 if length <= side + STICKS_OUT_M else ceil(length / side)
     return [k / count for k in range(count + 1)]
-
-
-def _lengths(path: tuple[Vector, ...]) -> list[float]:
-    """The length in plan from the start to each point."""
-    found = [0.0]
-    for (ax, ay, _), (bx, by, _) in pairwise(path):
-        found.append(found[-1] + hypot(bx - ax, by - ay))
-    return found
-
-
-def _between(path: tuple[Vector, ...], start: float, end: float) -> tuple[Vector, ...]:
-    """The part of a path between two shares of its length; both ends are points of it."""
-    if len(path) < 2:
-        return path
-    lengths = _lengths(path)
-    first, last = start * lengths[-1], end * lengths[-1]
-    inner = [point for point, at in zip(path, lengths, strict=True) if first + 0.01 < at < last - 0.01]
-    return (_at(path, lengths, first), *inner, _at(path, lengths, last))
-
-
-def _at(path: tuple[Vector, ...], lengths: list[float], wanted: float) -> Vector:
-    """The point at a length; the ends exactly."""
-    if wanted <= 0.0:
-        return path[0]
-    lengths = [*lengths, inf]
-    k = next(k for k, at in enumerate(lengths) if at >= wanted - 1e-6)
-    if k >= len(path) - 1 and wanted >= lengths[len(path) - 1] - 1e-6:
-        return path[-1]
-    (ax, ay, az), (bx, by, bz) = path[k - 1], path[k]
-    share = (wanted - lengths[k - 1]) / ((lengths[k] - lengths[k - 1]) or 1.0)
-    return ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)

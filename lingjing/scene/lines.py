@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2, degrees, hypot, inf
+from math import hypot, inf
 from typing import Generic, TypeVar
 
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
+from lingjing.scene.camera_geometry import bearing_deg
 
 P = TypeVar("P", Vector2, Vector)
 
@@ -37,7 +38,7 @@ class LinePlace(Generic[P]):
     @property
     def heading_deg(self) -> float:
         """The compass heading of the line there."""
-        return heading_deg(self.start, self.end)
+        return bearing_deg(self.start, self.end)
 
 
 def project(line: Sequence[P], x: float, y: float) -> LinePlace[P]:
@@ -59,11 +60,6 @@ def project(line: Sequence[P], x: float, y: float) -> LinePlace[P]:
     return LinePlace(off, at, start, end, share, passed)
 
 
-def heading_deg(start: Sequence[float], end: Sequence[float]) -> float:
-    """The compass heading from one point to another, in degrees from 0 to below 360."""
-    return degrees(atan2(end[0] - start[0], end[1] - start[1])) % 360.0 % 360.0
-
-
 def line_length(line: Iterable[Vector]) -> float:
     """Metres along a line, in plan."""
     return sum(hypot(bx - ax, by - ay) for (ax, ay, _), (bx, by, _) in pairwise(line))
@@ -73,14 +69,46 @@ def point_at(line: Sequence[Vector], at: float) -> tuple[Vector, float]:
     """The point so far along a line, within its ends, and the compass heading of the line there in degrees."""
     passed = 0.0
     found: tuple[Vector, float] | None = None
-    for (ax, ay, az), (bx, by, bz) in pairwise(line):
-        span = hypot(bx - ax, by - ay)
+    for a, b in pairwise(line):
+        span = hypot(b[0] - a[0], b[1] - a[1])
         if span == 0.0:
             continue
         share = min(1.0, max(0.0, (at - passed) / span))
-        point = ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)
-        found = point, heading_deg((ax, ay), (bx, by))
+        found = between(a, b, share), bearing_deg(a, b)
         if at <= passed + span:
             return found
         passed += span
     return found or (line[0], 0.0)
+
+
+def lengths(line: Sequence[Vector]) -> list[float]:
+    """Metres in plan from the start of a line to each of its points."""
+    found = [0.0]
+    for (ax, ay, _), (bx, by, _) in pairwise(line):
+        found.append(found[-1] + hypot(bx - ax, by - ay))
+    return found
+
+
+def section(line: Sequence[Vector], start_m: float, end_m: float) -> tuple[Vector, ...]:
+    """The part of a line between two lengths, both of them points of it; empty if nothing of the line lies there."""
+    passed = lengths(line)
+    start_m, end_m = max(start_m, 0.0), min(end_m, passed[-1])
+    if end_m - start_m <= 1e-6:
+        return ()
+    inner = [point for point, at in zip(line, passed, strict=True) if start_m + 0.01 < at < end_m - 0.01]
+    return (_at(line, passed, start_m), *inner, _at(line, passed, end_m))
+
+
+def between(a: Vector, b: Vector, share: float) -> Vector:
+    """The point at a share of the way from one point to another."""
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+
+
+def _at(line: Sequence[Vector], passed: Sequence[float], wanted: float) -> Vector:
+    """The point at a length; the ends exactly."""
+    if wanted <= 0.0:
+        return line[0]
+    if wanted >= passed[-1] - 1e-6:
+        return line[-1]
+    k = next(k for k, at in enumerate(passed) if at >= wanted - 1e-6)
+    return between(line[k - 1], line[k], (wanted - passed[k - 1]) / ((passed[k] - passed[k - 1]) or 1.0))

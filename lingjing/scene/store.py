@@ -39,7 +39,7 @@ _ATTEMPTS = 100
 """How often another writer may come in between before we give up, where two folders cannot change places."""
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
-_DECIDING = ("city", "cutting", "lines", "network", "outlines", "store", "tiles")
+_DECIDING = ("camera_geometry", "city", "cutting", "lines", "network", "outlines", "store", "tiles")
 """Modules of this package whose change may give another city."""
 FoundT = TypeVar("FoundT")
 

@@ -14,6 +14,7 @@ from functools import cached_property
 
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.geometry2d import Vector2
+from lingjing.scene.camera_geometry import turn_deg
 from lingjing.scene.lines import project
 
 CAR = "passenger"
@@ -97,8 +98,9 @@ class Graph:
                 return None
             reach = min(2.0 * reach, most_m)
         close = (place for place in near if place.off_m <= near[0].off_m + _BESIDE_M)
-        along = (place for place in close if heading_deg is not None and _agrees(place.heading_deg, heading_deg))
-        return next(along, near[0])
+        if heading_deg is None:
+            return near[0]
+        return next((one for one in close if abs(turn_deg(heading_deg, one.heading_deg)) < _ALONG_DEG), near[0])
 
     def is_near_road(self, x: float, y: float) -> bool:
         """Whether a lane's edge is within a few metres; answers come from a memory of small squares."""
@@ -161,10 +163,6 @@ def locate(lane: RoadLane, x: float, y: float) -> LanePoint:
     place = project(lane.shape, x, y)
     at_m = min(place.at_m * lane.length_m / (place.length_m or 1.0), lane.length_m)
     return LanePoint(lane, at_m, place.off_m, place.heading_deg, place.point)
-
-
-def _agrees(lane_deg: float, heading_deg: float) -> bool:
-    return abs((lane_deg - heading_deg + 180.0) % 360.0 - 180.0) < _ALONG_DEG
 
 
 def _drivable(sim: Simulation, lane: str) -> bool:

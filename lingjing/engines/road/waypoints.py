@@ -15,7 +15,7 @@ from lingjing.engines.road.graph import Graph
 from lingjing.engines.road.routing import DrivingWay
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.instance import Vector
-from lingjing.scene.lines import heading_deg
+from lingjing.scene.camera_geometry import bearing_deg, turn_deg
 
 SPACING_M = 220.0
 TURN_DEG = 40.0
@@ -54,8 +54,7 @@ def _turns(graph: Graph, stretches: Sequence[Stretch], ends: Sequence[float]) ->
     marks = []
     for (name, _, _), (following, _, _), end in zip(stretches, stretches[1:], ends, strict=False):
         leaving, entering = graph.edges[name].lanes[0].shape, graph.edges[following].lanes[0].shape
-        turn = heading_deg(*leaving[-2:]) - heading_deg(*entering[:2])
-        if abs((turn + 180.0) % 360.0 - 180.0) > TURN_DEG:
+        if abs(turn_deg(bearing_deg(*entering[:2]), bearing_deg(*leaving[-2:]))) > TURN_DEG:
             marks.append(end)
     return marks
 

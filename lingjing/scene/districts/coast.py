@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import atan2, cos, degrees, dist, hypot, pi, sin
+from math import cos, dist, hypot, pi, sin
 from random import Random
 
 import msgspec
 
 from lingjing.mission.geometry2d import Polygon, Vector2
 from lingjing.mission.instance import Vector
+from lingjing.scene.camera_geometry import bearing_deg
 from lingjing.scene.city import Bridge, Land, Road, Water
 from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import disc, erect
@@ -125,7 +126,7 @@ def _stations(line: Polygon, gap: float) -> Iterator[tuple[float, float, float]]
         length = hypot(bx - ax, by - ay)
         while left < length:
             share = left / length
-            yield ax + share * (bx - ax), ay + share * (by - ay), degrees(atan2(bx - ax, by - ay)) % 360.0
+            yield ax + share * (bx - ax), ay + share * (by - ay), bearing_deg((ax, ay), (bx, by))
             left += gap
         left -= length
 

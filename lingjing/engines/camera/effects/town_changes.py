@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from math import cos, hypot, inf, radians, sin
+from math import cos, inf, radians, sin
 from typing import TypeVar
 
 import msgspec
@@ -21,7 +20,7 @@ from lingjing.mission.appearance import COLOURS
 from lingjing.mission.geometry2d import Polygon, area_distance
 from lingjing.mission.instance import Entity, Vector
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Road, Solid, Tile
-from lingjing.scene.lines import LinePlace, line_length, project
+from lingjing.scene.lines import LinePlace, between, project, section
 
 AWARE = (
     "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
@@ -162,7 +161,7 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
         found = _nearest([(bridge, bridge.path) for piece in near for bridge in piece.bridges], x, y)
         if found is not None:
             bridge, deck = found
-            top_m = _between(deck.start, deck.end, deck.share)[2]
+            top_m = between(deck.start, deck.end, deck.share)[2]
             return Site(ground_m, deck.heading_deg, bridge.width_m, bridge.thickness_m, top_m)
     if look == "pipeline_leak":
         pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
@@ -226,8 +225,12 @@ def gap_of(entity: Entity) -> float:
 
 def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
     """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
+    return tuple(part for part in _halves(path, x, y, gap_m) if part)
+
+
+def _halves(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, Path]:
     at = project(path, x, y).at_m
-    return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
+    return section(path, 0.0, at - 0.5 * gap_m), section(path, at + 0.5 * gap_m, inf)
 
 
 def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
@@ -297,11 +300,8 @@ def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
         return (road,)
     halves: tuple[list[Lane], list[Lane]] = ([], [])
     for lane in road.lanes:
-        at = project(lane.shape, x, y).at_m
-        for half, shape in zip(
-            halves, (_until(lane.shape, at - 0.5 * gap), _from(lane.shape, at + 0.5 * gap)), strict=True
-        ):
-            if len(shape) > 1:
+        for half, shape in zip(halves, _halves(lane.shape, x, y, gap), strict=True):
+            if shape:
                 half.append(msgspec.structs.replace(lane, shape=shape))
     return tuple(msgspec.structs.replace(road, lanes=tuple(half)) for half in halves if half)
 
@@ -321,29 +321,6 @@ def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, LineP
     places = [(thing, project(path, x, y)) for thing, path in things if len(path) > 1]
     thing, place = min(places, key=lambda one: one[1].off_m, default=(None, None))
     return None if thing is None or place is None or place.off_m > NEAR_M else (thing, place)
-
-
-def _until(path: Path, length: float) -> Path:
-    """The first `length` metres of a path."""
-    out, run = [path[0]], 0.0
-    for a, b in pairwise(path):
-        long = hypot(b[0] - a[0], b[1] - a[1])
-        if run + long >= length:
-            if length - run > 1e-6:
-                out.append(_between(a, b, (length - run) / long))
-            break
-        out.append(b)
-        run += long
-    return tuple(out) if length > 1e-6 else ()
-
-
-def _from(path: Path, length: float) -> Path:
-    """A path without its first `length` metres."""
-    return tuple(reversed(_until(tuple(reversed(path)), line_length(path) - length)))
-
-
-def _between(a: Vector, b: Vector, t: float) -> Vector:
-    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])
 
 
 __all__ = ["Site", "TownChanges", "altered", "changes_of", "faced", "gap_of", "site_of", "split", "with_changes"]
