@@ -44,7 +44,7 @@ from lingjing.scene.city import City, content_sha256
 from lingjing.scene.displacement import displacements
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
-from lingjing.trace.writer import PictureParts, TraceWriter, gone
+from lingjing.trace.writer import PictureParts, TraceWriter, disturbed, gone
 
 NOT_PROMISED = "this digest is not promised on other processors"
 PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
@@ -241,7 +241,10 @@ def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeRepor
     """What the trace says of its episode; a city draws the overview beside it."""
     if not path.is_file():
         raise gone(path)
-    trace = read_trace(path)
+    try:
+        trace = read_trace(path)
+    except UsageError as error:
+        raise disturbed(path, str(error)) from error
     outcome = trace.outcome or _unknown(trace)
     deviations = withdrawn(outcome.processes)
     instance = trace.header.instance

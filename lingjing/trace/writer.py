@@ -42,6 +42,14 @@ def gone(part: Path) -> InfrastructureError:
     )
 
 
+def disturbed(path: Path, why: str) -> InfrastructureError:
+    """The error for a trace whose file or name somebody meddled with while its episode was played."""
+    return InfrastructureError(
+        f"the trace {path} was meddled with while the episode was played: {why}",
+        hint="leave the folder of a run alone until it has ended",
+    )
+
+
 class TraceWriter:
     """One episode's trace, sealed, and signed if there is a `key`. Use it as a context manager: an episode that ends in
     neither `finish` nor `abandon` leaves a closed `.part`.
@@ -70,6 +78,8 @@ class TraceWriter:
             self.part.rename(self.path)
         except FileNotFoundError:
             raise gone(self.part) from None
+        except (IsADirectoryError, NotADirectoryError) as error:
+            raise disturbed(self.path, error.strerror or str(error)) from None
         except OSError as error:
             raise UsageError(f"cannot name the trace {self.path}: {error.strerror}") from error
         return self.path

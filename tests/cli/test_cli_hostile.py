@@ -25,6 +25,8 @@ HERE = pathlib.Path(__file__).parent
 
 def leave(): os._exit(0)
 def vanish(): shutil.rmtree(next((HERE / "out").iterdir()))
+def cut(): os.truncate(next(HERE.glob("out/*/trace.mcap.part")), 10)
+def plant(): next((HERE / "out").iterdir()).joinpath("trace.mcap").mkdir()
 def close(): os.closerange(0, 4096)
 def deepen(): sys.setrecursionlimit(20)
 def settle():
@@ -104,13 +106,21 @@ def player_of(pid: int) -> int:
         time.sleep(0.05)
 
 
-def test_an_output_folder_that_vanishes_is_an_abort_of_its_episode(short: Path) -> None:
-    (short / "plan").write_text("vanish\n")
+@pytest.mark.parametrize(
+    ("deed", "said"),
+    [
+        ("vanish", ".part is gone: it, or its folder, was removed"),
+        ("cut", " was meddled with while the episode was played: "),
+        ("plant", " was meddled with while the episode was played: Is a directory"),
+    ],
+)
+def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path, deed: str, said: str) -> None:
+    (short / "plan").write_text(f"{deed}\n")
     done = run(short, "--seeds", "0-1")
     assert done.returncode == 3, done.stderr
     first, second = json.loads(done.stdout)["episodes"]
     assert (first["reason"], second["reason"]) == ("infrastructure-abort", "budget")
-    said = "the trace out/ssr-broadcast-0-1/trace.mcap.part is gone: it, or its folder, was removed"
+    said = f"the trace out/ssr-broadcast-0-1/trace.mcap{said}"
     assert first["detail"].startswith(said)
     assert f"error: seed 0 was aborted: {said}" in done.stderr
     assert read_trace(short / second["trace"]).complete
