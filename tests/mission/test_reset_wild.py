@@ -347,6 +347,38 @@ def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
         play(whole)
 
 
+@pytest.mark.parametrize(
+    ("edit", "note"),
+    [
+        (
+            lambda lists, state, scenario: lists["droneEntityList"][0]["data"].update(alt=400.0),
+            "droneEntityList[0].data: alt says 400 m and Z 1 m: Z counts",
+        ),
+        (
+            lambda lists, state, scenario: state["goalFirePosition"][0].update(heading=90.0, yaw=10.0),
+            "goalFirePosition[0]: heading, yaw disagree; heading counts",
+        ),
+        (
+            lambda lists, state, scenario: scenario.update(collaborationType="星型", lingjing={"mode": "broadcast"}),
+            "collaborationType: says 'star', 'lingjing' broadcast: the latter counts",
+        ),
+    ],
+)
+def test_of_two_that_differ_it_is_noted_which_counts(edit: Callable[[Json, Json, Json], object], note: str) -> None:
+    whole = document({"goalFirePosition": [dict(PLACE)]}, drones=1, cars=1)
+    scenario = whole["scenario"]
+    edit(scenario["equipmentList"], scenario["taskMatrix"][0]["initial_state"], scenario)
+    _, notes = play(whole)
+    assert any(one.endswith(note) for one in notes), notes
+
+
+def test_a_seed_is_none_below_zero() -> None:
+    whole = document({"goalFirePosition": [PLACE]}, drones=1, cars=1)
+    whole["scenario"]["lingjing"] = {"seed": -1}
+    with pytest.raises(MissionError, match=r"lingjing\.seed: is -1, at least 0 is due"):
+        play(whole)
+
+
 def test_what_is_there_and_what_is_wanting_is_said() -> None:
     people = {"rescuePersonPosition": [{"personId": "p", **PLACE}]}
     with pytest.raises(MissionError, match="'ssr' would, with shipEntityList"):

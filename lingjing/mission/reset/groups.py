@@ -110,6 +110,17 @@ def high_up(spot: DocumentEntry, group: model.Group, frame: DocumentFrame, parse
     )
 
 
+def two_heights(spot: DocumentEntry) -> str:
+    """What to note if the two spellings of a height name different ones, or ""."""
+    data = spot.data
+    if data.z is None or data.alt is None:
+        return ""
+    above = frames.from_unreal(0.0, 0.0, data.z)[2]
+    counts = "alt" if None in (data.x, data.y) else "Z"
+    apart = abs(above - data.alt) > AGREE_M
+    return f"{spot.path}: alt says {data.alt:g} m and Z {above:g} m: {counts} counts" if apart else ""
+
+
 def contradiction(spot: DocumentEntry, frame: DocumentFrame) -> str:
     """What to note if the two spellings of a place name different ones, or ""."""
     data = spot.data
@@ -191,6 +202,7 @@ def _positioned(
         parsed.notes.append(f"{where}: {said}")
         return group.properties
     parsed.notes.extend(note for note in (contradiction(spot, frame) for spot in spots) if note)
+    parsed.notes.extend(note for note in map(two_heights, spots) if note)
     parsed.notes.extend(note for note in (far_off(spot, frame, parsed) for spot in spots) if note)
     parsed.notes.extend(note for note in (high_up(spot, group, frame, parsed) for spot in spots) if note)
     given = tuple(world(spot, frame, parsed) for spot in spots)

@@ -99,8 +99,13 @@ def _with_origin(mission: model.Mission, frame: DocumentFrame) -> model.Mission:
 def _configured(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template with the mode and settings of the document's `lingjing` object as its defaults."""
     extra = parsed.scenario.lingjing
+    said = MODE_WORDS.get(folded(parsed.scenario.collaboration_type))
     if extra is None or extra.mode is None:
         template = _collaborating(template, parsed)
+    elif said not in (None, extra.mode):
+        parsed.notes.append(
+            f"{parsed.at('collaborationType')}: says '{said}', 'lingjing' {extra.mode}: the latter counts"
+        )
     if extra is None:
         return template
     try:

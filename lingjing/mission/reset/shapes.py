@@ -282,7 +282,7 @@ class Lingjing(DocumentPart):
     mission: str | None = None
     mode: CommunicationMode | None = None
     settings: dict[str, float] = {}
-    seed: int | None = None
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = None
     origin: Annotated[tuple[float, float], Field(strict=False)] | None = None
     datum_m: float | None = Field(default=None, alias="datum_m")
     targets: dict[str, Annotated[tuple[HiddenPlace, ...], Field(strict=False)]] = {}

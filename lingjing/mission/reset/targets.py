@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lingjing.mission import geometry2d, model
+from lingjing.mission.frames import compass_from_yaw
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.frame import DocumentFrame
@@ -13,6 +14,9 @@ from lingjing.mission.reset.shapes import HiddenPlace
 from lingjing.mission.reset.template import signatures
 
 PERSONS = "person_in_water"
+
+AGREE_DEG = 1.0
+"""Two spellings of one direction may differ by this without a note."""
 
 
 def targeted(
@@ -80,6 +84,7 @@ def _claimed(
         return mission
     paths = [one.at(k) for k in range(len(one.targets))]
     _told_apart(parsed, one.targets, paths)
+    _noted_headings(parsed, one.targets, paths)
     spots = _spots(one.targets, paths)
     if group.type == PERSONS and outline is not None:
         outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, frame, parsed)[:2]))
@@ -95,6 +100,16 @@ def _told_apart(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[
     for target, path in zip(targets, paths, strict=True):
         if target.key and first.setdefault(target.key, path) != path:
             parsed.report(path, f"has the id '{target.key}' of {first[target.key]}", "give it one of its own")
+
+
+def _noted_headings(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[str]) -> None:
+    """Note where an entry's `heading` and `yaw` are not one direction."""
+    for target, path in zip(targets, paths, strict=True):
+        yaw = target.place.yaw if target.yaw is None else target.yaw
+        if target.heading is None or yaw is None:
+            continue
+        if abs((compass_from_yaw(yaw) - target.heading + 180.0) % 360.0 - 180.0) > AGREE_DEG:
+            parsed.notes.append(f"{path}: heading, yaw disagree; heading counts")
 
 
 def _nothing(mission: model.Mission, one: Found) -> str:
