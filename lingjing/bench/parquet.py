@@ -58,7 +58,8 @@ def read_rows(file: Path) -> list[SuiteRow]:
     except OSError as error:
         raise UsageError(f"cannot read {file}: {error.strerror}") from error
     try:
-        table = parquet.read_table(io.BytesIO(data))
+        # no threads of Arrow's: one that is left when the interpreter ends aborts the process
+        table = parquet.ParquetFile(io.BytesIO(data), pre_buffer=False).read(use_threads=False)
     except (arrow.ArrowInvalid, OSError) as error:
         said = str(error).splitlines()[0]
         raise UsageError(f"`{file}` holds no results of a suite: {said}", hint="it may be half a file") from error
@@ -77,8 +78,8 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
             whole = {name: json.loads(value) if name in _AS_JSON else value for name, value in plain.items()}
             yield msgspec.convert(whole, SuiteRow)
         except (msgspec.ValidationError, ValueError, TypeError) as error:
-            made = plain.get("version") or "another version"
-            hint = f"it was made by lingjing {made}, this is {lingjing.__version__}: read it with that one"
+            made = f"lingjing {plain.get('version') or 'of an unknown version'}, code {str(plain.get('code'))[:12]}"
+            hint = f"it was made by {made}; this is lingjing {lingjing.__version__}: read it with the one that made it"
             raise UsageError(f"row {at} of `{file}` cannot be read: {error}", hint=hint) from error
 
 
