@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check bench study ray pictures missions selfcheck clean
+.PHONY: help setup demo test check bench study ray model pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -13,6 +13,7 @@ help:
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
+	@echo 'make model   install a small open model and play with it, offline: minutes'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
@@ -46,6 +47,10 @@ ray: setup
 
 selfcheck: setup
 	@$(BIN)/python -m lingjing.play.selfcheck
+
+model: setup
+	@$(PYTHON3) tools/setup.py --model
+	@LINGJING_MODEL_PYTHON=$(CURDIR)/.venv-model/bin/python $(BIN)/python -m pytest -m model -q -s -p no:xdist agents/tests
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

@@ -16,6 +16,8 @@ SCRIPTS = (
     "language.py",
     "episode.py",
     "missions.py",
+    "harness.py",
+    "memory.py",
 )
 
 

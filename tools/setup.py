@@ -83,10 +83,23 @@ MAIN_ENVIRONMENT = Environment(
     sources=(ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"),
     without_dependencies=WITHOUT_DEPENDENCIES,
 )
+MODEL = ROOT / "requirements-model.txt"
+MODEL_ENVIRONMENT = Environment(
+    folder=ROOT / ".venv-model",
+    inputs=(MODEL, Path(__file__)),
+    steps=(("--no-deps", "-r", str(MODEL)),),
+)
 BENCH_ENVIRONMENT = Environment(
     folder=ROOT / ".venv-bench",
     inputs=(BENCH, BENCH_CONSTRAINTS, Path(__file__)),
     steps=(("-c", str(BENCH_CONSTRAINTS), "-r", str(BENCH)),),
+)
+INSPECT = ROOT / "benchmarks" / "inspect-requirements.txt"
+INSPECT_CONSTRAINTS = ROOT / "benchmarks" / "inspect-constraints.txt"
+INSPECT_ENVIRONMENT = Environment(
+    folder=ROOT / ".venv-inspect",
+    inputs=(INSPECT, INSPECT_CONSTRAINTS, Path(__file__)),
+    steps=(("-c", str(INSPECT_CONSTRAINTS), "-r", str(INSPECT)),),
 )
 
 
@@ -101,12 +114,16 @@ class SetupError(Exception):
 def main() -> int:
     """Set up what was asked for; see the module's docstring for the exit codes."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bench", action="store_true", help="the environment of foreign packages (.venv-bench)")
+    parser.add_argument("--bench", action="store_true", help="those of foreign packages (.venv-bench, .venv-inspect)")
+    parser.add_argument("--model", action="store_true", help="the environment of a small open model (.venv-model)")
     args = parser.parse_args()
     try:
         with locked():
             if args.bench:
                 ensure(BENCH_ENVIRONMENT)
+                ensure(INSPECT_ENVIRONMENT)
+            elif args.model:
+                ensure(MODEL_ENVIRONMENT)
             else:
                 ensure_libraries()
                 ensure(MAIN_ENVIRONMENT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -70,6 +71,7 @@ class ModelOptions(PluginOptions):
         if not url and not given.get("base_url_env") and _needs_address(given):
             raise ValueError(
                 f"is missing: client=direct needs the service's address, {_FOR_INSTANCE}, or a model of the list"
+                f"{_nearest(given)}"
             )
         return url
 
@@ -201,6 +203,13 @@ def _needs_address(given: Mapping[str, Any]) -> bool:
     table = read_models(given["models"])
     entry = table.entry(given.get("model", ""))
     return not entry or not table.services[entry.service].base_url
+
+
+def _nearest(given: Mapping[str, Any]) -> str:
+    """The model of the list that was perhaps meant; where they are listed, if there is none."""
+    names = read_models(given["models"]).models
+    close = difflib.get_close_matches(str(given.get("model", "")).lower(), names, n=1)
+    return f" (did you mean `{close[0]}`?)" if close else " (`lingjing plugins` lists them)"
 
 
 def _unset(named: Mapping[str, str]) -> Iterator[Fault]:
