@@ -21,6 +21,7 @@ from math import atan2, cos, degrees, hypot, radians, sin, tan
 
 from lingjing.mission.instance import CameraSpec, Vector
 from lingjing.mission.model import CameraMount
+from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState, CameraPose
 
 MOUNTS: dict[str, CameraMount] = {
@@ -38,8 +39,7 @@ CameraAxes = tuple[Vector, Vector, Vector]
 
 def bearing_deg(origin: tuple[float, ...], target: tuple[float, ...]) -> float:
     """Compass bearing in [0, 360) from `origin` to `target`; 0 where they coincide. Elevations are ignored."""
-    # twice: what is a hair west of north comes to 360.0 itself at first
-    return degrees(atan2(target[0] - origin[0], target[1] - origin[1])) % 360.0 % 360.0
+    return compass(degrees(atan2(target[0] - origin[0], target[1] - origin[1])))
 
 
 def distance_xy(a: tuple[float, ...], b: tuple[float, ...]) -> float:

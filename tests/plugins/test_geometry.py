@@ -87,6 +87,7 @@ def test_positive_roll_lowers_the_right_side() -> None:
 def test_compass() -> None:
     assert geometry.bearing_deg((12.4, -1351.8), (270.65, -921.5)) == geometry.bearing_deg((0, 0), (258.25, 430.3))
     assert round(geometry.bearing_deg((12.4, -1351.8), (270.65, -921.5))) == 31
+    assert geometry.bearing_deg((0.0, 0.0), (-1e-18, 1.0)) == 0.0, "a hair west of north is no 360"
     assert geometry.turn_deg(350.0, 10.0) == 20.0 and geometry.turn_deg(10.0, 350.0) == -20.0
     east, north = geometry.offset_xy((1.0, 2.0), 270.0, 5.0)
     assert isclose(east, -4.0) and isclose(north, 2.0)

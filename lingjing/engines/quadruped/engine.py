@@ -24,6 +24,7 @@ from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
 from lingjing.scene.city import City
+from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DORMANT, BodyState, Command
 
@@ -96,7 +97,7 @@ class QuadrupedEngine(FleetEngine):
                 yield BodyState(
                     id=dog.id,
                     position=entity.position,
-                    heading_deg=entity.heading_deg % 360.0 % 360.0,
+                    heading_deg=compass(entity.heading_deg),
                     status=DORMANT,
                     resources=dog.resources,
                 )

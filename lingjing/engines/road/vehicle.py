@@ -26,6 +26,7 @@ from lingjing.engines.road.routing import Avoided, DrivingWay, onward
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
 from lingjing.engines.stock import Stock
 from lingjing.mission.instance import Entity
+from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState
 
 BRAKING_MPS2 = 2.0
@@ -467,7 +468,7 @@ def body_state(sim: Simulation, vehicle: str, length_m: float, ahead_s: float, k
     """Any vehicle of the simulation as a body: its middle, `ahead_s` after the last step."""
     vehicles = sim.vehicle
     x, y, z = vehicles.getPosition3D(vehicle)
-    heading = vehicles.getAngle(vehicle) % 360.0 % 360.0
+    heading = compass(vehicles.getAngle(vehicle))
     speed = vehicles.getSpeed(vehicle)
     slope_deg = 0.0 if sim.level else vehicles.getSlope(vehicle)
     angle = math.radians(heading)
