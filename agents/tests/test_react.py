@@ -202,6 +202,28 @@ async def test_a_picture_that_was_reported_stays_in_the_history():
     assert [part["type"] for part in first] == ["text", "image_url"]
 
 
+async def test_a_service_is_never_sent_more_images_than_it_takes(tmp_path: Path):
+    models = tmp_path / "models.toml"
+    models.write_text('[models.narrow]\nservice = "vllm"\nserved = "narrow"\nmost_images = 3\n')
+    seen = observe("scout[1]", 1, HERE, pictures=tuple(picture((0, 0, 96), tick=tick) for tick in (1, 1, 1, 1, 1)))
+    with serve([Reply(STEP)]) as server:
+        policy = react(model="narrow", models=str(models), base_url=server.url, history_images="9", crops="1")
+        await policy.reset(brief())
+        for _ in range(3):
+            await policy.act(seen, Inbox())
+    sent = [json.dumps(request["messages"]).count("data:image/jpeg") for request in server.requests]
+    assert max(sent) <= 3, sent
+
+
+async def test_reported_pictures_are_kept_as_far_as_there_is_room():
+    with serve([Reply(STEP)]) as server:
+        policy = await mind(server.url, history_images="2", history_tokens="50000")
+        for tick in range(5):
+            await policy.act(observe("scout[1]", tick, HERE, pictures=(picture((0, 0, 96)),)), Inbox())
+    turns = server.requests[-1]["messages"][1:-1:2]
+    assert [not isinstance(turn["content"], str) for turn in turns] == [True, True, False, False]
+
+
 async def test_no_history_and_no_memory_if_they_are_switched_off():
     with serve([Reply({**NOOP, "plan": ["go east"]})]) as server:
         policy = await mind(server.url, history_tokens="0", memory="no")

@@ -20,7 +20,7 @@ PIXELS_PER_TOKEN = 28 * 28
 
 
 class TurnHistory:
-    """Earlier turns of one agent: at most `tokens`, and of their pictures the last `pictures` that a report named."""
+    """Earlier turns of one agent: at most `tokens`, and among them at most `pictures` images of what was reported."""
 
     def __init__(self, tokens: int, pictures: int) -> None:
         self._most = tokens
@@ -36,11 +36,13 @@ class TurnHistory:
             yield from (told, answered)
 
     def add(self, told: str, answered: str, decision: Decision, sent: Sequence[SentImage]) -> None:
-        """Keep a turn. Of its images stay those whose pictures the decision reports on: they show what was found."""
+        """Keep a turn. Of its images stay those whose pictures the decision reports on (they show what was found), as
+        far as there is room: those of earlier turns stay while the turns do."""
         if self._most == 0:
             return
         named = {str(message.body.get("frame")) for message in decision.messages}
-        kept = [image for image in sent if image.frame in named][: self._pictures]
+        room = self._pictures - sum(len(turn.images) for turn, _, _ in self._turns)
+        kept = [image for image in sent if image.frame in named][: max(0, room)]
         tokens = text_tokens(told) + text_tokens(answered) + sum(image.pixels // PIXELS_PER_TOKEN for image in kept)
         images = tuple(image.jpeg for image in kept)
         self._turns.append((ChatMessage("user", told, images), ChatMessage("assistant", answered), tokens))

@@ -99,7 +99,7 @@ class ReactPolicy:
         self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
-            self._history = TurnHistory(self._history_tokens(), self._options.history_images)
+            self._history = TurnHistory(self._history_tokens(), self._history_images())
         if self._idle(observation, inbox):
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
@@ -135,7 +135,7 @@ class ReactPolicy:
         profile, options = self._model.profile, self._options
         if profile.context is None:
             return options.history_tokens
-        seen = options.images * options.tiles**2 * profile.image_tokens if profile.vision else 0
+        seen = self._most_pictures() * self._images_each() * profile.image_tokens if profile.vision else 0
         rest = text_tokens(self._system.text) + seen + options.max_tokens + STATE_TOKENS
         return max(0, min(options.history_tokens, profile.context - rest))
 
@@ -154,8 +154,25 @@ class ReactPolicy:
         if not self._model.profile.vision:
             return ()
         new = tuple(picture for picture in observation.pictures if picture.camera != REFERENCE)
-        most = min(self._options.images, self._model.profile.most_images or self._options.images)
-        return (*self._references, *new)[:most]
+        return (*self._references, *new)[: self._most_pictures()]
+
+    def _most_pictures(self) -> int:
+        """Pictures of one boundary: the option, less where the service takes fewer images."""
+        most = self._model.profile.most_images
+        return self._options.images if most is None else min(self._options.images, most // self._images_each())
+
+    def _history_images(self) -> int:
+        """Images of earlier turns: the option, less where the service takes no more beside those of a boundary and its
+        crops."""
+        most, options = self._model.profile.most_images, self._options
+        if most is None:
+            return options.history_images
+        left = most - self._most_pictures() * self._images_each() - options.crops
+        return max(0, min(options.history_images, left))
+
+    def _images_each(self) -> int:
+        """Images of one picture: the whole and its tiles."""
+        return 1 if self._options.tiles == 1 else 1 + self._options.tiles**2
 
     def _decided(
         self, step: ModelStep, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
