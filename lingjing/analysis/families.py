@@ -29,8 +29,7 @@ recorded.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -93,13 +92,6 @@ def attribute(trace: Trace) -> Attribution | None:
     if not found:
         return Attribution(family="unattributed")
     return min(found, key=lambda one: (one.tick, FAMILIES.index(one.family)))
-
-
-def shares(traces: Iterable[Trace]) -> dict[FailureFamily, float] | None:
-    """Failure family shares: of all retained failed episodes, the share of each family; None if none failed."""
-    found = [one.family for trace in traces if (one := attribute(trace)) is not None]
-    counted = Counter(found)
-    return {family: counted[family] / len(found) for family in FAMILIES} if found else None
 
 
 @dataclass
@@ -384,4 +376,4 @@ def _who_controls(instance: Instance, body: str) -> str:
     return next((agent.id for agent in instance.agents if body in agent.controls), body)
 
 
-__all__ = ["DELAY", "FAMILIES", "Attribution", "FailureFamily", "RecordLink", "attribute", "shares"]
+__all__ = ["DELAY", "FAMILIES", "Attribution", "FailureFamily", "RecordLink", "attribute"]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from lingjing.errors import ExitCode
 
 if TYPE_CHECKING:
+    from lingjing.analysis.pooled import EpisodeCounts
     from lingjing.trace.reader import Trace
 
 UNDEFINED = "N/A"
@@ -28,6 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--real", metavar="TRACE", nargs="+", default=[], help="F1 on these, real-style, less that on TRACE"
     )
     parser.add_argument("--attention", metavar="FILE", help="attention maps of one trace (.npz, an array a picture)")
+    parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="read N traces at a time")
     parser.add_argument("--output-format", choices=("text", "json", "csv"), default="text", help="default: text")
     parser.add_argument("-o", "--output", metavar="FILE", help="default: standard output")
     parser.set_defaults(handler=handler)
@@ -37,13 +39,14 @@ def handler(args: argparse.Namespace) -> int:
     """Print the numbers of one episode, or of several: means, and what is pooled."""
     from lingjing.cli.files import write_output
     from lingjing.errors import UsageError
-    from lingjing.trace.reader import read_trace
 
     if args.attention and len(args.traces) > 1:
         raise UsageError("--attention is of one trace", hint="picture ids repeat from trace to trace")
-    traces = [read_trace(path) for path in args.traces]
-    rows = [_row(trace) for trace in traces]
-    pooled = _pooled(traces, args)
+    if args.jobs < 1:
+        raise UsageError(f"-j {args.jobs}: at least one")
+    found = _all_of(args.traces, args.jobs)
+    rows = [row for row, _ in found]
+    pooled = _pooled([counts for _, counts in found], args)
     if args.output_format == "csv":
         text = as_csv(rows)
     elif args.output_format == "json":
@@ -54,11 +57,29 @@ def handler(args: argparse.Namespace) -> int:
     return ExitCode.OK
 
 
-def _row(trace: Trace) -> dict[str, Any]:
+def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], EpisodeCounts]]:
+    """Row and counts of each trace, in the order given; one trace at a time is in memory for each job."""
+    if jobs == 1 or len(paths) == 1:
+        return [_one(path) for path in paths]
+    from concurrent.futures import ProcessPoolExecutor
+
+    with ProcessPoolExecutor(min(jobs, len(paths))) as pool:
+        return list(pool.map(_one, paths, chunksize=4))
+
+
+def _one(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
+    from lingjing.analysis.pooled import counts_of
+    from lingjing.trace.reader import read_trace
+
+    trace = read_trace(path)
+    counts = counts_of(trace)
+    return _row(trace, counts), counts
+
+
+def _row(trace: Trace, counts: EpisodeCounts) -> dict[str, Any]:
     """Who played what, and every metric."""
     import msgspec
 
-    from lingjing.analysis.families import attribute
     from lingjing.analysis.metrics import metrics
 
     instance = trace.header.instance
@@ -69,36 +90,34 @@ def _row(trace: Trace) -> dict[str, Any]:
         "mode": instance.mode,
         "seed": instance.seed,
     }
-    failed = attribute(trace)
-    who |= {"policy": policies, "complete": trace.complete, "family": None if failed is None else failed.family}
+    who |= {"policy": policies, "complete": trace.complete, "family": counts.family}
     return {**who, **msgspec.to_builtins(metrics(trace))}
 
 
-def _pooled(traces: Sequence[Trace], args: argparse.Namespace) -> dict[str, Any]:
+def _pooled(episodes: Sequence[EpisodeCounts], args: argparse.Namespace) -> dict[str, Any]:
     """What is not a mean of episodes."""
     import msgspec
 
     from lingjing.analysis import pooled
-    from lingjing.analysis.families import shares
     from lingjing.trace.reader import read_trace
 
     found: dict[str, Any] = {
-        "episodes": len(traces),
-        "retained": len(pooled.retained(traces)),
-        "tsr": pooled.tsr(traces),
-        "macro_average": pooled.macro_average(traces),
-        "f1": pooled.f1(traces),
-        "families": shares(traces),
-        "terciles": msgspec.to_builtins(pooled.drift(traces)),
+        "episodes": len(episodes),
+        "retained": sum(one.retained for one in episodes),
+        "tsr": pooled.tsr(episodes),
+        "macro_average": pooled.macro_average(episodes),
+        "f1": pooled.f1(episodes),
+        "families": pooled.family_shares(episodes),
+        "terciles": msgspec.to_builtins(pooled.drift(episodes)),
     }
     if args.baseline:
-        found["relative_cost"] = pooled.relative_cost(traces, [read_trace(path) for path in args.baseline])
+        found["relative_cost"] = pooled.relative_cost(episodes, [_one(path)[1] for path in args.baseline])
     if args.real:
-        found["f1_domain_difference"] = pooled.f1_domain_difference(traces, [read_trace(path) for path in args.real])
+        found["f1_domain_difference"] = pooled.f1_domain_difference(episodes, [_one(path)[1] for path in args.real])
     if args.attention:
         from lingjing.analysis.attention import attention_iou, read_attention
 
-        found["attention_iou"] = attention_iou(traces[0], read_attention(args.attention))
+        found["attention_iou"] = attention_iou(read_trace(args.traces[0]), read_attention(args.attention))
     return found
 
 

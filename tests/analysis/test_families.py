@@ -7,7 +7,8 @@ import msgspec
 import pytest
 
 from lingjing.analysis.ending import why
-from lingjing.analysis.families import FAMILIES, Attribution, attribute, shares
+from lingjing.analysis.families import FAMILIES, Attribution, attribute
+from lingjing.analysis.pooled import counts_of, family_shares
 from lingjing.bench.columns import shipped
 from lingjing.play.episode import Session
 from lingjing.trace.reader import Trace, read_trace
@@ -163,10 +164,11 @@ def test_an_assigned_body_sent_elsewhere_or_stubborn_is_drift(lost, real_rules) 
 def test_won_and_aborted_episodes_have_no_family_and_shares_add_up(lost, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     aborted = lost({}, reason="infrastructure-abort")
     assert attribute(trace) is None and attribute(aborted) is None
-    found = shares([lost({5: SEEN}), lost({}), lost({}, reason="constraint"), trace, aborted])
+    played = [lost({5: SEEN}), lost({}), lost({}, reason="constraint"), trace, aborted]
+    found = family_shares(map(counts_of, played))
     assert found is not None and tuple(found) == FAMILIES and sum(found.values()) == pytest.approx(1.0)
     assert found["perception_miss"] == 2 / 3 and found["unattributed"] == 1 / 3
-    assert shares([trace]) is None
+    assert family_shares([counts_of(trace)]) is None
 
 
 def test_why_tells_the_family_with_its_records(lost) -> None:  # type: ignore[no-untyped-def]

@@ -209,17 +209,17 @@ def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # typ
     """SSR won in star (1 of 1) and half the time in broadcast, BI lost: ((1 + 0.5) / 2 + 0) / 2."""
     assert trace.outcome is not None
 
-    def episode(mission: str, mode: str, seed: int, won: bool, reason: str = "") -> Trace:
+    def episode(mission: str, mode: str, seed: int, won: bool, reason: str = "") -> pooled.EpisodeCounts:
         comms = replace(trace.header.instance.comms, mode=mode)
         instance = replace(trace.header.instance, mission=mission, comms=comms, seed=seed)
         outcome = replace(trace.outcome, success=won, reason=reason or ("success" if won else "budget"))
-        return of(boundary(0), header=replace(trace.header, instance=instance), outcome=outcome)  # type: ignore[no-any-return]
+        return pooled.counts_of(of(boundary(0), header=replace(trace.header, instance=instance), outcome=outcome))
 
     played = [
         episode("ssr", "star", 1, True), episode("ssr", "broadcast", 1, True), episode("ssr", "broadcast", 2, False),
         episode("bi", "single", 1, False), episode("bi", "single", 2, False, "infrastructure-abort"),
     ]  # fmt: skip
-    assert len(pooled.retained(played)) == 4
+    assert sum(one.retained for one in played) == 4
     assert pooled.tsr(played) == 2 / 4 and pooled.macro_average(played) == 0.375
     assert pooled.tsr([]) is None and pooled.macro_average([]) is None
 
@@ -231,9 +231,10 @@ def test_domain_difference_is_real_less_simulated_on_matched_episodes(of) -> Non
         boundary(2, messages=report(1, "a", 2), events=(matched(2, "victim[1]", "m2-1"),)),
     )
     blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)))
+    other = of(boundary(0), header=replace(good.header, instance=replace(good.header.instance, seed=99)))
+    good, blind, other = map(pooled.counts_of, (good, blind, other))
     assert (pooled.f1([good]), pooled.f1([blind]), pooled.f1([good, blind])) == (1.0, 0.0, 2 / 3)
     assert pooled.f1_domain_difference([good], [blind]) == -1.0
-    other = of(boundary(0), header=replace(good.header, instance=replace(good.header.instance, seed=99)))
     with pytest.raises(UsageError, match="not matched"):
         pooled.f1_domain_difference([good], [other])
     with pytest.raises(UsageError, match="not matched"):
@@ -241,20 +242,20 @@ def test_domain_difference_is_real_less_simulated_on_matched_episodes(of) -> Non
 
 
 def test_relative_cost_divides_tokens(of) -> None:  # type: ignore[no-untyped-def]
-    def spent(prompt: int, completion: int) -> Trace:
+    def spent(prompt: int, completion: int) -> pooled.EpisodeCounts:
         usage = Usage(calls=1, prompt_tokens=prompt, completion_tokens=completion)
         made = DecisionRecord(agent="scout[1]", decision=Decision(usage=usage))
-        return of(boundary(0), boundary(1, decisions=(made,)))  # type: ignore[no-any-return]
+        return pooled.counts_of(of(boundary(0), boundary(1, decisions=(made,))))
 
     assert pooled.relative_cost([spent(100, 20)], [spent(200, 40)]) == 0.5
-    assert pooled.relative_cost([spent(100, 20)], [of(boundary(0))]) is None
+    assert pooled.relative_cost([spent(100, 20)], [pooled.counts_of(of(boundary(0)))]) is None
 
 
 def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["metrics", str(trace.path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "mission: ssr" and "tsr: 1" in lines and "json_compliance: N/A" in lines
-    assert main(["metrics", "--output-format", "json", str(trace.path), str(trace.path)]) == 0
+    assert main(["metrics", "-j", "2", "--output-format", "json", str(trace.path), str(trace.path)]) == 0
     told = json.loads(capsys.readouterr().out)
     assert len(told["episodes"]) == 2 and told["together"]["tsr"] == 1.0
     assert set(told["together"]["terciles"]) == {"early", "mid", "late"}
