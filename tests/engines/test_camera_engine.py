@@ -261,6 +261,20 @@ def test_pictures_do_not_depend_on_earlier_ones(engine: CameraEngine) -> None:
     assert first.rgb.tobytes() != other.rgb.tobytes() and first.rgb.tobytes() != rough.rgb.tobytes()
 
 
+def test_a_sea_with_other_things_afloat_is_that_of_a_fresh_camera(engine: CameraEngine) -> None:
+    given = instance()
+    other = build(msgspec.structs.replace(given.scene, seed=4))
+    assert other.props != build(given.scene).props
+    poses = {"uav1": {"position": (300.0, -640.0, 80.0)}, "uav2": {"position": (60.0, -1300.0, 30.0)}}
+    seen = []
+    for camera in (engine, CameraEngine()):
+        ready(camera, given, other)
+        camera.advance(10.0, states(given, **poses))
+        seen.append([take(camera, "front", viewer).rgb.tobytes() for viewer in ("uav[1]", "uav[2]")])
+    camera.close()
+    assert seen[0] == seen[1]
+
+
 def test_waves_move_with_time_and_only_with_time(engine: CameraEngine) -> None:
     a = take(engine).rgb
     engine.advance(11.0, states(instance()))

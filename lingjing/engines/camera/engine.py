@@ -74,7 +74,9 @@ class CameraEngine:
             raise InfrastructureError(f"the camera draws at most {DRAWN_MOST} entities, not {len(entities)}")
         if self._renderer is None:
             self._renderer = Renderer()
-        if city != self._city:
+        if self._city is not None and self._terrain is None and _without_props(city) == _without_props(self._city):
+            self._city, self._props = city, prop_batches(city)  # what floats on a sea differs from episode to episode
+        elif city != self._city:
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
         self._quality = engine_options(CameraOptions, spec).quality
@@ -244,6 +246,10 @@ class CameraEngine:
         if weather not in self._oceans:
             self._oceans[weather] = Ocean(weather, self._seed)
         return self._oceans[weather]
+
+
+def _without_props(city: City) -> City:
+    return msgspec.structs.replace(city, id="", props=())
 
 
 __all__ = ["CameraEngine"]
