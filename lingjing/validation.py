@@ -83,7 +83,7 @@ def shown(value: object) -> str:
 
 
 def _number(value: object) -> str:
-    return f"{value:,.15g}".replace(",", "") if isinstance(value, int | float) else str(value)
+    return f"{value:.15g}" if isinstance(value, float) else str(value)
 
 
 __all__ = ["BOUNDS", "DUE", "due_for", "limit", "shown", "worded"]

@@ -372,11 +372,16 @@ def test_of_two_that_differ_it_is_noted_which_counts(edit: Callable[[Json, Json,
     assert any(one.endswith(note) for one in notes), notes
 
 
-def test_a_seed_is_none_below_zero() -> None:
+@pytest.mark.parametrize(
+    ("seed", "said"),
+    [(-1, "is -1, at least 0 is due"), (10**400, "is a number out of range, at most 9223372036854775807 is due")],
+)
+def test_a_seed_has_bounds(seed: int, said: str) -> None:
     whole = document({"goalFirePosition": [PLACE]}, drones=1, cars=1)
-    whole["scenario"]["lingjing"] = {"seed": -1}
-    with pytest.raises(MissionError, match=r"lingjing\.seed: is -1, at least 0 is due"):
+    whole["scenario"]["lingjing"] = {"seed": seed}
+    with pytest.raises(MissionError) as caught:
         play(whole)
+    assert [(one.where, one.message) for one in caught.value.faults] == [("$.scenario.lingjing.seed", said)]
 
 
 def test_what_is_there_and_what_is_wanting_is_said() -> None:

@@ -11,7 +11,7 @@ from lingjing.errors import Fault, MissionError
 from lingjing.mission.faults import kind_of
 from lingjing.mission.reset.shapes import PLACELESS
 from lingjing.mission.reset.spelling import Spelt
-from lingjing.validation import due_for, limit
+from lingjing.validation import due_for, limit, shown
 
 _SCHEMA = "schemas/reset-scenario.schema.json describes the document"
 
@@ -65,7 +65,7 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
         way_out = "give X and Y in centimetres, or lon and lat in degrees" if said == PLACELESS else "leave one of them"
         return f"has {said}", way_out
     if kind == "multiple_of":
-        return f"is {given:g}, a whole number is due", _SCHEMA
+        return f"is {shown(given)}, a whole number is due", _SCHEMA
     if due := due_for(kind):
         hint = "write the number without quotes" if isinstance(given, str) and kind == "float_type" else _SCHEMA
         return f"{due} is due, this is {kind_of(given)}", hint
@@ -74,5 +74,5 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
     if kind in ("too_short", "missing_argument"):
         return "is empty", "give at least one entry"
     if bound := limit(limits):
-        return f"is {given:g}, {bound} is due", _SCHEMA
+        return f"is {shown(given)}, {bound} is due", _SCHEMA
     return one["msg"][:1].lower() + one["msg"][1:], _SCHEMA
