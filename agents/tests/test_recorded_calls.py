@@ -196,7 +196,7 @@ def test_what_was_asked_otherwise_is_named(tmp_path, mission):
         play(mission, tmp_path / "a", server.url)
     other = play(
         mission, tmp_path / "b", server.url, {"max_tokens": "999"}, calls="replay", calls_from=tmp_path / "a",
-        blank_pictures=True,
+        engine_args={"camera.quality": "60"},
     )  # fmt: skip
     assert other.reason == "budget"
     assert "9 of 9 replayed calls were asked with other parameters, first `scout[1]`, tick 0, call 0" in other.warnings
