@@ -68,6 +68,15 @@ class Played:
         each = [{stage.name: stage.cumulative for stage in one.stages} for one in self.metrics()]
         return {name: mean_of([float(one[name]) for one in each if name in one]) for name in names}
 
+    def steps(self) -> dict[str, float]:
+        """The cumulative stages of the mission, and those of last-mile delivery."""
+        return {**self.stages(), **self.last_mile()}
+
+    def last_mile(self) -> dict[str, float]:
+        """The share of episodes of last-mile delivery that did S1 to S5 up to each; nothing in other missions."""
+        done = [one.last_mile for one in self.metrics() if one.last_mile is not None]
+        return {f"S{stage}": mean_of([float(count >= stage) for count in done]) for stage in range(1, 6) if done}
+
 
 def mean_of(values: Sequence[float]) -> float:
     """The mean; nan of nothing."""

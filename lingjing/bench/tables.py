@@ -125,7 +125,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """Ablations, sweeps, prompts and interventions: every condition of a mission under each entrant."""
     for (mission, mode), some in rows_by(rows, lambda row: (row.mission, row.mode)).items():
         lines: list[ResultLine] = []
-        stages = tuple(dict.fromkeys(name for row in some for name in Played((row,)).stages()))
+        stages = tuple(Played(tuple(some)).steps())
         heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "JSON", "Cost x", *stages)
         for entrant, own in rows_by(some, lambda row: row.entrant).items():
             group = entrant
@@ -135,7 +135,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             for condition, few in each.items():
                 played = Played(tuple(few))
                 spent = played.mean("tokens") / base if base else math.nan
-                done = played.stages()
+                done = played.steps()
                 measured.append((condition or "default", (
                     ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
                     percent(played.scr()), _bootstrap_ends(played), plain(played.middle("localisation_error_m"), ".0f"),

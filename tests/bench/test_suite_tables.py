@@ -267,3 +267,16 @@ def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -
     rows = [made_row(metrics=few), made_row(seed=1, metrics=many)]
     (table,) = make_tables(rows, ["behaviour"])
     assert [cell.text for cell in table.lines[0].cells][:6] == ["90", "12.0", "10", "0.12", "80", "55"]
+
+
+def test_last_mile_delivery_has_its_five_stages() -> None:
+    rows = [
+        made_row(seed=seed, mission="ld", condition="A0", metrics={"last_mile": done})
+        for seed, done in enumerate((5, 3))
+    ]
+    rows += [made_row(seed=0, mission="ld", condition="A1", condition_place=1, metrics={"last_mile": 4})]
+    (table,) = make_tables(rows, ["conditions"])
+    assert table.heads[-5:] == ("S1", "S2", "S3", "S4", "S5")
+    assert [[cell.text for cell in line.cells[-5:]] for line in table.lines] == [
+        ["100", "100", "100", "50", "50"], ["100", "100", "100", "100", "0"],
+    ]  # fmt: skip
