@@ -18,6 +18,7 @@ SCRIPTS = (
     "missions.py",
     "harness.py",
     "memory.py",
+    "starting.py",
 )
 
 
