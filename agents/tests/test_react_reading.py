@@ -17,7 +17,7 @@ from lingjing.trace.reader import read_trace
     ("name", "mode", "done"),
     [
         ("ssr", "star", {"detect", "locate", "handoff", "execute"}),
-        ("cd", "broadcast", {"assign", "execute"}),
+        ("cd", "broadcast", {"execute"}),
         ("ld", "star", {"inspect", "drive"}),  # the dog's last leg is led by depth pictures, which no model is sent
     ],
 )
