@@ -22,6 +22,7 @@ from lingjing.engines.sea import GRAVITY
 from lingjing.engines.stock import Book, booked
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.schedule import Schedule
+from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
@@ -61,9 +62,6 @@ class FlightNotice:
 class Aircraft(ABC):
     """One aircraft; `step` moves it by one control period."""
 
-    radius_m: ClassVar[float]
-    """From the middle to the outermost part that must not touch anything."""
-    half_height_m: ClassVar[float]
     launch_m: ClassVar[float]
     launch_drop_m: ClassVar[float]
     """Within `launch_m` of where it started, and no farther than this below it, it touches nothing."""
@@ -78,7 +76,13 @@ class Aircraft(ABC):
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
     ) -> None:
         """Stand or fly where the mission says; `origin` is the scene's latitude and longitude."""
+        size = entity_size(entity)
         self.id = entity.id
+        self.solid = solid_size(entity) is not None
+        self.radius_m = max(size.length_m, size.width_m) / 2.0
+        """As wide as its type says, in whatever direction it points."""
+        self.half_height_m = size.height_m / 2.0
+        self._middle_m = self.half_height_m - sunk_m(entity)
         self.position = self._launch = entity.position
         self.velocity: Vector = (0.0, 0.0, 0.0)
         self.around: tuple[Neighbour, ...] = ()
@@ -138,6 +142,12 @@ class Aircraft(ABC):
             return 0.0
         return min(max(1.0 - path_length(self.position, self._legs) / self._length, 0.0), 1.0)
 
+    @property
+    def middle(self) -> Vector:
+        """The middle of its body."""
+        x, y, z = self.position
+        return x, y, z + self._middle_m
+
     def finish(self) -> bool:
         """Give up or complete what is being done; whether reaching its end is an arrival."""
         self._legs = ()
@@ -187,12 +197,12 @@ class Aircraft(ABC):
         if launched and z > self._launch[2] - self.launch_drop_m and self.phase is FlightPhase.FLYING:
             return None
         for other in self.around:
-            if other.touches(self.position, self.radius_m, self.half_height_m, now_s):
+            if other.touches(self.middle, self.radius_m, self.half_height_m, now_s):
                 return self.strike(other.id)
-        low = z - self.half_height_m
+        low, high = z + self._middle_m - self.half_height_m, z + self._middle_m + self.half_height_m
         if low > self._terrain.ceiling_m(x, y):
             return None
-        solids = self._terrain.solids_at(x, y, low, z + self.half_height_m, self.radius_m)
+        solids = self._terrain.solids_at(x, y, low, high, self.radius_m)
         if self.phase is FlightPhase.DESCENDING and self.touchdown(solids, low):
             return None
         if solids:
@@ -215,7 +225,7 @@ class Aircraft(ABC):
 
 
 class AircraftEngine(FleetEngine):
-    """Steps every aircraft at 50 Hz (100 Hz inside JSBSim); two that touch each other both crash."""
+    """Steps every aircraft at 50 Hz (100 Hz inside JSBSim). Two that touch, one of them in flight, both crash."""
 
     step_s = PERIOD_S
     aircraft: ClassVar[type[Aircraft]]
@@ -245,8 +255,9 @@ class AircraftEngine(FleetEngine):
         book = booked(mirrors)
         for aircraft in self._fleet.values():
             aircraft.load(book)
-            reach = max(aircraft.cruise_mps, math.hypot(*aircraft.velocity)) + aircraft.spurt_mps
-            aircraft.around = self._neighbours.near(aircraft.position, reach) if aircraft.flying else ()
+            fastest = max(aircraft.cruise_mps, math.hypot(*aircraft.velocity)) + aircraft.spurt_mps
+            near = self._neighbours.near(aircraft.middle, fastest, aircraft.radius_m) if aircraft.flying else ()
+            aircraft.around = near
 
     def step(self) -> None:
         """One control period of every aircraft."""
@@ -271,12 +282,14 @@ class AircraftEngine(FleetEngine):
         self._fleet = {}
 
     def _collide(self) -> None:
-        """Aircraft of the fleet that touch each other both crash; each is reported once."""
-        flying = [aircraft for aircraft in self._fleet.values() if aircraft.flying]
-        reach = 2.0 * flying[0].radius_m if flying else 0.0
-        for first, second in close_pairs([aircraft.position for aircraft in flying], reach):
-            one, other = flying[first], flying[second]
-            if one.flying and other.flying:
+        """One in flight and one that it touches both crash; each is reported once."""
+        whole = [one for one in self._fleet.values() if one.solid and (one.alive or one.flying)]
+        if not any(one.flying for one in whole):
+            return
+        reach = 2.0 * max(math.hypot(one.radius_m, one.half_height_m) for one in whole)
+        for first, second in close_pairs([one.middle for one in whole], reach):
+            one, other = whole[first], whole[second]
+            if (one.flying or other.flying) and _touch(one, other):
                 self._report(one, one.strike(other.id))
                 self._report(other, other.strike(one.id))
 
@@ -292,6 +305,14 @@ class AircraftEngine(FleetEngine):
         else:
             self.requests.fail(aircraft.id, now, aircraft.energy, _exhausted(aircraft))
             self.emit(notice.kind, aircraft.id)
+
+
+def _touch(one: Aircraft, other: Aircraft) -> bool:
+    """Whether two upright cylinders of their measures are in touch."""
+    (x, y, z), (east, north, up) = one.middle, other.middle
+    if abs(z - up) >= one.half_height_m + other.half_height_m:
+        return False
+    return math.hypot(x - east, y - north) < one.radius_m + other.radius_m
 
 
 def path_length(start: Vector, legs: Sequence[Vector]) -> float:

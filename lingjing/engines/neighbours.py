@@ -100,8 +100,8 @@ class Neighbours:
         self._places = None
         self._time_s = time_s
 
-    def near(self, position: Vector, speed_mps: float) -> tuple[Neighbour, ...]:
-        """The solid bodies that something at `position` could reach at `speed_mps` before the next look."""
+    def near(self, position: Vector, speed_mps: float, radius_m: float) -> tuple[Neighbour, ...]:
+        """The solid bodies that a body of `radius_m` at `position` could reach at `speed_mps` before the next look."""
         if not self._states:
             return ()
         if self._places is None:  # once for the whole fleet: mirrors are many, flyers too
@@ -109,7 +109,7 @@ class Neighbours:
             rates = np.abs(np.array([state.velocity for state in self._states]))
             self._ways = self._horizon_s * rates.sum(axis=1) + [self._reach_m(state) for state in self._states]
         away = np.abs(self._places - position).max(axis=1)
-        close = np.flatnonzero(away < self._ways + (speed_mps * self._horizon_s + 10.0))
+        close = np.flatnonzero(away < self._ways + (speed_mps * self._horizon_s + radius_m + 10.0))
         met = (self._neighbour(self._states[number]) for number in close.tolist())
         return tuple(neighbour for neighbour in met if neighbour is not None)
 

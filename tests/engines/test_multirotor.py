@@ -402,6 +402,59 @@ def test_a_strangers_asset_is_a_body_and_a_target_of_no_known_type_is_none(
     assert [event.kind for event in play.events] == ["collided" if hit else "arrived"]
 
 
+BLIMP = {"length_m": 20.0, "width_m": 8.0, "height_m": 8.0, "origin": "middle"}
+
+
+@pytest.mark.parametrize(
+    ("more", "aside_m", "above_m", "hit"),
+    [
+        ({}, 9.0, 0.0, True),  # half of its length, whichever way it points
+        ({}, 11.0, 0.0, False),
+        ({}, 0.0, 3.5, True),
+        ({}, 0.0, 4.8, False),
+        ({"origin": "base"}, 0.0, 7.5, True),
+        ({"origin": "base"}, 0.0, -1.0, False),
+        ({"shape": "none"}, 0.0, 0.0, False),
+    ],
+)
+def test_two_of_a_fleet_meet_as_large_as_they_are(player, instance_of, uav, open_sea, more, aside_m, above_m, hit):
+    blimp = uav(index=1, position=(20.0, aside_m, 60.0))
+    blimp = msgspec.structs.replace(blimp, properties={**blimp.properties, **BLIMP, **more})
+    small = uav(index=2, position=(0.0, 0.0, 60.0 + above_m))
+    play = player(MultirotorEngine(), instance_of([blimp, small]), open_sea, "multirotor", 5)
+    play.command("uav[2]", "setDestination", x=40.0, y=0.0, z=60.0 + above_m)
+    play.run(20.0)
+    told = [(event.kind, event.entities) for event in play.events]
+    crash = [("collided", ("uav[1]", "uav[2]")), ("collided", ("uav[2]", "uav[1]"))]
+    assert told == (crash if hit else [("arrived", ("uav[2]",))])
+
+
+def test_one_that_is_parked_is_hit_by_one_that_flies(player, instance_of, uav, quay):
+    parked = uav(index=1, position=(20.0, 0.0, 1.1), **{**BLIMP, "height_m": 12.0, "origin": "base"})
+    flier = uav(index=2, position=(0.0, 0.0, 8.0))
+    play = player(MultirotorEngine(), instance_of([parked, flier]), quay, "multirotor", 5)
+    assert play.boundary.states[0].status == "grounded"
+    play.command("uav[2]", "setDestination", x=40.0, y=0.0, z=8.0)
+    play.run(20.0)
+    hits = [event.entities for event in play.events if event.kind == "collided"]
+    assert hits == [("uav[1]", "uav[2]"), ("uav[2]", "uav[1]")]
+    assert {state.status for state in play.boundary.states} == {"dead"}
+
+
+def test_a_wide_body_touches_the_building_beside_its_way(fly, street):
+    assert [event.kind for event in _past_the_tower(fly(city=street, position=(60.0, 16.0, 30.0))).events] == [
+        "arrived"
+    ]
+    wide = fly(city=street, position=(60.0, 16.0, 30.0), length_m=14.0, width_m=14.0, height_m=2.0)
+    assert [event.kind for event in _past_the_tower(wide).events] == ["collided"]
+
+
+def _past_the_tower(play):
+    play.command("uav[1]", "setDestination", x=140.0, y=16.0, z=30.0)
+    play.run(20.0)
+    return play
+
+
 def energy(player, instance_of, uav, city, weather, events=(), **more):
     instance = instance_of([uav(position=(0.0, 0.0, 100.0), **more)], weather)
     play = player(MultirotorEngine(), msgspec.structs.replace(instance, events=events), city, "multirotor", 5)

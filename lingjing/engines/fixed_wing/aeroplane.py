@@ -39,7 +39,6 @@ _LEAST_FLOW_SHARE = 0.5
 class Aeroplane(Aircraft):
     """A fixed-wing aircraft in flight or waiting for it."""
 
-    radius_m, half_height_m = 4.0, 1.35
     launch_m, launch_drop_m = 60.0, 1.0
     terminal_mps, spurt_mps = 60.0, 20.0
     energy = "fuel"

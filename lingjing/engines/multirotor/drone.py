@@ -42,7 +42,6 @@ _TOUCH_M = 0.5
 class Drone(Aircraft):
     """A multirotor in flight or on the ground."""
 
-    radius_m, half_height_m = 0.3, 0.1
     launch_m, launch_drop_m = 1.5, 0.3
     terminal_mps, spurt_mps = 20.0, 5.0
     energy = "battery"
