@@ -314,7 +314,7 @@ def test_the_score_is_grouped_and_says_what_is_undefined() -> None:
     report = episode("budget", precision=None, recall=0.25, f1=None, kilobytes=5.688, reports=4, false_positives=1,
                      localisation_error_m=None, stages=(stage,))  # fmt: skip
     groups = {name: dict(rows) for name, rows in scorecard(report)}
-    assert list(groups) == ["Outcome", "Perception", "Communication", "Cost"]
+    assert list(groups) == ["Outcome", "Perception", "Communication", "Behaviour", "Cost"]
     assert groups["Outcome"]["success"] == "no: the budget of ticks ran out"
     assert groups["Outcome"]["stages"] == "detect 1/3"
     assert groups["Perception"]["precision / recall / F1"] == "N/A / 0.25 / N/A"

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 _PROJ = ("PROJ_LIB", "PROJ_DATA")
-_BEFORE = {name: os.environ.get(name) for name in _PROJ}
+_BEFORE = {name: os.environ.get(name) for name in (*_PROJ, "LIBSUMO_AS_TRACI")}
+os.environ["LIBSUMO_AS_TRACI"] = "quiet"  # else it prints, among a user's results, what it thinks of pyarrow's version
 
 import libsumo  # type: ignore[import-untyped,unused-ignore]  # noqa: E402 - the import changes the environment
 
