@@ -16,7 +16,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 from pydantic import AliasChoices, AliasPath, BaseModel, ConfigDict, Field, ValidationError, create_model
@@ -28,10 +28,9 @@ from lingjing.plugins.engine import EngineSpec
 from lingjing.suggest import nearest
 from lingjing.validation import worded
 
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
-
-    _Errors = tuple[ErrorDetails, ...]
+_Error = Mapping[str, Any]
+"""An entry of `ValidationError.errors()`."""
+_Errors = tuple[_Error, ...]
 
 
 class PluginOptions(BaseModel):
@@ -201,7 +200,7 @@ def _tried(model: type[OptionsT], given: Mapping[str, object]) -> tuple[OptionsT
         return None, (), (Fault(_breaking(model, given), said),)
 
 
-def _place(error: ErrorDetails) -> str:
+def _place(error: _Error) -> str:
     """The option that an error is of; "" for the model as a whole."""
     return str(error["loc"][0]) if error["loc"] else ""
 
@@ -258,7 +257,7 @@ _DUE_WORDS = re.compile(r"(is .*), (.+) is due", re.DOTALL)
 _AS_JSON = 'write it as JSON: ["a", "b"] or {"a": 1}'
 
 
-def _path(given: object, error: ErrorDetails) -> str:
+def _path(given: object, error: _Error) -> str:
     """The path of what is wrong; pydantic's names of the types of a union are no part of it."""
     names: list[str] = []
     for at, key in enumerate(error["loc"], 1):
