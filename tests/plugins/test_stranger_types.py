@@ -172,7 +172,7 @@ def test_a_sphere_is_not_hit_beside_where_its_box_would_be(instance: Instance) -
 
     around = Neighbours(instance)
     around.look([BodyState(id="balloon", position=(0.0, 0.0, 30.0))], 0.0)
-    (balloon,) = around.near((0.0, 0.0, 30.0), 1.0)
+    (balloon,) = around.near((0.0, 0.0, 30.0), 1.0, 0.01)
     assert balloon.touches((2.9, 0.0, 30.0), 0.01, 0.01, 0.0)
     assert not balloon.touches((2.5, 2.5, 30.0), 0.01, 0.01, 0.0)
     assert not balloon.touches((2.0, 0.0, 32.6), 0.01, 0.01, 0.0)
