@@ -69,7 +69,8 @@ class EchoingService:
         self.sent.add(sent)
         plain = b64decode(sent.split()[1]).decode() if sent.startswith("Basic") else sent
         words = f"{EVIL} {plain} {sent}"
-        if found[0] == "scout[2]" and len(self.requests) % 3 == 0:
+        asked = sum(agent == found[0] for agent, _ in self.requests)  # by itself: agents ask at once, in any order
+        if found[0] == "scout[2]" and asked % 3 == 2:
             yield answered("401 Unauthorized", json.dumps({"error": words}, ensure_ascii=False).encode(), f"x: {sent}")
             return
         first = found[0] == "scout[1]"

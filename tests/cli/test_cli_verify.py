@@ -60,8 +60,6 @@ def test_a_run_is_signed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         "--set",
         "victims=1",
         "--no-overview",
-        "--world",
-        "inline",
         "-o",
         str(out),
     ]

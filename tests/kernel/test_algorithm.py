@@ -111,12 +111,15 @@ def test_lines_02_04_every_engine_is_reset_with_the_specification():
 
         return type(f"Spy{cls.__name__}", (cls,), {"reset": reset})
 
-    kit.make_kernel(plugin=kit.KitPlugin(*(spy(cls) for cls in (kit.Glider, kit.Shore, kit.Table)))).reset()
-    assert sorted(seen) == [
+    kernel = kit.make_kernel(plugin=kit.KitPlugin(*(spy(cls) for cls in (kit.Glider, kit.Shore, kit.Table))))
+    kernel.reset()
+    moving = [
         ("glider", ("uav[1]", "uav[2]", "boat"), "kit", "kit"),
         ("shore", ("victim[1]", "victim[2]"), "kit", "kit"),
-        ("table", (), "kit", "kit"),
     ]
+    assert sorted(seen) == moving
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    assert sorted(seen) == [*moving, ("table", (), "kit", "kit")]  # a sensor at its first picture
 
 
 def test_lines_05_08_a_rejected_reset_is_an_infrastructure_abort_with_a_partial_trace():

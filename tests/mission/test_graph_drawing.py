@@ -222,7 +222,7 @@ def test_a_message_to_all_is_said_on_the_node(ssr_graph: MissionGraph) -> None:
     shown = readable(ssr_graph)
     assert shown.node("channel:detection").detail == "report, to all"
     assert not list(shown.out_of("channel:detection", "speaks_to"))
-    assert list(shown.into("channel:detection", "speaks_to"))
+    assert any(edge.kind == "speaks_to" and edge.target == "channel:detection" for edge in shown.edges)
     some = msgspec.structs.replace(
         ssr_graph, edges=tuple(e for e in ssr_graph.edges if e.id != "speaks_to channel:detection role:rescuer")
     )
