@@ -241,6 +241,7 @@ def main() -> NoReturn:
     options = _options()
     _die_with(options.parent, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     os.set_inheritable(options.fd, False)
     for module in options.imports:
         import_module(module)

@@ -208,6 +208,8 @@ def started_to_last(
     outcome: Future[subprocess.Popen[bytes]] = Future()
 
     def start_and_wait() -> None:
+        # Held back in what starts, which says what it does with SIGINT as soon as it can and lets it come.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             process = subprocess.Popen(
                 command,

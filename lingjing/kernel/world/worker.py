@@ -119,6 +119,7 @@ def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: in
 def _new_post(channel: int, progress: int, parent: int) -> Post:
     guard_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
     post = Post(PacketSocket(socket.socket(fileno=channel)), CallMonitor(progress), parent)
