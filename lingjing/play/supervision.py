@@ -254,6 +254,7 @@ class _Child:
         self._pulse = _Pulse()
         self._pid = os.fork()
         if self._pid == 0:
+            signal.pthread_sigmask(signal.SIG_BLOCK, {_INTERRUPT})  # before there are threads, which take it over
             os.close(reading)
             self._pulse.beat()
             _serve(parent, writing, tuple(seeds), claim, play)
@@ -337,6 +338,9 @@ class _Child:
 _INTERRUPT = getattr(signal, "SIGRTMIN", 34) + 3
 """What the parent tells the child to stop with: none that a terminal, a shell or `timeout` sends to a whole group."""
 
+_STOP = _INTERRUPT + 1
+"""What the child's main thread is sent then."""
+
 
 def _decoded(buffer: bytearray) -> Iterator[_Message]:
     """The whole messages at the beginning of the buffer, which they leave."""
@@ -400,20 +404,27 @@ def _tell(pipe: int, message: _Message) -> None:
 
 
 def _listen() -> None:
-    """Hear the parent alone: what a terminal sends to all, it passes on. Children of policies get the usual signals."""
-    told = False
+    """Hear the parent alone: what a terminal sends to all, it passes on. Children of policies get the usual signals.
+
+    A thread takes the parent's signal and sends another one to the main thread. The system hands a signal that is meant
+    for a process to any of its threads, to another than the main one while that has one pending, and a main thread that
+    waits for a lock is not woken by what another thread got.
+    """
 
     def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal told
-        if not told:
-            told = True
-            raise KeyboardInterrupt
+        raise KeyboardInterrupt
+
+    def pass_on() -> None:
+        signal.sigwait({_INTERRUPT})
+        signal.pthread_kill(main, _STOP)
 
     for name in _ENDING:
         if signal.getsignal(getattr(signal, name)) != signal.SIG_IGN:
             signal.signal(getattr(signal, name), lambda number, frame: None)
-    signal.signal(_INTERRUPT, stop)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {_INTERRUPT})
+    main = threading.get_ident()
+    signal.signal(_STOP, stop)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {_STOP})
+    threading.Thread(target=pass_on, name="lingjing-interrupts", daemon=True).start()
 
 
 def _failure(error: BaseException) -> _Failed | _Refused | _Spoilt:

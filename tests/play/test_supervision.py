@@ -244,6 +244,47 @@ def test_an_interrupt_without_a_report_is_one_for_the_caller(tmp_path: Path) -> 
         interrupted_by(signal.SIGINT, wait, tmp_path)
 
 
+def signals_waiting(pid: int) -> int:
+    """The mask of what waits for a process or for its first thread."""
+    fields = dict(
+        line.split(":\t", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines() if ":\t" in line
+    )
+    return int(fields["SigPnd"], 16) | int(fields["ShdPnd"], 16)
+
+
+def test_an_interrupt_that_another_thread_hears_is_passed_on(tmp_path: Path) -> None:
+    """A terminal's own interrupt waits for the main thread when the parent's comes: the system wakes another one."""
+
+    def wait_for_a_lock(seed: int) -> None:
+        held = threading.Lock()
+        held.acquire()
+        threading.Thread(target=time.sleep, args=(3600,), daemon=True).start()
+        (tmp_path / "player").write_text(str(os.getpid()))
+        (tmp_path / "begun").touch()
+        try:
+            held.acquire()
+        except KeyboardInterrupt:
+            (tmp_path / "told").touch()
+            raise
+
+    def shoot() -> None:
+        while not (tmp_path / "begun").exists():
+            time.sleep(0.02)
+        child = int((tmp_path / "player").read_text())
+        os.kill(child, signal.SIGSTOP)
+        for pid, number in ((child, signal.SIGINT), (os.getpid(), signal.SIGINT)):
+            before = signals_waiting(child)
+            os.kill(pid, number)
+            while signals_waiting(child) == before:
+                time.sleep(0.02)
+        os.kill(child, signal.SIGCONT)
+
+    threading.Thread(target=shoot).start()
+    with pytest.raises(KeyboardInterrupt):
+        played(wait_for_a_lock, tmp_path)
+    assert (tmp_path / "told").exists()
+
+
 CALLER = """
 import os, sys, time
 from pathlib import Path
