@@ -38,6 +38,12 @@ from lingjing.plugins.options import option_faults, spellings, takes_any_name, u
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import did_you_mean
 
+_READ_ELSEWHERE = {
+    "suite": 1, "name": "x", "missions": ["x"], "seeds": 1, "entrants": [{"policy": "x"}], "conditions": []
+}  # fmt: skip
+"""Stands for what a suite must have, and for what is read part by part: faults there are told there, and hide nothing
+of the rest."""
+
 GROUPS = {"commercial": "Commercial models", "open": "Open-source models"}
 """The headings of the paper's tables, by a model's tier."""
 
@@ -164,27 +170,79 @@ class _Reader:
         """All cells; those that can be made where there are faults."""
         self._read_missions()
         self._read_evaluators()
-        suite = readable(Suite, {**self._document, "entrants": [{"policy": "x"}], "conditions": []})
+        suite = readable(Suite, {**self._document, **_READ_ELSEWHERE})
         modes = suite.modes if suite is not None else None
         self._check_modes("modes", modes, self.missions.values())
         args = suite.args if suite is not None else {}
-        places = self._columns(modes, sweeps=suite is not None and suite.sweeps)
+        conditions = list(_parts(self._document, "conditions", SuiteCondition))
+        places = self._columns(conditions, modes, sweeps=suite is not None and suite.sweeps)
         players = [(at, *found) for at, entrant in _parts(self._document, "entrants", Entrant)
                    if (found := self._player(at, entrant)) is not None]  # fmt: skip
         self._check_names("entrants", [(at, player.name) for at, _, player in players])
-        cells: list[SuiteCell] = []
-        untaken = {**{f"args.{name}": name for name in args}}
-        for place in places:
-            who = [one for one in players if place.entrants is None or one[2].name in place.entrants]
-            untaken |= {f"{place.where}.args.{name}": name for name in place.args}
-            cells += [self._cell(at, entrant, player, place, args) for at, entrant, player in who]
-        taken = [set(spellings(options_model(player.plugin))) for _, _, player in players]
+        self._check_options(players, conditions, args)
+        self._check_condition_entrants(conditions, {player.name for _, _, player in players})
+        return tuple(
+            SuiteCell(
+                player,
+                place.column,
+                place.condition,
+                place.baseline,
+                {**_taken(player, args), **player.args, **_taken(player, place.args)},
+                (at, place.at),
+            )
+            for place in places
+            for at, _, player in players
+            if place.entrants is None or player.name in place.entrants
+        )
+
+    def _check_options(
+        self,
+        players: Sequence[tuple[int, Entrant, Player]],
+        conditions: Sequence[tuple[int, SuiteCondition]],
+        args: Mapping[str, Plain],
+    ) -> None:
+        """The options of every entrant under every condition, also of those under which it plays nothing: each fault
+        where it is written, and options that nobody takes."""
+        under: list[tuple[str, Mapping[str, Plain], Sequence[str] | None]] = (
+            [("", {}, None)]
+            if not conditions
+            else [(f"conditions[{at}]", condition.args, condition.entrants) for at, condition in conditions]
+        )
+        known = {player.name for _, _, player in players}
+        untaken = {f"args.{name}": name for name in args}
+        idle = list(players)
+        for where, own, named in under:
+            untaken |= {f"{where}.args.{name}": name for name in own}
+            everybody = named is None or not known & set(named)
+            for one in players:
+                if everybody or (named is not None and one[2].name in named):
+                    self._check_merged(one, args, where, own)
+                    idle = [other for other in idle if other is not one]
+        for one in idle:
+            self._check_merged(one, args, "", {})
+        taken = [tuple(spellings(options_model(player.plugin))) for _, _, player in players]
         anything = any(takes_any_name(options_model(player.plugin)) for _, _, player in players)
+        unread = not players or len(players) < len(self._document["entrants"])  # one of those may take it
         for where, name in untaken.items():
-            if players and not anything and not any(name in each for each in taken):
+            if not unread and not anything and not any(name in each for each in taken):
                 self._say(where, unknown_option(name, (one for each in taken for one in each)))
-        self._check_condition_entrants({player.name for _, _, player in players})
-        return tuple(cells)
+
+    def _check_merged(
+        self, one: tuple[int, Entrant, Player], args: Mapping[str, Plain], where: str, own: Mapping[str, Plain]
+    ) -> None:
+        """The options of an entrant with those of the suite and of the condition that is written at `where`."""
+        at, entrant, player = one
+        shared, under = _taken(player, args), _taken(player, own)
+        for fault in option_faults(options_model(player.plugin), {**shared, **player.args, **under}):
+            top = fault.where.partition(".")[0]
+            if top in under:
+                place = f"{where}.args.{top}"
+            elif top in entrant.args:
+                place = f"entrants[{at}].args.{top}"
+            else:
+                place = f"args.{top}" if top in shared else f"entrants[{at}]"
+            named = "" if place.endswith(f".{top}") or not top else f"option `{top}` "
+            self._say(place, Fault(fault.where, f"{named}{fault.message}", fault.hint))
 
     # -- missions, modes, settings
 
@@ -224,8 +282,9 @@ class _Reader:
                     f"they have: {', '.join(sorted(allowed))}",
                 )
 
-    def _columns(self, modes: Sequence[str] | None, *, sweeps: bool) -> list[_Place]:
-        wanted = list(_parts(self._document, "conditions", SuiteCondition))
+    def _columns(
+        self, wanted: Sequence[tuple[int, SuiteCondition]], modes: Sequence[str] | None, *, sweeps: bool
+    ) -> list[_Place]:
         if not wanted and not self._document.get("conditions"):
             found = columns(self.files.values(), modes, sweeps=sweeps)
             return [
@@ -327,25 +386,6 @@ class _Reader:
             self._fault(where, str(error), close or error.hint)
             return None
 
-    def _cell(self, at: int, entrant: Entrant, player: Player, place: _Place, args: Mapping[str, Plain]) -> SuiteCell:
-        options = options_model(player.plugin)
-        taken = set(spellings(options))
-        anything = takes_any_name(options)
-        shared = {name: value for name, value in args.items() if anything or name in taken}
-        under = {name: value for name, value in place.args.items() if anything or name in taken}
-        merged = {**shared, **player.args, **under}
-        for fault in option_faults(options, merged):
-            top = fault.where.partition(".")[0]
-            if top in under:
-                where = f"{place.where}.args.{top}"
-            elif top in entrant.args:
-                where = f"entrants[{at}].args.{top}"
-            else:
-                where = f"args.{top}" if top in shared else f"entrants[{at}]"
-            named = "" if where.endswith(f".{top}") or not top else f"option `{top}` "
-            self._say(where, Fault(fault.where, f"{named}{fault.message}", fault.hint))
-        return SuiteCell(player, place.column, place.condition, place.baseline, merged, (at, place.at))
-
     def _check_names(self, where: str, names: Sequence[tuple[int, str]]) -> None:
         seen: set[str] = set()
         for at, name in names:
@@ -353,8 +393,8 @@ class _Reader:
                 self._fault(f"{where}[{at}].name", f"`{name}` is there twice", "give each a name of its own")
             seen.add(name)
 
-    def _check_condition_entrants(self, names: set[str]) -> None:
-        for at, condition in _parts(self._document, "conditions", SuiteCondition):
+    def _check_condition_entrants(self, conditions: Sequence[tuple[int, SuiteCondition]], names: set[str]) -> None:
+        for at, condition in conditions:
             for number, name in enumerate(condition.entrants or ()):
                 if names and name not in names:
                     where = f"conditions[{at}].entrants[{number}]"
@@ -378,6 +418,13 @@ class _Place:
     entrants: tuple[str, ...] | None = None
     baseline: bool = False
     at: int = 0
+
+
+def _taken(player: Player, given: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Those of the options that the player's policy has."""
+    options = options_model(player.plugin)
+    known = set(spellings(options))
+    return {name: value for name, value in given.items() if name in known or takes_any_name(options)}
 
 
 def _setting_name(settings: Mapping[str, float]) -> str:

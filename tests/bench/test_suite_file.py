@@ -65,6 +65,43 @@ def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: Plu
     assert "missions[1]: there is no mission `cdd`; did you mean `cd`?" in told
 
 
+def test_a_mistake_hides_no_other(tmp_path: Path, host: PluginHost) -> None:
+    """No seeds, an entrant that plays nowhere, a condition that nobody plays under and one in no mode: what is wrong
+    with their options is told all the same."""
+    text = (
+        SMALL.replace("seeds = 2\n", "args = { skript = 1 }\n")
+        + """
+[[entrants]]
+name = "s"
+policy = "scripted"
+args = { script = 3 }
+[[conditions]]
+name = "a"
+entrants = ["orakle"]
+args = { memory = 3 }
+[[conditions]]
+name = "b"
+modes = ["broadcats"]
+args = { script = true }
+[[conditions]]
+name = "c"
+missions = ["cd"]
+settings = { points = 99 }
+args = { scrip = "" }
+"""
+    )
+    assert sorted(line.partition(":")[0] for line in faults(text, tmp_path, host)) == [
+        "args.skript", "conditions[0].args.memory", "conditions[0].entrants[0]", "conditions[1].args.script",
+        "conditions[1].modes[0]", "conditions[2].args.scrip", "conditions[2].settings.points",
+        "entrants[2].args.script", "seeds",
+    ]  # fmt: skip
+
+
+def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, host: PluginHost) -> None:
+    text = SMALL.replace('"random"', '"randam"').replace("seeds = 2\n", "seeds = 2\nargs = { script = 1 }\n")
+    assert [line.partition(":")[0] for line in faults(text, tmp_path, host)] == ["entrants[1].policy"]
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
