@@ -65,23 +65,58 @@ class BehaviourRates(msgspec.Struct, frozen=True, kw_only=True):
     forgotten: float | None
 
 
+class ActionCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """What the four rates are made of: how many of some `actions` were each; `following` are those that have a
+    predecessor. Counts of several episodes add up."""
+
+    actions: int = 0
+    adherent: int = 0
+    following: int = 0
+    repeated: int = 0
+    out_of_bounds: int = 0
+    forgotten: int = 0
+
+    def __add__(self, other: ActionCounts) -> ActionCounts:
+        return ActionCounts(**{name: getattr(self, name) + getattr(other, name) for name in self.__struct_fields__})
+
+    def rates(self) -> BehaviourRates:
+        """The rates."""
+        return BehaviourRates(
+            actions=self.actions,
+            adherence=ratio(self.adherent, self.actions),
+            repetition=ratio(self.repeated, self.following),
+            out_of_bounds=ratio(self.out_of_bounds, self.actions),
+            forgotten=ratio(self.forgotten, self.actions),
+        )
+
+
+def counted(actions: Iterable[JudgedAction]) -> ActionCounts:
+    """The counts of actions, of one episode or pooled from many."""
+    judged = list(actions)
+    return ActionCounts(
+        actions=len(judged),
+        adherent=sum(one.adherent for one in judged),
+        following=sum(one.repeated is not None for one in judged),
+        repeated=sum(bool(one.repeated) for one in judged),
+        out_of_bounds=sum(one.out_of_bounds for one in judged),
+        forgotten=sum(one.forgotten for one in judged),
+    )
+
+
+def counted_by_tercile(actions: Iterable[JudgedAction]) -> tuple[ActionCounts, ...]:
+    """The counts of the first, second and last third of each agent's actions, in the order of `TERCILES`."""
+    judged = list(actions)
+    return tuple(counted(one for one in judged if one.third == third) for third in range(len(TERCILES)))
+
+
 def behaviour(actions: Iterable[JudgedAction]) -> BehaviourRates:
     """The rates of actions, of one episode or pooled from many."""
-    judged = list(actions)
-    following = [one.repeated for one in judged if one.repeated is not None]
-    return BehaviourRates(
-        actions=len(judged),
-        adherence=ratio(sum(one.adherent for one in judged), len(judged)),
-        repetition=ratio(sum(following), len(following)),
-        out_of_bounds=ratio(sum(one.out_of_bounds for one in judged), len(judged)),
-        forgotten=ratio(sum(one.forgotten for one in judged), len(judged)),
-    )
+    return counted(actions).rates()
 
 
 def by_tercile(actions: Iterable[JudgedAction]) -> dict[str, BehaviourRates]:
     """The rates of the first, second and last third of each agent's actions, pooled."""
-    judged = list(actions)
-    return {name: behaviour(one for one in judged if one.third == third) for third, name in enumerate(TERCILES)}
+    return {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(actions), strict=True)}
 
 
 def actions(trace: Trace) -> tuple[JudgedAction, ...]:
@@ -170,4 +205,7 @@ def _whole(value: object) -> object:
     return tuple(map(_whole, value)) if isinstance(value, tuple | list) else round(value)
 
 
-__all__ = ["TERCILES", "BehaviourRates", "JudgedAction", "actions", "behaviour", "by_tercile"]
+__all__ = [
+    "TERCILES", "ActionCounts", "BehaviourRates", "JudgedAction", "actions", "behaviour", "by_tercile", "counted",
+    "counted_by_tercile",
+]  # fmt: skip

@@ -124,8 +124,9 @@ _STYLE = (
 
 
 def _grouped(lines: Sequence[ResultLine]) -> Iterator[tuple[str, list[ResultLine]]]:
-    """The lines under their headings, in the order in which these appear first."""
-    found: dict[str, list[ResultLine]] = {}
+    """The lines under their headings, in the order in which these appear first; before them those without one, which
+    would else seem to stand under another's."""
+    found: dict[str, list[ResultLine]] = {"": []} if any(not line.group for line in lines) else {}
     for line in lines:
         found.setdefault(line.group, []).append(line)
     yield from found.items()

@@ -30,7 +30,7 @@ _KEY = b"lingjing.results"
 _AS_JSON = ("options", "report")
 _REPORTED = {
     "success": bool, "reason": str, "scr": float, "score": float, "ticks": int, "digest": str, "frames_digest": str,
-    "detail": str, "trace": str, "attribution": str,
+    "detail": str, "trace": str, "attribution": str, "family": str,
 }  # fmt: skip
 _MISSING = "the results of suites need pyarrow"
 

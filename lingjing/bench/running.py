@@ -18,6 +18,7 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.analysis.behaviour import actions, counted_by_tercile
 from lingjing.analysis.metrics import metrics
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.executors import Executor
@@ -253,7 +254,7 @@ def cost_of(row: SuiteRow) -> float:
 
 def scored_until_crash(report: EpisodeReport) -> EpisodeReport:
     """A crashed policy's episode as a failure, with what its trace shows until then; nothing where there is none."""
-    failed = msgspec.structs.replace(report, reason=CRASHED, success=False)
+    failed = msgspec.structs.replace(report, reason=CRASHED, success=False, family="unattributed")
     try:
         trace = read_trace(Path(report.trace))
     except (LingjingError, OSError):
@@ -263,7 +264,13 @@ def scored_until_crash(report: EpisodeReport) -> EpisodeReport:
     last = trace.boundaries[-1]
     counted = msgspec.structs.replace(metrics(trace), scr=last.scr, score=last.reward, reason=CRASHED)
     return msgspec.structs.replace(
-        failed, scr=last.scr, score=last.reward, ticks=last.tick, digest=last.digest, metrics=counted
+        failed,
+        scr=last.scr,
+        score=last.reward,
+        ticks=last.tick,
+        digest=last.digest,
+        metrics=counted,
+        terciles=counted_by_tercile(actions(trace)),
     )
 
 

@@ -29,7 +29,17 @@ MOST_SEEDS = 100_000
 
 SuiteMode = Literal["star", "broadcast", "single"]
 TableKind = Literal[
-    "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "paired", "cost"
+    "success",
+    "intervals",
+    "modes",
+    "conditions",
+    "stages",
+    "behaviour",
+    "perception",
+    "failures",
+    "drift",
+    "paired",
+    "cost",
 ]
 
 

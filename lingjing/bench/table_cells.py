@@ -65,14 +65,22 @@ def marked(
 
 
 def best_of(cells: Sequence[ResultCell], *, lower: bool = False, second: bool = True) -> tuple[ResultCell, ...]:
-    """The cells with the best value marked and, if wanted, the second best; equal ones alike."""
-    values = sorted({cell.value for cell in cells if not math.isnan(cell.value)}, reverse=not lower)
+    """The cells with the best value marked and, if wanted, the second best; those that read alike are alike."""
+    values = sorted({_read(cell) for cell in cells if not math.isnan(cell.value)}, reverse=not lower)
     if len(values) < 2:
         return tuple(cells)
     marks: dict[float, Mark] = {values[0]: "best"}
     if second:
         marks[values[1]] = "second"
-    return tuple(cell._replace(mark=marks.get(cell.value, "")) for cell in cells)
+    return tuple(cell._replace(mark=marks.get(_read(cell), "")) for cell in cells)
+
+
+def _read(cell: ResultCell) -> float:
+    """The value as the table shows it: two that look the same differ by less than is told."""
+    try:
+        return float(cell.text)
+    except ValueError:
+        return cell.value
 
 
 def percent(share: float) -> ResultCell:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
 from lingjing.bench.played import Played, mean_of, rows_by
 from lingjing.bench.rows import SuiteRow
@@ -268,6 +269,8 @@ TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]]
     "stages": _stages,
     "behaviour": _behaviour,
     "perception": _perception,
+    "failures": failure_tables,
+    "drift": drift_table,
     "paired": paired_tests,
     "cost": _cost,
 }

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from lingjing.bench.rows import SuiteRow
     from lingjing.bench.running import Shard, SuiteRun
 
-KINDS = ("success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "paired", "cost")
+KINDS = (
+    "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "failures", "drift", "paired",
+    "cost",
+)  # fmt: skip
 FORMATS = ("markdown", "latex", "csv", "html")
 
 

@@ -16,6 +16,8 @@ from typing import Literal, Self, Unpack
 
 import msgspec
 
+from lingjing.analysis.behaviour import actions, counted_by_tercile
+from lingjing.analysis.families import attribute
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.relations import RelationTracker
@@ -247,7 +249,7 @@ def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeRepor
         raise disturbed(path, str(error)) from error
     outcome = trace.outcome or _unknown(trace)
     deviations = withdrawn(outcome.processes)
-    instance = trace.header.instance
+    instance, attributed = trace.header.instance, attribute(trace)
     return EpisodeReport(
         mission=instance.mission,
         seed=instance.seed,
@@ -270,6 +272,8 @@ def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeRepor
         incidents=incidents(trace),
         happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
         withdrawn=deviations,
+        family=None if attributed is None else attributed.family,
+        terciles=counted_by_tercile(actions(trace)),
     )
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.analysis.behaviour import ActionCounts
+from lingjing.analysis.families import FailureFamily
 from lingjing.analysis.incidents import Incident
 from lingjing.analysis.metrics import Metrics
 from lingjing.trace.records import TaskEvent
@@ -27,8 +29,10 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     policies' random streams; `scr` is the subtask completion rate, `score` the mission's own with its weights and
     penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
     `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
-    `metrics` is None for an episode whose process left nothing to count. `crashed` is whether what ended or ruined that
-    process can only have been its policy: `lingjing run` reports an abort, a suite counts a failure.
+    `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a lost
+    episode, `terciles` the counts of the first, second and last third of its agents' actions. `crashed` is whether
+    what ended or ruined that process can only have been its policy: `lingjing run` reports an abort, a suite counts a
+    failure.
     """
 
     mission: str
@@ -53,6 +57,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     happened: tuple[TaskEvent, ...] = ()
     withdrawn: tuple[str, ...] = ()
     crashed: bool = False
+    family: FailureFamily | None = None
+    terciles: tuple[ActionCounts, ...] = ()
 
     @property
     def folder(self) -> Path:

@@ -7,19 +7,21 @@ import io
 import math
 import random
 
+import msgspec
 import pytest
 
+from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.exports import html_page, to_csv, to_html, to_latex, to_markdown
 from lingjing.bench.played import Played
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
-from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
+from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, best_of
 from lingjing.bench.tables import TABLES, columns_of, make_tables
 from lingjing.cli import bench
 from tests.bench.suite_kit import made_row
-from tests.play.report_kit import blank_metrics
+from tests.play.report_kit import blank_metrics, made_report
 
 
 def column(entrant: str, mission: str, mode: str, won: int, of: int = 10, **changes: object) -> list[SuiteRow]:
@@ -267,6 +269,73 @@ def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -
     rows = [made_row(metrics=few), made_row(seed=1, metrics=many)]
     (table,) = make_tables(rows, ["behaviour"])
     assert [cell.text for cell in table.lines[0].cells][:6] == ["90", "12.0", "10", "0.12", "80", "55"]
+
+
+def lost(entrant: str, group: str, mission: str, mode: str, *families: str) -> list[SuiteRow]:
+    return [
+        made_row(
+            entrant=entrant, group=group, mission=mission, mode=mode, seed=seed, success=False,
+            report=made_report(success=False, family=family),
+        )
+        for seed, family in enumerate(families)
+    ]  # fmt: skip
+
+
+def test_failure_families_are_balanced_over_modes_then_missions_and_entrants() -> None:
+    """By hand. A in ufr: star 1/1 miss, broadcast 1/2 miss, so 75 %; in cd no miss: (75 + 0) / 2 = 37.5. B: 0 of 4 in
+    bi, so the heading of both has (75 + 0 + 0) / 3 = 25, not 2 of 9."""
+    rows = [
+        *lost("a", "API", "ufr", "star", "perception_miss"),
+        *lost("a", "API", "ufr", "broadcast", "perception_miss", "context_drift"),
+        *lost("a", "API", "cd", "star", "coordination_deadlock", "coordination_deadlock"),
+        *lost("b", "API", "bi", "single", *["object_confusion"] * 3, "unattributed"),
+        *lost("c", "Open", "bi", "single", "handoff_break"),
+        made_row(entrant="c", group="Open", mission="cd"),
+        *(msgspec.structs.replace(row, privileged=True) for row in lost("o", "Open", "cd", "star", "handoff_break")),
+    ]
+    tiers, entrants = make_tables(rows, ["failures"])
+    assert tiers.heads == ("API (n = 9)", "Open (n = 1)", "Most in")
+    assert {line.label[0]: [cell.text for cell in line.cells] for line in tiers.lines} == {
+        "Perception miss": ["25", "0", "UFR"],
+        "Object confusion": ["25", "0", "BI"],
+        "Localization error": ["0", "0", "–"],
+        "Long-context drift": ["8", "0", "UFR"],
+        "Coordination deadlock": ["33", "0", "CD"],
+        "Handoff or dependency break": ["0", "100", "BI"],
+        "Unattributed": ["8", "0", "BI"],
+    }
+    assert sum(line.cells[0].value for line in tiers.lines) == pytest.approx(100.0)
+    assert [(line.label, line.cells[0].text, line.cells[1].text) for line in entrants.lines][:3] == [
+        (("a", "ufr-star"), "1", "100"), (("a", "ufr-broadcast"), "2", "50"), (("a", "cd-star"), "2", "0"),
+    ]  # fmt: skip
+    assert entrants.lines[-1].label == ("o †", "cd-star")
+
+
+def test_drift_is_pooled_over_actions_by_tercile() -> None:
+    """By hand. Late repetition: 1 of 1 and 0 of 3 that have a predecessor are 25 %, not the mean of 100 and 0."""
+    early = ActionCounts(actions=2, adherent=2)
+    first = (early, early, ActionCounts(actions=2, adherent=1, following=1, repeated=1, forgotten=1))
+    second = (early, early, ActionCounts(actions=6, adherent=1, following=3, out_of_bounds=2))
+    rows = [made_row(seed=seed, report=made_report(terciles=each)) for seed, each in enumerate((first, second))]
+    (table,) = make_tables([*rows, made_row(seed=2)], ["drift"])
+    told = [(line.label, [cell.text for cell in line.cells]) for line in table.lines]
+    assert told[0] == (("All", "Early"), ["4", "100", "–", "0", "0"])
+    assert told[2] == (("All", "Late"), ["8", "25", "25", "25", "12"])
+    assert told[5] == (("e", "Late"), told[2][1])
+
+
+def test_entrants_without_a_heading_stand_under_nobody_elses() -> None:
+    rows = [*column("m", "bi", "single", 1, group="Models"), *column("p", "bi", "single", 1)]
+    (table,) = make_tables(rows, ["success"])
+    for text in (to_markdown(table), to_latex(table), to_html(table)):
+        assert text.index({"<": ">p<", "%": "\np &"}.get(text[0], "| p |")) < text.index("Models")
+    body = to_markdown(table).splitlines()[4:]
+    assert [line.split(" | ")[0].strip("| ") for line in body[:3]] == ["p", "*Models*", "m"]
+
+
+def test_values_that_read_alike_are_marked_alike() -> None:
+    cells = best_of([ResultCell("0", 0.33), ResultCell("0", 0.0), ResultCell("2", 2.0)], lower=True)
+    assert [cell.mark for cell in cells] == ["best", "best", "second"]
 
 
 def test_last_mile_delivery_has_its_five_stages() -> None:

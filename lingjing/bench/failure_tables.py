@@ -1,0 +1,142 @@
+"""Why episodes were lost and how agents' actions changed along them: the paper's tables of failures and of drift.
+
+Shares of failure families are balanced as in the paper: taken within each entrant, mission, mode and condition,
+averaged over a mission's modes, then over missions and entrants alike. Rates by tercile are pooled over actions.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
+from operator import add
+from statistics import fmean
+
+from lingjing.analysis.behaviour import TERCILES, ActionCounts
+from lingjing.analysis.families import FAMILIES, FailureFamily
+from lingjing.bench.played import rows_by
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.table_cells import ABSENT, PRIVILEGED, ResultCell, ResultLine, ResultTable, percent, plain, titled
+
+FamilyShares = Mapping[FailureFamily, float]
+
+UNGROUPED = "All"
+"""The heading of entrants that have none, where no other has one."""
+
+OTHERS = "Others"
+"""The same where some have one."""
+
+_NAMES: Mapping[FailureFamily, str] = {
+    "perception_miss": "Perception miss",
+    "object_confusion": "Object confusion",
+    "localisation_error": "Localization error",
+    "context_drift": "Long-context drift",
+    "coordination_deadlock": "Coordination deadlock",
+    "handoff_break": "Handoff or dependency break",
+    "unattributed": "Unattributed",
+}
+"""The paper's names, in its order; what no rule explains is last."""
+
+_NOTE = "the earliest breakdown that the trace shows, one of each lost episode (docs/metrics.md)"
+
+
+def failure_tables(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """Families by heading of entrants, balanced over missions and entrants; then by entrant and column."""
+    lost = [row for row in rows if row.report.family is not None]
+    competing = _by_tier([row for row in lost if not row.privileged])
+    if competing:
+        yield _balanced(competing, title)
+    lines = []
+    for (_, condition), own in rows_by(lost, lambda row: (row.entrant, row.condition)).items():
+        for column, few in rows_by(own, lambda row: row.column).items():
+            shares = _shares(few)
+            cells = (ResultCell(str(len(few)), len(few)), *(percent(shares[family]) for family in _NAMES))
+            lines.append(ResultLine(own[0].group, (_called(own[0], condition), column), cells))
+    yield ResultTable(
+        "failures", titled(title, "failure families of each entrant (%)"), ("Entrant", "Column"),
+        ("Lost", *_NAMES.values()), tuple(lines), (_NOTE,),
+    )  # fmt: skip
+
+
+def _balanced(tiers: Mapping[str, Sequence[SuiteRow]], title: str) -> ResultTable:
+    found = {tier: _by_mission(own) for tier, own in tiers.items()}
+    means = {tier: _mean(list(each.values())) for tier, each in found.items()}
+    lines = [
+        ResultLine("", (name,), (*(percent(means[tier][family]) for tier in tiers), _most_in(family, found.values())))
+        for family, name in _NAMES.items()
+    ]
+    heads = (*(f"{tier} (n = {len(own)})" for tier, own in tiers.items()), "Most in")
+    note = (
+        f"{_NOTE}; shares within each entrant, mission and mode, averaged over modes, then over missions and entrants"
+    )
+    return ResultTable(
+        "failures", titled(title, "failure families (%)"), ("Failure family",), heads, tuple(lines), (note,)
+    )
+
+
+def _by_mission(rows: Sequence[SuiteRow]) -> dict[tuple[str, str, str], FamilyShares]:
+    """The shares of every entrant, condition and mission: the mean over the modes in which it lost anything."""
+    cells = rows_by(rows, lambda row: (row.entrant, row.condition, row.mission))
+    return {key: _mean([_shares(few) for few in rows_by(own, lambda row: row.mode).values()])
+            for key, own in cells.items()}  # fmt: skip
+
+
+def _shares(rows: Sequence[SuiteRow]) -> FamilyShares:
+    counted = Counter(row.report.family for row in rows)
+    return {family: counted[family] / len(rows) for family in FAMILIES}
+
+
+def _mean(shares: Sequence[FamilyShares]) -> FamilyShares:
+    return {family: fmean(one[family] for one in shares) for family in FAMILIES}
+
+
+def _most_in(family: FailureFamily, tiers: Iterable[Mapping[tuple[str, str, str], FamilyShares]]) -> ResultCell:
+    """The two missions in which the family has the highest mean share."""
+    missions: dict[str, list[float]] = {}
+    for each in tiers:
+        for (_, _, mission), shares in each.items():
+            missions.setdefault(mission, []).append(shares[family])
+    ranked = sorted((-fmean(shares), name) for name, shares in missions.items() if any(shares))
+    return ResultCell(", ".join(name.upper() for _, name in ranked[:2]) or ABSENT)
+
+
+def drift_table(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """Adherence, repetition, out of bounds and forgotten subgoals by tercile of each agent's actions: of every heading
+    of entrants, then of every entrant."""
+    told = [row for row in rows if row.report.terciles]
+    lines = []
+    for tier, own in _by_tier([row for row in told if not row.privileged]).items():
+        lines += _thirds("", tier, own)
+    for (_, condition), own in rows_by(told, lambda row: (row.entrant, row.condition)).items():
+        lines += _thirds(own[0].group or OTHERS, _called(own[0], condition), own)
+    heads = ("Actions", "Adher.", "Repeat", "OOB", "Forgot")
+    note = (
+        "each agent's actions of an episode in three equal parts, pooled; repetition is over actions with a predecessor"
+    )
+    yield ResultTable("drift", titled(title, "actions by tercile (%)"), ("", "Ctx."), heads, tuple(lines), (note,))
+
+
+def _thirds(group: str, name: str, rows: Sequence[SuiteRow]) -> list[ResultLine]:
+    pooled: list[ActionCounts] = [
+        reduce(add, each) for each in zip(*(row.report.terciles for row in rows), strict=True)
+    ]
+    found = []
+    for third, counts in zip(TERCILES, pooled, strict=True):
+        rates = counts.rates()
+        values = (rates.adherence, rates.repetition, rates.out_of_bounds, rates.forgotten)
+        cells = (plain(counts.actions, ".0f"), *(percent(float("nan") if one is None else one) for one in values))
+        found.append(ResultLine(group, (name, third.capitalize()), cells))
+    return found
+
+
+def _by_tier(rows: Sequence[SuiteRow]) -> dict[str, list[SuiteRow]]:
+    none = OTHERS if any(row.group for row in rows) else UNGROUPED
+    return rows_by(rows, lambda row: row.group or none)
+
+
+def _called(row: SuiteRow, condition: str) -> str:
+    name = f"{row.entrant} {PRIVILEGED}" if row.privileged else row.entrant
+    return f"{name} ({condition})" if condition else name
+
+
+__all__ = ["drift_table", "failure_tables"]
