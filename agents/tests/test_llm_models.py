@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from lingjing_agents.llm.asking import open_model
-from lingjing_agents.llm.chat import ChatMessage
+from lingjing_agents.llm.chat import ChatMessage, ChatRequest
+from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.models import read_models
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
@@ -120,6 +121,49 @@ async def test_a_step_can_come_as_a_tools_arguments():
     (request,) = server.requests
     assert request["tools"][0]["function"]["parameters"] == json.loads(SCHEMA)
     assert request["tool_choice"]["function"]["name"] == "step"
+
+
+async def test_arguments_that_are_no_text_are_read_all_the_same():
+    """The protocol says JSON as text; some servers give the object itself."""
+    reply = completion(Reply())
+    step = {"thought": "by a tool", "command": None, "messages": []}
+    calls = [{"function": {"name": "step", "arguments": None}}, {"function": {"name": "step", "arguments": step}}]
+    reply["choices"][0]["message"] = {"role": "assistant", "content": None, "tool_calls": calls}
+    with serve([Reply(body=json.dumps(reply))]) as server:
+        answer = await DirectClient(server.url).complete(ChatRequest("m", (ChatMessage("user", "hi"),)), 60)
+    assert json.loads(answer.text) == step
+
+
+@pytest.mark.parametrize(
+    ("usage", "counted"),
+    [
+        ({"prompt_tokens": 1000.0, "completion_tokens": "20"}, 1020),
+        ({"prompt_tokens": -5, "completion_tokens": 20}, 0),
+        ({"prompt_tokens": 10**30, "completion_tokens": 20}, 0),
+        ([1, 2], 0),
+        (None, 0),
+    ],
+)
+async def test_an_answer_is_not_lost_for_a_count_that_cannot_be_and_counts_in_full(usage, counted):
+    reply = completion(Reply("hi")) | {"usage": usage}
+    calls = CountedCalls()
+    with serve([Reply(body=json.dumps(reply))]) as server:
+        model = open_model(options(model="gpt-5.5", base_url=server.url), calls)
+        answer = await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(60))
+    assert answer.text == "hi"
+    assert answer.prompt_tokens + answer.completion_tokens == counted
+    ((request, result),) = calls.ended
+    assert result.unknown_usd == (0.0 if counted else request.most_usd) and request.most_usd
+
+
+class CountedCalls(UnrecordedCalls):
+    """Keeps what the calls came to."""
+
+    def __init__(self) -> None:
+        self.ended = []
+
+    def end(self, request, result):
+        self.ended.append((request, result))
 
 
 async def test_kept_tokens_have_their_own_price():

@@ -20,7 +20,9 @@ Count = Annotated[int, msgspec.Meta(ge=0, le=MOST_TOKENS)]
 
 
 class _Called(msgspec.Struct):
-    arguments: str | None = None
+    """Arguments are JSON as text, by the protocol; some servers give the object itself."""
+
+    arguments: msgspec.Raw = msgspec.Raw(b"null")
 
 
 class _ToolCall(msgspec.Struct):
@@ -57,7 +59,7 @@ class _Tokens(msgspec.Struct):
 
 class _Answer(msgspec.Struct):
     choices: list[_Choice]
-    usage: _Tokens | None = None
+    usage: msgspec.Raw = msgspec.Raw(b"null")
 
 
 class _Failure(msgspec.Struct):
@@ -158,16 +160,17 @@ def _completion(content: bytes) -> ModelCompletion:
     try:
         answer = msgspec.json.decode(content, type=_Answer)
         choice = answer.choices[0]
+        text = _called(choice.message) or _written(choice.message)
     except (msgspec.DecodeError, UnicodeDecodeError, IndexError, RecursionError) as error:
         message = f"the service's answer is not a chat completion: {error}"
         raise ModelError(message, transient=True, billed=True) from error
     said = choice.message
     if said.refusal:
         raise ModelError(f"the model refused: {said.refusal}", fault="model", billed=True)
-    tokens = answer.usage or _Tokens()
+    tokens = _counted(answer.usage)
     kept = tokens.prompt_tokens_details or _PromptTokens()
     return ModelCompletion(
-        text=_called(said) or _written(said),
+        text=text,
         finish_reason=choice.finish_reason or "stop",
         prompt_tokens=tokens.prompt_tokens or 0,
         completion_tokens=tokens.completion_tokens or 0,
@@ -176,9 +179,23 @@ def _completion(content: bytes) -> ModelCompletion:
     )
 
 
+def _counted(usage: msgspec.Raw) -> _Tokens:
+    """The tokens that the service says it has counted; none where what it says cannot be: an answer is not lost for
+    that, and money that nobody has counted is reckoned in full."""
+    try:
+        return msgspec.json.decode(usage, type=_Tokens | None, strict=False) or _Tokens()
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return _Tokens()
+
+
 def _called(message: _Message) -> str:
-    """The arguments of the first tool that the model calls."""
-    return next((call.function.arguments for call in message.tool_calls or () if call.function.arguments), "")
+    """The arguments of the first tool that the model calls, as JSON text."""
+    for call in message.tool_calls or ():
+        given = bytes(call.function.arguments)
+        text = msgspec.json.decode(given, type=str) if given.startswith(b'"') else given.decode()
+        if text not in ("", "null"):
+            return text
+    return ""
 
 
 def _written(message: _Message) -> str:
