@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from msgspec.structs import replace
-
 from lingjing.kernel import assignments
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.budgets import Budgets
@@ -62,8 +60,7 @@ def _updated(registry: Registry, record: BoundaryRecord, trace: Trace, budgets: 
     progress = budgets.spend(tally.onto(registry.progress), record.decisions)
     states = record.snapshots[-1].states if record.snapshots else tuple(registry.states.values())
     return (
-        replace(registry, progress=progress, unheard=record.unheard)
-        .with_boundary(record.tick, record.time_s, states)
+        registry.with_boundary(record.tick, record.time_s, states, record.unheard, progress)
         .with_receipts(asked, record.receipts)
         .with_lost_unlocks(own, missing)
         .with_events([event for event in record.task_events if not event.name])

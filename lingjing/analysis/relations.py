@@ -82,7 +82,7 @@ class RelationTracker:
             .with_receipts(record.commands, record.receipts)
             .with_events(event for event in record.task_events if not event.name)
             .with_frames([frame for frame in record.frames if frame.camera != REFERENCE], self._instance)
-            .with_reports(Report(one.id, one.kind, one.sender, one.tick, one.body) for one in said)
+            .with_reports([Report(one.id, one.kind, one.sender, one.tick, one.body) for one in said])
         )
         done = {(change.stage, change.subject): change.tick for change in record.stages}
         return replace(updated, stages={**updated.stages, **done})

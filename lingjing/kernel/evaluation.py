@@ -28,19 +28,23 @@ from lingjing.mission.wording import some
 from lingjing.plugins.evaluator import Evaluation
 from lingjing.trace.records import AdjudicatedEvent
 
+NOTHING_BOUND: Locals = {}
+"""The scope of a mission's own conditions."""
+
 
 class MissionEvaluator:
     """Scores by the mission's own success and failure conditions: the evaluator `mission`."""
 
     def __init__(self, instance: Instance) -> None:
-        self._instance = instance
+        self._success = CountedParts(instance.success)
+        self._failure = instance.failure
         self._monitor = ConstraintMonitor(instance)
         self._declared_stages = Stages(instance)
 
     def evaluate(self, at: RuntimeContext, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
         standing = at.registry
-        parts = list(parts_of(self._instance.success, {}, at))
+        parts = list(self._success.hold(at))
         won = all(parts)
         whole = 1.0 if won else self._share(standing, parts)
         score = min(1.0, max(0.0, whole - self._monitor.penalty(standing)))
@@ -49,7 +53,7 @@ class MissionEvaluator:
             return Evaluation(score, True, "constraint", broken)
         if won:
             return Evaluation(score, True, "success")
-        if self._instance.failure is not None and holds(self._instance.failure, {}, at):
+        if self._failure is not None and holds(self._failure, NOTHING_BOUND, at):
             return Evaluation(score, True, "failure")
         late = tuple(self._declared_stages.late(standing))
         return Evaluation(score, True, "late", _lateness(late, standing.tick)) if late else Evaluation(score, False)
@@ -66,17 +70,22 @@ def _lateness(late: Sequence[Late], tick: int) -> str:
     return told + (f"; so were {some([one.name for one in others])}" if others else "")
 
 
-def parts_of(condition: Expr, scope: Locals, at: RuntimeContext) -> Iterator[bool]:
-    """Whether each part of a condition holds: its components, once for each member that a `forall` asks them of.
+class CountedParts:
+    """The parts of a condition that are counted: its components, once for each member that a `forall` asks them of."""
 
-    The condition holds when all of them do.
-    """
-    for each, part in components(condition):
-        if each is None:
-            yield holds(part, scope, at)
-        else:
-            for member in at.domain(each.domain):
-                yield from parts_of(part, {**scope, each.variable: member}, at)
+    def __init__(self, condition: Expr) -> None:
+        self._parts = tuple(
+            (each, part, None if each is None else CountedParts(part)) for each, part in components(condition)
+        )
+
+    def hold(self, at: RuntimeContext, scope: Locals = NOTHING_BOUND) -> Iterator[bool]:
+        """Whether each of them holds; the condition holds when all do."""
+        for each, part, inner in self._parts:
+            if each is None or inner is None:
+                yield holds(part, scope, at)
+            else:
+                for member in at.domain(each.domain):
+                    yield from inner.hold(at, {**scope, each.variable: member})
 
 
 def combine(results: Sequence[Evaluation]) -> Evaluation:

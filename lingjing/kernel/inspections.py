@@ -40,6 +40,8 @@ class Inspections:
 
         Several messages of one boundary that say the same place ask once.
         """
+        if not self._inspections:
+            return ()
         asked: dict[Wish, None] = {}
         for inspection in self._inspections:
             if tick == 1 and inspection.destination:

@@ -7,7 +7,7 @@ never with ticks alone; what grows is an
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 import msgspec
 from msgspec import field
@@ -89,9 +89,23 @@ class Registry(msgspec.Struct, frozen=True):
     progress: EpisodeProgress = field(default_factory=EpisodeProgress)
     unheard: tuple[tuple[str, str], ...] = ()
 
-    def with_boundary(self, tick: int, time_s: float, states: Iterable[BodyState]) -> Registry:
-        """The registry at the next boundary's telemetry."""
-        return replace(self, tick=tick, time_s=time_s, states={state.id: state for state in states})
+    def with_boundary(
+        self,
+        tick: int,
+        time_s: float,
+        states: Iterable[BodyState],
+        unheard: tuple[tuple[str, str], ...] = (),
+        progress: EpisodeProgress | None = None,
+    ) -> Registry:
+        """The registry at the next boundary's telemetry; its progress that of before where none is given."""
+        return replace(
+            self,
+            tick=tick,
+            time_s=time_s,
+            states={state.id: state for state in states},
+            unheard=unheard,
+            progress=self.progress if progress is None else progress,
+        )
 
     def with_lost_unlocks(self, unlocks: Iterable[Command], missing: Container[str]) -> Registry:
         """Unlocks without an admission receipt count as never sent, so that they are sent again."""
@@ -113,12 +127,14 @@ class Registry(msgspec.Struct, frozen=True):
         fresh = {route.entity: route for route in routes}
         return replace(self, routes={**self.routes, **fresh}) if fresh else self
 
-    def with_receipts(self, commands: Iterable[Command], receipts: Iterable[Receipt]) -> Registry:
+    def with_receipts(self, commands: Iterable[Command], receipts: Sequence[Receipt]) -> Registry:
         """Pending requests opened by `accepted`, closed by `completed` and `rejected`.
 
         A command whose admission receipt is missing (`timed_out`) never opens one; an earlier pending request of the
         resource stays (Algorithm 2, "retain any previously admitted long-running request").
         """
+        if not receipts:
+            return self
         pending = dict(self.pending)
         sent = {command.id: command for command in commands}
         for receipt in receipts:
@@ -131,8 +147,10 @@ class Registry(msgspec.Struct, frozen=True):
                     del pending[receipt.resource]
         return replace(self, pending=pending)
 
-    def with_reports(self, reports: Iterable[Report]) -> Registry:
+    def with_reports(self, reports: Sequence[Report]) -> Registry:
         """Admitted messages, which rules may range over, whoever else receives them."""
+        if not reports:
+            return self
         return replace(self, reports=self.reports.extended({report.id: report for report in reports}))
 
     def with_frames(self, frames: Iterable[FrameInfo], instance: Instance) -> Registry:

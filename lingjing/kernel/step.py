@@ -187,15 +187,17 @@ class Kernel:
     def _own_commands(self, tick: int, reports: Sequence[Report]) -> tuple[Command, ...]:
         """Kernel-origin commands: the interactions that the last boundary allowed, the routes that are asked for."""
         unlocks = tuple(
-            Command(
-                id=f"{_UNLOCK_ID}{tick}-{number}",
-                tick=tick,
-                sender=KERNEL,
-                resource=entity,
-                verb=f"{UNLOCK}{interaction}",
-                origin=KERNEL,
-            )
-            for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
+            [
+                Command(
+                    id=f"{_UNLOCK_ID}{tick}-{number}",
+                    tick=tick,
+                    sender=KERNEL,
+                    resource=entity,
+                    verb=f"{UNLOCK}{interaction}",
+                    origin=KERNEL,
+                )
+                for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
+            ]
         )
         return unlocks + commands_of(self._inspections.wanted(tick, reports), tick, KERNEL, len(unlocks) + 1)
 
@@ -251,6 +253,8 @@ class Kernel:
     ) -> tuple[Receipt, ...]:
         """C^E: admissions (a missing one is timed out, lines 35 to 38), later receipts of long requests, pictures."""
         commands = inputs.resolved.commands
+        if not (commands or boundary.missing or boundary.admissions):
+            return boundary.receipts
         sent = {command.id: command for command in inputs.own + commands}
         missing = tuple(
             Receipt(
@@ -299,8 +303,9 @@ class Kernel:
         frames: Sequence[StoredFrame],
     ) -> Registry:
         updated = (
-            replace(registry, progress=inputs.progress, unheard=boundary.unheard)
-            .with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
+            registry.with_boundary(
+                boundary.tick, boundary.time_s, boundary.snapshots[-1].states, boundary.unheard, inputs.progress
+            )
             .with_receipts(inputs.resolved.commands, receipts)
             .with_lost_unlocks(inputs.own, boundary.missing)
             .with_events(boundary.events)

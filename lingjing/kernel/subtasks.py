@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.context import RuntimeContext
-from lingjing.kernel.evaluation import parts_of
+from lingjing.kernel.evaluation import NOTHING_BOUND, CountedParts
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.kernel.stages import Stages
@@ -28,15 +28,16 @@ class Subtasks:
     def __init__(self, instance: Instance, adjudicator: Adjudicator) -> None:
         self._success = instance.success
         self._adjudicator = adjudicator
+        self._parts = CountedParts(instance.success)
         self._groups = required_groups(instance)
         self._declared_stages = Stages(instance)
 
     def share(self, registry: Registry) -> float:
         """Completed over required, 0..1."""
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
-        done = list(self._done(registry, at))
-        if holds(self._success, {}, at):
+        if holds(self._success, NOTHING_BOUND, at):
             return 1.0
+        done = list(self._done(registry, at))
         return sum(done) / len(done) if done else 0.0
 
     def _done(self, registry: Registry, at: RuntimeContext) -> Iterator[bool]:
@@ -47,7 +48,7 @@ class Subtasks:
         elif self._declared_stages.parts:
             yield from (part in registry.stages for part in self._declared_stages.parts)
         else:
-            yield from parts_of(self._success, {}, at)
+            yield from self._parts.hold(at)
 
 
 def required_groups(instance: Instance) -> tuple[Quantified, ...]:

@@ -35,9 +35,7 @@ _EVENTS = msgspec.msgpack.Decoder(tuple[TaskEvent, ...])
 _ROUTES = msgspec.msgpack.Decoder(tuple[Route, ...])
 _PAIRS = msgspec.msgpack.Decoder(tuple[tuple[str, str], ...])
 _PLAIN_NUMBERS = {float}
-_TUPLES = {tuple}
-_TEXTS = {str}
-_THREE = {3}
+_SHAPE = [tuple, tuple, tuple, str, str]
 
 
 def checked_boundary(
@@ -215,10 +213,8 @@ def _numbers(state: BodyState) -> tuple[float, ...]:
 
 
 def _is_shaped(state: BodyState) -> bool:
-    types = {type(state.position), type(state.velocity), type(state.joints)}
-    sizes = {len(state.position), len(state.velocity)}
-    words = {type(state.status), type(state.kind)}
-    return types == _TUPLES and sizes == _THREE and words == _TEXTS
+    found = [type(state.position), type(state.velocity), type(state.joints), type(state.status), type(state.kind)]
+    return found == _SHAPE and len(state.position) == len(state.velocity) == 3
 
 
 def _plain(engine: str, call: str, decoder: msgspec.msgpack.Decoder[Any], value: object) -> Any:

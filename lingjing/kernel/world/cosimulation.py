@@ -153,7 +153,8 @@ class CoSimulation:
             self._frames[boundary.engine] = self._frames.get(boundary.engine, -1) + 1
             for state in boundary.states:
                 self._states[state.id] = state
-            keep_movers(self._ambient, boundary)
+            if boundary.ambient or self._ambient:
+                keep_movers(self._ambient, boundary)
             if boundary.unheard or self._unheard:
                 self._unheard[boundary.engine] = boundary.unheard
         if len(self._seats) > 1:
@@ -169,11 +170,15 @@ class CoSimulation:
 
     def _crowded(self, snapshot: Snapshot) -> Snapshot:
         """The snapshot of a decision boundary, which holds the background movers too."""
+        if not self._ambient:
+            return snapshot
         movers = tuple([mover for _, movers in sorted(self._ambient.items()) for mover in movers])
-        return msgspec.structs.replace(snapshot, ambient=movers) if movers else snapshot
+        return msgspec.structs.replace(snapshot, ambient=movers)
 
     def _silence(self) -> tuple[tuple[str, str], ...]:
         """The pairs that any engine says do not hear each other now."""
+        if not self._unheard:
+            return ()
         return tuple(dict.fromkeys(pair for _, pairs in sorted(self._unheard.items()) for pair in pairs))
 
     def _status(self, reports: Sequence[EngineReport], time_s: float) -> tuple[EngineStatus, ...]:
@@ -181,8 +186,10 @@ class CoSimulation:
         for report in reports:
             waits[report.boundary.engine] = waits.get(report.boundary.engine, 0.0) + report.wall_s
         return tuple(
-            EngineStatus(engine=name, time_s=time_s, frame=self._frames[name], wait_wall_s=waits[name])
-            for name in sorted(waits)
+            [
+                EngineStatus(engine=name, time_s=time_s, frame=self._frames[name], wait_wall_s=waits[name])
+                for name in sorted(waits)
+            ]
         )
 
 
@@ -197,12 +204,12 @@ def _by_engine(reports: list[EngineReport]) -> list[EngineReport]:
 
 
 def _receipts(reports: Sequence[EngineReport]) -> tuple[Receipt, ...]:
-    return tuple(receipt for report in reports for receipt in report.boundary.receipts)
+    return tuple([receipt for report in reports for receipt in report.boundary.receipts])
 
 
 def _events(reports: Sequence[EngineReport]) -> tuple[TaskEvent, ...]:
-    return tuple(event for report in reports for event in report.boundary.events)
+    return tuple([event for report in reports for event in report.boundary.events])
 
 
 def _routes(reports: Sequence[EngineReport]) -> tuple[Route, ...]:
-    return tuple(route for report in reports for route in report.boundary.routes)
+    return tuple([route for report in reports for route in report.boundary.routes])

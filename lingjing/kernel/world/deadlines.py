@@ -104,7 +104,7 @@ def own_now_s() -> float:
     """The calling thread's own time on a clock of its own: for differences, exact to `_UNREAD_S`."""
     now = time.monotonic()
     try:
-        waited = _counters.waited_ns(now)
+        waited = _own.counter.waited_ns(now)
     except (OSError, ValueError, IndexError):
         waited = 0
     return now - waited * 1e-9
@@ -119,25 +119,39 @@ def own_clock_of_s(pid: int) -> float:
 # -- private
 
 
-class _Counters(threading.local):
-    """The calling thread's counters, kept open, because a read then takes 2 µs; a forked copy needs its own."""
+class _Counter:
+    """The calling thread's counter, kept open, because a read then takes 2 µs."""
 
-    owner = 0
-    file: io.FileIO | None = None
-    read_at_s = -math.inf
-    latest_ns = 0
+    __slots__ = ("_file", "_latest_ns", "_read_at_s")
+
+    def __init__(self) -> None:
+        self._file: io.FileIO | None = None
+        self._read_at_s = -math.inf
+        self._latest_ns = 0
 
     def waited_ns(self, now_s: float) -> int:
         """How long the thread has stood in run queues in all. `OSError` where the kernel does not say."""
-        if self.file is None or self.owner != os.getpid():
-            self.owner, self.file = os.getpid(), io.FileIO("/proc/thread-self/schedstat")
-        elif now_s - self.read_at_s < _UNREAD_S:
-            return self.latest_ns
-        self.latest_ns, self.read_at_s = int(os.pread(self.file.fileno(), 96, 0).split()[1]), now_s
-        return self.latest_ns
+        if now_s - self._read_at_s < _UNREAD_S:
+            return self._latest_ns
+        if self._file is None:
+            self._file = io.FileIO("/proc/thread-self/schedstat")
+        self._latest_ns, self._read_at_s = int(os.pread(self._file.fileno(), 96, 0).split()[1]), now_s
+        return self._latest_ns
 
 
-_counters = _Counters()
+class _PerThread(threading.local):
+    """A counter for each thread."""
+
+    def __init__(self) -> None:
+        self.counter = _Counter()
+
+    def forget(self) -> None:
+        """After a fork: the thread that goes on has counters of its own, and the file open here is its parent's."""
+        self.counter = _Counter()
+
+
+_own = _PerThread()
+os.register_at_fork(after_in_child=_own.forget)
 
 
 def _threads(pid: int) -> dict[str, _Thread]:

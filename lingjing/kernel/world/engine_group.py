@@ -128,7 +128,8 @@ class EngineGroup:
             boundary = report.boundary
             for state in boundary.states:
                 self._states[state.id] = state
-            keep_movers(self._ambient, boundary)
+            if boundary.ambient or self._ambient:
+                keep_movers(self._ambient, boundary)
         check_apart(self._ambient)
         return tuple(reports)
 
