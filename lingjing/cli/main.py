@@ -41,6 +41,7 @@ VERBS = (
     CommandVerb("verify", "lingjing.cli.verify", "say whether traces are what was written"),
     CommandVerb("replay", "lingjing.cli.replay", "run traces again and confirm their digests", computes=True),
     CommandVerb("why", "lingjing.cli.why", "say why an episode ended as it did"),
+    CommandVerb("shrink", "lingjing.cli.shrink", "make the smallest mission that fails as a trace did", computes=True),
     CommandVerb("metrics", "lingjing.cli.metrics", "compute the paper's metrics of traces"),
     CommandVerb("validate", "lingjing.cli.validate", "report every error of mission files"),
     CommandVerb("explain", "lingjing.cli.explain", "say what an error code means"),

@@ -1,0 +1,84 @@
+"""A trace's mission with everything drawn made fast, and with parts left out."""
+
+import msgspec
+import pytest
+
+from lingjing.bench.columns import Column, columns, shipped
+from lingjing.causal.reduced_mission import ReducibleMission, RemovablePart
+from lingjing.dsl.compilation import compile_text
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.printing.printer import to_ljs
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+
+COLUMNS = columns(shipped())
+SEED = 7
+
+
+def drawn(text: str, mode: str, seed: int = SEED) -> Instance:
+    compiled = compile_text(text)
+    assert compiled.mission is not None, compiled.diagnostics
+    return instantiate(compiled.mission, seed=seed, mode=mode)
+
+
+def comparable(instance: Instance) -> Instance:
+    """Without what shrinking changes on purpose: outlines that places are drawn from, guards of the one mode."""
+    return msgspec.structs.replace(
+        instance,
+        entities=tuple(msgspec.structs.replace(one, drawn_in=()) for one in instance.entities),
+        **{name: tuple(msgspec.structs.replace(one, when=None) for one in getattr(instance, name))
+           for name in ("relations", "constraints")},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("column", COLUMNS, ids=[column.name for column in COLUMNS])
+def test_the_whole_mission_draws_what_was_drawn(column: Column) -> None:
+    mission = load_mission(column.path)
+    instance = instantiate(mission, seed=SEED, mode=column.mode)
+    whole = ReducibleMission(mission, instance)
+    text = to_ljs(whole.keeping(whole.parts, instance.budget.ticks).mission)
+    assert "sites(" not in text
+    for seed in (SEED, SEED + 1):
+        again = drawn(text, column.mode, seed)
+        other = msgspec.structs.replace(again, seed=SEED, scene=instance.scene) if seed != SEED else again
+        assert comparable(other) == comparable(instance)
+
+
+@pytest.fixture
+def ssr() -> tuple[Mission, Instance]:
+    mission = load_mission("ssr")
+    return mission, instantiate(mission, seed=SEED, mode="broadcast")
+
+
+def test_what_is_left_stays_where_it_was(ssr: tuple[Mission, Instance]) -> None:
+    mission, instance = ssr
+    whole = ReducibleMission(mission, instance)
+    gone = {RemovablePart("target", "victim[2]"), RemovablePart("agent", "scout[1]")}
+    reduced = whole.keeping([part for part in whole.parts if part not in gone], 40)
+    left = drawn(to_ljs(reduced.mission), "broadcast")
+    places = {one.id: one.position for one in instance.entities}
+    now = {one.id: one.position for one in left.entities}
+    assert now == {
+        "victim[1]": places["victim[1]"], "victim[2]": places["victim[3]"],
+        "uav[1]": places["uav[2]"], "uav[2]": places["uav[3]"], "boat": places["boat"],
+    }  # fmt: skip
+    assert reduced.agents == {"scout[1]": "scout[2]", "scout[2]": "scout[3]", "skipper": "skipper"}
+    assert left.budget.ticks == 40
+    assert "one of 2 UAVs" in left.agents[0].prompt  # the parameter that counts them was lowered with them
+
+
+def test_a_body_that_another_may_command_stays_without_its_agent(ssr: tuple[Mission, Instance]) -> None:
+    whole = ReducibleMission(*ssr)
+    reduced = whole.keeping([part for part in whole.parts if part.name != "skipper"], 40)
+    left = drawn(to_ljs(reduced.mission), "broadcast")
+    assert "boat" in {one.id for one in left.entities}
+    assert {one.id for one in left.agents} == {"scout[1]", "scout[2]", "scout[3]"}
+
+
+def test_what_cannot_be_said_without_a_part_is_no_mission(ssr: tuple[Mission, Instance]) -> None:
+    whole = ReducibleMission(*ssr)
+    without_reports = whole.keeping([part for part in whole.parts if part.name != "detection"], 40)
+    compiled = compile_text(to_ljs(without_reports.mission))
+    assert compiled.mission is None
+    assert "detection" in compiled.diagnostics[0].message

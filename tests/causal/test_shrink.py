@@ -1,0 +1,128 @@
+"""`lingjing shrink`: what is left fails the same way, nothing more can be left out, and what cannot be shrunk is
+refused."""
+
+import json
+import shlex
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.causal.failure import FailureSignature, failure_of
+from lingjing.causal.shrink import ShrinkOptions, shrink
+from lingjing.cli.main import main
+from lingjing.cli.shrink import run_command
+from lingjing.dsl.loading.load import load_mission
+from lingjing.errors import ExitCode, UsageError
+from lingjing.play.episode import run
+from lingjing.play.options import PlayOptions
+from lingjing.trace.reader import Trace, read_trace
+
+pytestmark = pytest.mark.slow
+
+HERE = Path(__file__).parent / "shrink"
+HARBOUR = HERE / "harbour.ljs"
+SKIPPERS = HERE / "skippers.py"
+SETTINGS = {"people": 2.0}
+
+
+def played(folder: Path, policy: str, **changes: object) -> Trace:
+    report = run(HARBOUR, policy=policy, seed=3, settings=SETTINGS, out=folder, overview=False, **changes)
+    return read_trace(report.trace)
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """Two skippers who go to nobody; one of the two people is saved where they happen to pass."""
+    return played(tmp_path_factory.mktemp("lost") / "episode", f"{SKIPPERS}:Timid")
+
+
+def test_the_smallest_mission_fails_the_same_way(
+    lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = tmp_path / "small.ljs"
+    call = ["shrink", str(lost.path), "-o", str(small), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
+    assert main([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK
+    told = capsys.readouterr()
+    found = json.loads(told.out)
+    assert "fail the same way" in told.err
+    assert found["minimal"] and found["control"] == "oracle"
+    assert len([part for part in found["kept"] if part.startswith("target")]) == 1
+    assert {"event squall", "message hail", "message state_of"} <= set(found["removed"])
+    assert found["ticks"] < found["ticks_before"] == 24
+    words = shlex.split(run_command(msgspec.convert(found["options"], PlayOptions)))
+    assert main([*words[1:], "-o", str(tmp_path / "again"), "--no-overview"]) == ExitCode.OK
+    again = read_trace(tmp_path / "again" / "trace.mcap")
+    assert again.boundaries[-1].digest == found["digest"]
+    assert failure_of(again) == failure_of(lost)
+    assert run(small, policy="oracle", seed=3, out=tmp_path / "control", overview=False).success
+    places = {entity.position for entity in lost.header.instance.entities}
+    assert {entity.position for entity in again.header.instance.entities} <= places
+    assert small.read_text().startswith("# Shrunk from the trace ")
+    assert not small.with_name("small.ljs.tried.jsonl").exists()
+    assert main(call) == ExitCode.USAGE
+    assert "nothing is overwritten" in capsys.readouterr().err
+
+
+def test_out_of_episodes_the_best_so_far_is_there_and_is_gone_on_with(lost: Trace, tmp_path: Path) -> None:
+    small = tmp_path / "small.ljs"
+    options = ShrinkOptions(mission=str(HARBOUR), policies=(str(SKIPPERS),), control="", episodes=3)
+    first = shrink(lost, small, options)
+    assert not first.minimal
+    assert small.is_file() and load_mission(small).name == "harbour"
+    tried = small.with_name("small.ljs.tried.jsonl").read_bytes().splitlines()
+    said: list[str] = []
+    second = shrink(lost, small, options, said.append)
+    assert len(tried) >= 3
+    assert second.ticks < first.ticks or len(second.kept) < len(first.kept)
+
+
+def test_a_policy_that_raises_is_the_failure(tmp_path: Path) -> None:
+    broken = played(tmp_path / "broken", f"{SKIPPERS}:Broken")
+    signature = failure_of(broken)
+    assert signature is not None
+    assert signature.replaced == ("policy_error ZeroDivisionError",)
+    assert signature.unmet == ("saved(p)",)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "complaint"),
+    [
+        ({"success": True, "reason": "success"}, "was won"),
+        ({"reason": "infrastructure-abort"}, "was cut short"),
+        ({"reason": "interrupted"}, "was cut short"),
+        (None, "has no outcome"),
+    ],
+)
+def test_what_shows_no_failure_is_refused(
+    lost: Trace, tmp_path: Path, outcome: dict[str, object] | None, complaint: str
+) -> None:
+    assert lost.outcome is not None
+    ended = None if outcome is None else msgspec.structs.replace(lost.outcome, **outcome)
+    other = Trace(lost.path, lost.header, lost.boundaries, ended, True)
+    with pytest.raises(UsageError, match=complaint):
+        shrink(other, tmp_path / "small.ljs")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_not_to_be_had_is_said(lost: Trace, tmp_path: Path) -> None:
+    small = tmp_path / "small.ljs"
+    with pytest.raises(UsageError, match="is not shipped") as missing:
+        shrink(lost, small)
+    assert "--mission FILE" in missing.value.hint
+    with pytest.raises(UsageError, match="is not the mission"):
+        shrink(lost, small, ShrinkOptions(mission="ssr"))
+    with pytest.raises(UsageError, match=r"played by `skippers.py:Timid`, and there is no such file"):
+        shrink(lost, small, ShrinkOptions(mission=str(HARBOUR)))
+    with pytest.raises(UsageError, match="does not show the failure"):
+        shrink(lost, small, ShrinkOptions(mission=str(HARBOUR), predicate=lambda trace: False))
+
+
+def test_how_alike_failures_must_be() -> None:
+    one = FailureSignature(reason="budget", unmet=("saved(p)",), family="handoff_break")
+    other = msgspec.structs.replace(one, family="perception_miss")
+    assert one.part("family") != other.part("family")
+    assert one.part("clauses") == other.part("clauses")
+    lacking = msgspec.structs.replace(one, unmet=("found(p)",))
+    assert one.part("clauses") != lacking.part("clauses")
+    assert one.part("reason") == lacking.part("reason")
