@@ -56,7 +56,8 @@ def to_latex(table: ResultTable) -> str:
             lines.append(rf"\multicolumn{{{width}}}{{@{{}}l}}{{\emph{{{_latex(group)}}}}} \\")
         for line in some:
             cells = [*map(_latex, line.label), *map(_marked_latex, line.cells)]
-            lines.append(f"{' & '.join(cells)} \\\\")
+            apart = "{}" if cells[0].startswith(("[", "*")) else ""  # else they are arguments of the line break
+            lines.append(f"{apart}{' & '.join(cells)} \\\\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", *(f"% {_latex(note)}" for note in table.notes), ""])
 
 
@@ -73,7 +74,8 @@ def to_csv(table: ResultTable) -> str:
 
 def to_html(table: ResultTable) -> str:
     """A `<table>` with its caption and notes; a page around it is the caller's."""
-    head = "".join(f"<th>{_html_head(one)}</th>" for one in (*table.labels, *table.heads))
+    labels = "".join(f"<th class='label'>{_html(one)}</th>" for one in table.labels)
+    head = labels + "".join(f"<th>{_html_head(one)}</th>" for one in table.heads)
     lines = [
         f"<table class='{table.kind}'>",
         f"<caption>{_html(table.title)}</caption>",
@@ -115,7 +117,8 @@ _STYLE = (
     "table{border-collapse:collapse;margin:1.5rem 0 .5rem;display:block;overflow-x:auto}"
     "caption{text-align:left;font-weight:600;margin-bottom:.4rem}"
     "th,td{padding:.2rem .6rem;text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}"
-    "th[scope=row],th[scope=rowgroup],thead th:first-child{text-align:left;font-weight:400}"
+    "th[scope=row],th[scope=rowgroup],th.label{text-align:left;font-weight:400}"
+    "th[scope=row]:first-child,th.label:first-child{position:sticky;left:0;background:Canvas}"
     "th[scope=rowgroup]{font-style:italic;padding-top:.6rem}"
     "thead tr{border-block:1px solid}tbody:last-of-type tr:last-child{border-bottom:1px solid}"
     "td.best{font-weight:700}td.second{text-decoration:underline}"

@@ -14,7 +14,7 @@ from statistics import fmean
 
 from lingjing.analysis.behaviour import TERCILES, ActionCounts
 from lingjing.analysis.families import FAMILIES, FailureFamily
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import columns_of, rows_by
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ABSENT, PRIVILEGED, ResultCell, ResultLine, ResultTable, percent, plain, titled
 
@@ -37,7 +37,7 @@ _NAMES: Mapping[FailureFamily, str] = {
 }
 """The paper's names, in its order; what no rule explains is last."""
 
-_NOTE = "the earliest breakdown that the trace shows, one of each lost episode (docs/metrics.md)"
+_NOTE = "the earliest breakdown that the trace shows, one of each lost episode (docs/traces.md)"
 
 
 def failure_tables(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
@@ -48,10 +48,11 @@ def failure_tables(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable
         yield _balanced(competing, title)
     lines = []
     for (_, condition), own in rows_by(lost, lambda row: (row.entrant, row.condition)).items():
-        for column, few in rows_by(own, lambda row: row.column).items():
+        for column in columns_of(own):
+            few = [row for row in own if (row.mission, row.mode) == column]
             shares = _shares(few)
             cells = (ResultCell(str(len(few)), len(few)), *(percent(shares[family]) for family in _NAMES))
-            lines.append(ResultLine(own[0].group, (_called(own[0], condition), column), cells))
+            lines.append(ResultLine(own[0].group, (_called(own[0], condition), few[0].column), cells))
     yield ResultTable(
         "failures", titled(title, "failure families of each entrant (%)"), ("Entrant", "Column"),
         ("Lost", *_NAMES.values()), tuple(lines), (_NOTE,),

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 
 from lingjing.bench.exports import html_page, to_html
-from lingjing.bench.played import Played
+from lingjing.bench.played import Played, columns_of
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import cost_of
 from lingjing.bench.table_cells import PRIVILEGED, ResultCell, ResultLine, ResultTable, percent, plain, ranged
-from lingjing.bench.tables import average_of, average_range, column_head, columns_of, make_tables, standing_notes
+from lingjing.bench.tables import average_of, average_range, column_head, make_tables, standing_notes
 
 UNRANKED = "not ranked: some columns are not played"
 SHOWN = "not ranked: shown the truth"

@@ -13,6 +13,9 @@ from lingjing.bench.rows import SuiteRow
 
 KeyT = TypeVar("KeyT", bound=Hashable)
 
+_PAPERS_ORDER = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
+_MODE_ORDER = ("single", "star", "broadcast")
+
 
 @dataclass(frozen=True, slots=True)
 class Played:
@@ -91,4 +94,16 @@ def rows_by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], KeyT]) -> dict[K
     return found
 
 
-__all__ = ["Played", "mean_of", "rows_by"]
+def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
+    """The (mission, mode) pairs of the rows, in the paper's order."""
+    found = dict.fromkeys((row.mission, row.mode) for row in rows)
+
+    def place(column: tuple[str, str]) -> tuple[int, str, int]:
+        mission, mode = column
+        known = _PAPERS_ORDER.index(mission) if mission in _PAPERS_ORDER else len(_PAPERS_ORDER)
+        return known, mission, _MODE_ORDER.index(mode) if mode in _MODE_ORDER else 0
+
+    return tuple(sorted(found, key=place))
+
+
+__all__ = ["Played", "columns_of", "mean_of", "rows_by"]

@@ -112,7 +112,8 @@ def probability(p: float) -> ResultCell:
 
 def titled(title: str, what: str) -> str:
     """A title and what a table shows of it, either of which may be empty."""
-    return ": ".join(filter(None, (title, what)))
+    told = ": ".join(filter(None, (title, what)))
+    return told[:1].upper() + told[1:]
 
 
 __all__ = [

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
-from lingjing.bench.played import Played, mean_of, rows_by
+from lingjing.bench.played import Played, columns_of, mean_of, rows_by
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import (
     ConfidenceBounds,
@@ -77,7 +77,7 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
 def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's main table: TSR of every entrant in every column, and the macro average."""
     for condition, some in rows_by(rows, lambda row: row.condition).items():
-        columns = _columns(some)
+        columns = columns_of(some)
         lines = []
         for entrant, own in rows_by(some, lambda row: row.entrant).items():
             cells = [percent(_played(own, column).rate()) for column in columns]
@@ -90,7 +90,7 @@ def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The same with what is behind each rate: successes of episodes, Wilson's interval; a bootstrap for the average."""
     for condition, some in rows_by(rows, lambda row: row.condition).items():
-        columns = _columns(some)
+        columns = columns_of(some)
         lines = []
         for entrant, own in rows_by(some, lambda row: row.entrant).items():
             cells = [_wilson_cell(_played(own, column)) for column in columns]
@@ -298,26 +298,6 @@ def average_range(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) 
     return macro_bounds(values) if enough and values else ConfidenceBounds(math.nan, math.nan)
 
 
-def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
-    """The (mission, mode) pairs of the rows, in the paper's order."""
-    return _columns(rows)
-
-
-_PAPERS_ORDER = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
-_MODE_ORDER = ("single", "star", "broadcast")
-
-
-def _columns(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
-    found = dict.fromkeys((row.mission, row.mode) for row in rows)
-
-    def place(column: tuple[str, str]) -> tuple[int, str, int]:
-        mission, mode = column
-        known = _PAPERS_ORDER.index(mission) if mission in _PAPERS_ORDER else len(_PAPERS_ORDER)
-        return known, mission, _MODE_ORDER.index(mode) if mode in _MODE_ORDER else 0
-
-    return tuple(sorted(found, key=place))
-
-
 def _played(rows: Iterable[SuiteRow], column: tuple[str, str]) -> Played:
     return Played(tuple(row for row in rows if (row.mission, row.mode) == column))
 
@@ -373,5 +353,5 @@ def _finite(value: float) -> float:
 
 
 __all__ = [
-    "TABLES", "average_of", "average_range", "column_head", "columns_of", "make_tables", "standing_notes",
+    "TABLES", "average_of", "average_range", "column_head", "make_tables", "standing_notes",
 ]  # fmt: skip

@@ -14,11 +14,11 @@ from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.exports import html_page, to_csv, to_html, to_latex, to_markdown
-from lingjing.bench.played import Played
+from lingjing.bench.played import Played, columns_of
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, best_of
-from lingjing.bench.tables import TABLES, columns_of, make_tables
+from lingjing.bench.tables import TABLES, make_tables
 from lingjing.cli import bench
 from tests.bench.suite_kit import made_row
 from tests.play.report_kit import blank_metrics, made_report
@@ -232,6 +232,12 @@ def test_markdown_and_latex_hold_no_foreign_markup() -> None:
     assert "\\input" not in text.replace("\\textbackslash{}input", "") and "\\& 50\\%" in text
     assert r"\textbf{\textless{}i\textgreater{}} & \underline{12} \\" in text and "UFR$^{s}$" in text
     assert all(line.startswith(("%", "\\", "=HYPERLINK", "Entrant")) or " & " in line for line in text.splitlines())
+
+
+@pytest.mark.parametrize("name", ["[2] x", "*x"])
+def test_no_name_is_an_argument_of_the_line_break_before_it(name: str) -> None:
+    table = ResultTable("t", "T", ("a",), ("b",), (ResultLine("", (name,), (ResultCell("1", 1.0),)),))
+    assert f"\n{{}}{name} & 1 \\\\" in to_latex(table)
 
 
 def test_csv_reads_back_and_begins_no_formula() -> None:
