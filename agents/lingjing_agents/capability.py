@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from lingjing.plugins.decisions import sendable
-from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource, VerbSpec
+from lingjing.plugins.policy import PHOTO, Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource, VerbSpec
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
@@ -20,7 +20,7 @@ def has_verb(resource: Resource, verb: str) -> bool:
 def flying_camera(brief: Brief) -> Resource | None:
     """The first embodied resource that can go to a point and look down: what makes an agent a searcher."""
     for resource in brief.resources:
-        able = has_verb(resource, "setDestination") and has_verb(resource, "takePhoto")
+        able = has_verb(resource, "setDestination") and has_verb(resource, PHOTO)
         if resource.embodied and able and nadir_camera(resource) is not None:
             return resource
     return None
@@ -62,7 +62,7 @@ def speed(resource: Resource) -> float:
 
 def photo(body: Resource, camera: CameraSpec) -> Action:
     """The command that has a body's camera take a picture."""
-    return Action(verb="takePhoto", arguments={"camera": camera.name}, resource=body.id)
+    return Action(verb=PHOTO, arguments={"camera": camera.name}, resource=body.id)
 
 
 def fly(body: Resource, x: float, y: float, z: float) -> Action:

@@ -20,7 +20,6 @@ from lingjing.envs.vocabulary import STATUSES, Vocabulary
 from lingjing.errors import UsageError
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec, Weather
 from lingjing.mission.model import Field
-from lingjing.mission.vocabulary import EVERYONE
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
 
@@ -70,7 +69,7 @@ class Codec:
             if entity.id == name
             for verb in entity.verbs
         )
-        self._sayings = tuple(m for m in instance.messages if EVERYONE in m.senders or agent.role in m.senders)
+        self._sayings = tuple(message for message in instance.messages if message.is_sent_by(agent.role))
         self._width = max([0, *(_width(message) for message in instance.messages)])
         self.observation_space = self._observation_space()
         self.action_space = self._action_space()

@@ -20,7 +20,6 @@ from lingjing.kernel.admission import body_check
 from lingjing.kernel.budgets import Tally
 from lingjing.kernel.links import MessageLinks
 from lingjing.mission.instance import AgentSpec, Instance, MessageSpec
-from lingjing.mission.vocabulary import EVERYONE
 from lingjing.plugins.decisions import MESSAGES_PER_CALL
 from lingjing.trace.records import Envelope, Outgoing, Receipt
 
@@ -162,7 +161,7 @@ class MessageRouter:
             return "too_many", f"at most {MESSAGES_PER_CALL} messages a call"
         if spec is None:
             return "unknown_kind", f"`{message.kind}` is not declared; open: {', '.join(self._kinds) or 'none'}"
-        if EVERYONE not in spec.senders and agent.role not in spec.senders:
+        if not spec.is_sent_by(agent.role):
             return "no_authority", f"role `{agent.role}` may not send `{message.kind}`"
         size = len(msgspec.json.encode(message.body))
         if size > self._comms.payload_bytes:
@@ -180,8 +179,8 @@ class MessageRouter:
         return self._from_hub(others, message)
 
     def _from_hub(self, others: tuple[str, ...], message: Outgoing) -> tuple[tuple[str, ...], str, str]:
-        roles = self._kinds[message.kind].recipients
-        allowed = tuple(name for name in others if EVERYONE in roles or self._agents[name].role in roles)
+        spec = self._kinds[message.kind]
+        allowed = tuple(name for name in others if spec.is_for(self._agents[name].role))
         unknown = [name for name in message.to if name not in allowed]
         if unknown:
             return (), "bad_recipient", f"`{unknown[0]}` cannot receive `{message.kind}`; open: {', '.join(allowed)}"

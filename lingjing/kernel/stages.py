@@ -18,7 +18,7 @@ from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Stage
 
-EVERYONE = ""
+NOBODY = ""
 """The subject of a stage that has none."""
 
 
@@ -104,7 +104,7 @@ class Stages:
 
 def _subjects(stage: Stage, instance: Instance) -> tuple[str, ...]:
     if not stage.variable or not stage.domain:
-        return (EVERYONE,)
+        return (NOBODY,)
     return tuple(entity.id for entity in instance.entities if entity.group == stage.domain)
 
 

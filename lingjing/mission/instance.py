@@ -22,6 +22,7 @@ from lingjing.mission.model import (
     Stage,
     Unlock,
 )
+from lingjing.mission.vocabulary import EVERYONE
 
 Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
@@ -244,6 +245,14 @@ class MessageSpec(Record, frozen=True, kw_only=True):
     fields: tuple[Field, ...]
     senders: tuple[str, ...]
     recipients: tuple[str, ...]
+
+    def is_sent_by(self, role: str) -> bool:
+        """Whether agents of the role may send it."""
+        return EVERYONE in self.senders or role in self.senders
+
+    def is_for(self, role: str) -> bool:
+        """Whether agents of the role may receive it."""
+        return EVERYONE in self.recipients or role in self.recipients
 
 
 class CommsSpec(Record, frozen=True, kw_only=True):

@@ -28,7 +28,7 @@ from lingjing.mission.spec_schema import (
     field_schema,
     object_schema,
 )
-from lingjing.mission.vocabulary import EVERYONE, PHOTO
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
 
 MESSAGES_PER_CALL = 32
@@ -113,15 +113,13 @@ def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
     return tuple(
         message
         for message in brief.messages
-        if {EVERYONE, brief.role}.intersection(message.senders)
-        and (message.category == "report" or _heard(brief, message))
+        if message.is_sent_by(brief.role) and (message.category == "report" or _heard(brief, message))
     )
 
 
 def recipients(brief: Brief, message: MessageSpec) -> tuple[str, ...]:
     """The agents that a hub may name as recipients of a message kind."""
-    everyone = EVERYONE in message.recipients
-    return tuple(peer.id for peer in brief.peers if everyone or peer.role in message.recipients)
+    return tuple(peer.id for peer in brief.peers if message.is_for(peer.role))
 
 
 def _heard(brief: Brief, message: MessageSpec) -> bool:

@@ -30,6 +30,7 @@ from lingjing.mission.instance import (
     Weather,
 )
 from lingjing.mission.model import Field
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Absent,
@@ -236,7 +237,7 @@ class PolicyPlugin:
 
 
 __all__ = [
-    "REFERENCE", "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec", "Cell",
+    "PHOTO", "REFERENCE", "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec", "Cell",
     "CellView", "City", "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo",
     "Inbox", "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation",
     "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route",

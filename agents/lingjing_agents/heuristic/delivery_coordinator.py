@@ -29,8 +29,8 @@ class DeliveryCoordinator:
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
         self._plan = sends(brief, "tour")
-        recipients = {name for message in brief.messages if message.type == "tour" for name in message.recipients}
-        reached = [peer for peer in brief.peers if recipients.intersection((peer.role, peer.id, "all"))]
+        tours = [message for message in brief.messages if message.type == "tour"]
+        reached = [peer for peer in brief.peers if any(message.is_for(peer.role) for message in tours)]
         drivers = [peer for peer in reached if peer.resources]
         self._vans = {peer.id: peer.resources[0] for peer in sorted(drivers, key=lambda peer: natural(peer.id))}
         self._waiting: dict[str, list[DeliveryTour]] | None = None

@@ -139,14 +139,12 @@ class RouteCoordinator:
 
 def inspector_and_driver(brief: Brief) -> tuple[str, str]:
     """Who inspects and who drives: of those with bodies that orders reach, those that may report inspect."""
-    orders = {name for message in brief.messages if message.type == "assignment" for name in message.recipients}
-    reporters = {name for message in brief.messages if message.type == "trafficJam" for name in message.senders}
-    reached = [peer for peer in brief.peers if peer.resources and orders.intersection((peer.role, peer.id, "all"))]
-    seers = [peer for peer in reached if reporters.intersection((peer.role, peer.id))]
-    others = [peer for peer in reached if peer not in seers and not _reports(brief, peer)]
+    orders = [message for message in brief.messages if message.type == "assignment"]
+    reached = [peer for peer in brief.peers if peer.resources and any(one.is_for(peer.role) for one in orders)]
+    seers = [peer for peer in reached if _may_send(brief, peer, "trafficJam")]
+    others = [peer for peer in reached if peer not in seers and not _may_send(brief, peer, "report")]
     return (seers[0].id if seers else ""), (others[0].id if others else "")
 
 
-def _reports(brief: Brief, peer: Peer) -> bool:
-    senders = {name for message in brief.messages if message.type == "report" for name in message.senders}
-    return bool(senders.intersection((peer.role, peer.id)))
+def _may_send(brief: Brief, peer: Peer, kind: str) -> bool:
+    return any(message.type == kind and message.is_sent_by(peer.role) for message in brief.messages)

@@ -120,7 +120,7 @@ class SearchCoordinator:
 
 def _split(brief: Brief) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Searchers and rescuers among the peers: whose role may send reports searches, other bodies rescue."""
-    reporters = {sender for message in brief.messages if message.category == "report" for sender in message.senders}
+    reports = [message for message in brief.messages if message.category == "report"]
     bodies = sorted((peer for peer in brief.peers if peer.resources), key=lambda peer: natural(peer.id))
-    searchers = tuple(peer.id for peer in bodies if reporters.intersection((peer.role, peer.id, "all")))
+    searchers = tuple(peer.id for peer in bodies if any(message.is_sent_by(peer.role) for message in reports))
     return searchers, tuple(peer.id for peer in bodies if peer.id not in searchers)

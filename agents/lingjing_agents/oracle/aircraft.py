@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 from lingjing.plugins.policy import (
+    PHOTO,
     Action,
     Brief,
     CameraSpec,
@@ -54,7 +55,7 @@ class AircraftControl:
         self._tallest: float | None = None
         self._layers: FlightLevels | None = None
         self._waited = 0
-        self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, "takePhoto") else None
+        self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, PHOTO) else None
 
     def altitude(self, truth: PrivilegedState, place: GroundPoint, target_m: float, above_m: float = ABOVE_M) -> float:
         """Elevation for looking at something: in the aircraft's band and over all roofs, or, where the band does not

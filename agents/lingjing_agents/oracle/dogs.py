@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
-from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
+from lingjing.plugins.policy import PHOTO, Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap, obstacle_map
 from lingjing_agents.capability import first_argument_bounds
@@ -170,8 +170,7 @@ class DogControl(Ability):
         if self._walk.dog.cameras:
             return False
         kinds = [spec for spec in truth.brief.messages if _is_guidance({field.name for field in spec.fields})]
-        mine = {truth.brief.role, "all"}
-        led = [spec.kind for spec in kinds if mine.intersection(spec.recipients)]
+        led = [spec.kind for spec in kinds if spec.is_for(truth.brief.role)]
         return any(_left(truth, kind) > 0 for kind in led) or (bool(led) and truth.tick - self._heard < _WAIT_TICKS)
 
     def _photo(self, truth: PrivilegedState, target: str) -> Action | None:
@@ -183,7 +182,7 @@ class DogControl(Ability):
         if not SEEN_M[0] <= far <= SEEN_M[1] or abs(off) > AIMED_DEG or self._looks.get(target, 0) >= _LOOKS:
             return None
         self._looks[target] = self._looks.get(target, 0) + 1
-        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=dog.id)
+        return Action(verb=PHOTO, arguments={"camera": self._camera.name}, resource=dog.id)
 
 
 class GuidanceSender(Ability):
@@ -267,5 +266,5 @@ def _left(truth: PrivilegedState, kind: str) -> int:
 
 
 def _front(dog: Entity) -> CameraSpec | None:
-    able = any(verb.name == "takePhoto" for verb in dog.verbs)
+    able = any(verb.name == PHOTO for verb in dog.verbs)
     return next((camera for camera in dog.cameras if camera.view == "front"), None) if able else None

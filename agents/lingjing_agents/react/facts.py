@@ -13,6 +13,7 @@ import msgspec
 
 from lingjing.plugins.decisions import altitude_band, argument_bounds, field_values, recipients, sendable
 from lingjing.plugins.policy import (
+    PHOTO,
     ArgumentSpec,
     Brief,
     CameraSpec,
@@ -100,7 +101,7 @@ def _resource(resource: Resource) -> Iterator[str]:
     yield from (f"  camera `{camera.name}`: {_camera(camera)}" for camera in resource.cameras)
     band = altitude_band(resource.properties)
     for verb in resource.verbs:
-        if verb.name != "takePhoto" or resource.cameras:
+        if verb.name != PHOTO or resource.cameras:
             arguments = ", ".join(_argument(resource, verb, spec) for spec in verb.arguments)
             yield f"  {verb.name}({arguments}): {_meaning(verb, band)}"
 
@@ -123,7 +124,7 @@ def _camera(camera: CameraSpec) -> str:
 def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec) -> str:
     if spec.unit == "name":
         mounts = "|".join(camera.name for camera in resource.cameras)
-        return f"{spec.name}: {mounts if verb.name == 'takePhoto' else 'name'}{_left_out(spec)}"
+        return f"{spec.name}: {mounts if verb.name == PHOTO else 'name'}{_left_out(spec)}"
     low, high = argument_bounds(spec, resource.properties)
     bounds = f" {low:g} to {high:g}" if math.isfinite(low) and math.isfinite(high) else ""
     unit = _UNITS.get(spec.unit, spec.unit)
@@ -161,7 +162,7 @@ _VERBS: Mapping[tuple[str, str], str] = {
     ("up", "move"): "rises",
     ("down", "move"): "sinks",
     ("stop", ""): "ends what it is doing; is taken while it is busy",
-    ("takePhoto", ""): "takes a picture, which comes with the next observation (the first camera if none is named)",
+    (PHOTO, ""): "takes a picture, which comes with the next observation (the first camera if none is named)",
 }
 
 

@@ -6,7 +6,6 @@ from lingjing.mission.feasibility.needs import Handover, ReportNeed
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.instance import MessageSpec
-from lingjing.mission.vocabulary import EVERYONE
 
 
 def refute_report(report: ReportNeed, outline: Outline) -> Proof | None:
@@ -50,5 +49,4 @@ def _assigns(message: MessageSpec, outline: Outline) -> bool:
 
 
 def _senders(message: MessageSpec, outline: Outline) -> list[str]:
-    roles = message.senders
-    return [agent.id for agent in outline.instance.agents if EVERYONE in roles or agent.role in roles]
+    return [agent.id for agent in outline.instance.agents if message.is_sent_by(agent.role)]

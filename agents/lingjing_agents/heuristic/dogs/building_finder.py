@@ -86,10 +86,7 @@ class BuildingFinder:
         self._wanted: WallColour | None = look_of(reference.rgb) if reference is not None else None
         self._ordered: GroundPoint | None = None
         self._led: tuple[tuple[str, GroundPoint], ...] = ()
-        self._guided = any(
-            message.type == "guidance" and {brief.role, brief.agent, "all"}.intersection(message.recipients)
-            for message in brief.messages
-        )
+        self._guided = any(message.type == "guidance" and message.is_for(brief.role) for message in brief.messages)
         self._led_tick = 0
         self._ground, self._entrance = where_to_look(brief, here)
         self._movement = DogMovement(body, ObstacleGrid(GroundRectangle.around((*self._ground, here), MARGIN_M)))

@@ -101,10 +101,9 @@ class BuildingGuidance:
         reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
         if message is None or reference is None:
             return None
-        reached = {"all", *message.recipients}
         for peer in brief.peers:
             view = view_of(observation, peer.resources[0]) if peer.resources else None
-            if view is None or view.position is None or not reached.intersection((peer.id, peer.role)):
+            if view is None or view.position is None or not message.is_for(peer.role):
                 continue
             around = [region.polygon for region in brief.regions if inside(region.polygon, view.position[:2])]
             if around:

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 from lingjing.plugins.geometry import bearing_deg, ground_footprint, turn_deg
 from lingjing.plugins.policy import (
+    PHOTO,
     Action,
     Brief,
     Datum,
@@ -247,7 +248,7 @@ class LeakGuidance:
             return None
         height = min(self._high - 1.0, max(35.0, 0.9 * math.dist(dog.position[:2], self._leak.place[:2])))
         action = self._photograph_at(own, (x, y, self._ground + height))
-        if action.verb == "takePhoto":
+        if action.verb == PHOTO:
             self._mapped.add(key)
         return action
 
@@ -265,8 +266,7 @@ def _follower(brief: Brief) -> Peer | None:
     guide = sends(brief, "guidance")
     if guide is None:
         return None
-    wanted = {"all", *guide.recipients}
-    return next((peer for peer in brief.peers if peer.resources and wanted.intersection((peer.id, peer.role))), None)
+    return next((peer for peer in brief.peers if peer.resources and guide.is_for(peer.role)), None)
 
 
 def _area(polygon: tuple[GroundPoint, ...]) -> float:
