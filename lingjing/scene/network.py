@@ -25,6 +25,7 @@ from xml.sax.saxutils import quoteattr
 
 import msgspec
 
+from lingjing.data import cache_folder
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.geometry2d import signed_area
 from lingjing.mission.instance import Vector
@@ -175,7 +176,7 @@ def projection(origin: tuple[float, float]) -> str:
 
 def network_folder() -> Path:
     """Where nets are kept: `networks` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lingjing" / "networks"
+    return Path(cache_folder(), "networks")
 
 
 def file_sha256(path: Path) -> str:

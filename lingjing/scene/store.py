@@ -26,11 +26,11 @@ from typing import Literal, TypeVar
 
 import msgspec
 
+from lingjing.data import cache_folder
 from lingjing.errors import UsageError
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.cutting import cut
-from lingjing.scene.network import network_folder
 from lingjing.scene.tiles import INDEX_FILE, TILED, TileIndex, extent, partition, tile_file
 
 CITY_FILE = "city.msgpack"
@@ -73,7 +73,7 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
 
 def cities_folder() -> Path:
     """Where built cities are kept: `cities` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
-    return network_folder().parent / "cities"
+    return Path(cache_folder(), "cities")
 
 
 def code_sha256(package: Path) -> str:

@@ -14,7 +14,7 @@ from lingjing.data import CACHE_OFF
 from lingjing.engines.camera import cityscape, mesh_cache
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
-from lingjing.engines.camera.mesh_cache import MeshCache, prune
+from lingjing.engines.camera.mesh_cache import MeshCache
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
 from lingjing.scene.city import City, Prop
 from tests.engines.camera_town import WHY_NOT, look, pieces, ready
@@ -157,20 +157,6 @@ def test_many_writers_leave_one_whole_file(folder: Path) -> None:
         children.append(pid)
     assert [os.waitpid(pid, 0)[1] for pid in children] == [0] * 4
     assert list(folder.glob(".new-*")) == []
-
-
-def test_the_oldest_files_go_when_the_room_is_used_up(tmp_path: Path) -> None:
-    for number in range(6):
-        file = tmp_path / f"{number}.mesh"
-        file.write_bytes(bytes(100))
-        os.utime(file, (1000 * number, 1000 * number))
-    left = tmp_path / ".new-left"
-    left.write_bytes(bytes(100))
-    prune(tmp_path, 250)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".new-left", "4.mesh", "5.mesh"]
-    os.utime(left, (0, 0))
-    prune(tmp_path, 250)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["4.mesh", "5.mesh"]
 
 
 def test_props_stand_as_each_alone_would() -> None:

@@ -5,8 +5,8 @@ Only what has no error is kept: the diagnostics that are no errors, and the miss
 each library the mission uses, directly or through others, with the digest of its text, and counts only while all of
 them are found at the same place with the same contents.
 
-A cache may cost time, never truth: an entry whose checksum is wrong is none; entries are written beside and renamed,
-so that two writers at once leave one whole entry; where nothing can be written nothing is kept.
+A cache may cost time, never truth: entries are files of `lingjing.kept_files`; where nothing can be written nothing is
+kept.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import msgspec
 from lingjing.data import cache_folder, cache_is_off
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import PluginError, UsageError
+from lingjing.kept_files import prune, read_kept, write_kept
 from lingjing.mission.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
 
 FORMAT = b"1"
 MOST_ENTRIES = 200
+MOST_BYTES = 1 << 28
 LARGEST_ENTRY = 16 * 1024 * 1024
 """Bytes. A mission that takes more is compiled each time, so that the cache does not fill the disk."""
 
 _USE = re.compile(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\.[ \t]*[^\W\d]\w*)*)")
-_CHECKSUM = 32
 
 
 class CacheEntry(msgspec.Struct, frozen=True, array_like=True):
@@ -81,8 +82,9 @@ def keep(compilation: Compilation) -> None:
         return
     try:
         entry = CacheEntry(tuple(_libraries(source)), compilation.diagnostics, mission)
-        payload = msgspec.msgpack.encode(entry)
-        _write(_file(source), hashlib.sha256(payload).digest() + payload)
+        file = _file(source)
+        write_kept(file, msgspec.msgpack.encode(entry))
+        prune(os.path.dirname(file), most_bytes=MOST_BYTES, most_files=MOST_ENTRIES)  # noqa: PTH120
     except (OSError, UsageError, PluginError):
         return
 
@@ -100,11 +102,10 @@ def _entry(source: SourceText) -> CacheEntry | None:
     if cache_is_off():
         return None
     try:
-        with open(_file(source), "rb") as file:  # noqa: PTH123 - a cold start
-            data = file.read()
-        if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
+        data = read_kept(_file(source))
+        if data is None:
             return None
-        entry = msgspec.msgpack.decode(data[_CHECKSUM:], type=CacheEntry)
+        entry = msgspec.msgpack.decode(data, type=CacheEntry)
         return entry if tuple(_libraries(source)) == entry.libraries else None
     except (OSError, msgspec.DecodeError, UsageError, PluginError):
         return None
@@ -151,27 +152,3 @@ def _libraries(source: SourceText) -> Iterator[tuple[str, str]]:
             read = read_source(file)
             yield file, hashlib.sha256(read.text.encode("utf-8", "surrogatepass")).hexdigest()
             waiting.append((read.text, file))
-
-
-def _write(path: str, data: bytes) -> None:
-    import tempfile
-
-    folder = os.path.dirname(path)  # noqa: PTH120
-    os.makedirs(folder, exist_ok=True)  # noqa: PTH103
-    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".new-")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        os.replace(temporary, path)  # noqa: PTH105
-    except OSError:
-        os.unlink(temporary)  # noqa: PTH108
-        raise
-    _prune(folder)
-
-
-def _prune(folder: str) -> None:
-    """Remove the oldest entries beyond `MOST_ENTRIES`; another process may be doing the same."""
-    entries = [(item.stat().st_mtime_ns, item.path) for item in os.scandir(folder)]
-    for _, path in sorted(entries)[: max(0, len(entries) - MOST_ENTRIES)]:
-        if os.path.exists(path):  # noqa: PTH110
-            os.unlink(path)  # noqa: PTH108

@@ -2,20 +2,15 @@
 process that draws it.
 
 A file is named by what decides its content: the city's (its props apart, which are in no mesh), the code that meshes
-(this package and that of scenes), the versions and the instructions of the libraries that compute, and the tile. It
-begins with its SHA-256. One whose hash or whose indices are wrong is no file: the mesh is made again and the file
-written anew. Files are written beside and renamed, so that two writers leave one whole file; where nothing can be
-written nothing is kept. Together they take `MOST_BYTES` at most, and what one process has written since it last looked:
-those that were not read for longest go first. With `LINGJING_NO_CACHE` nothing is read and nothing is kept.
+(this package and that of scenes), the versions and the instructions of the libraries that compute, and the tile. It is
+kept by `lingjing.kept_files`; a mesh whose indices are wrong is made again too. Where nothing can be written nothing is
+kept. Together the files take `MOST_BYTES` at most, and what one process has written since it last looked. With
+`LINGJING_NO_CACHE` nothing is read and nothing is kept.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
-import tempfile
-import time
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import version
@@ -28,19 +23,16 @@ from lingjing import scene
 from lingjing.data import cache_folder, cache_is_off
 from lingjing.engines.camera.mesh_rows import VERTEX, MeshPart
 from lingjing.engines.camera.tile_mesh import MATERIALS, TileMesh
+from lingjing.kept_files import prune, read_kept, write_kept
 from lingjing.numerics import taken
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.tiles import TileKey
 
 MOST_BYTES = 1 << 30
+MOST_FILES = 1 << 20
 LOOK_EVERY = 32
 """After so many written files, the first one included, the folder is looked through for what has to go."""
-READ_AGAIN_S = 3600.0
-"""A file that is read is marked as read at most this often."""
-LEFT_BEHIND_S = 3600.0
-"""A half-written file this old has no writer any more."""
 
-_CHECKSUM = 32
 _COMPUTING = ("numpy", "shapely", "mapbox-earcut")
 _CHOSEN = ("libm", "numpy")
 """What of `lingjing.numerics.taken` a mesh may depend on."""
@@ -77,32 +69,12 @@ class MeshCache:
     def _keep(self, file: Path, data: bytes) -> None:
         """Write a file whole or not at all; on a disk that takes none, no further one is tried."""
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            _write(file, data)
+            write_kept(str(file), data)
             if self._written % LOOK_EVERY == 0:
-                prune(file.parent, MOST_BYTES)
+                prune(str(file.parent), most_bytes=MOST_BYTES, most_files=MOST_FILES)
             self._written += 1
         except OSError:
             self._folder = None
-
-
-def prune(folder: Path, most_bytes: int) -> None:
-    """Remove the files that were not read for longest until the rest take `most_bytes` at most, and what writers that
-    were killed left behind. Another process may be doing the same."""
-    now, found = time.time(), []
-    for item in os.scandir(folder):
-        with contextlib.suppress(FileNotFoundError):
-            status = item.stat()
-            if item.name.startswith("."):
-                if now - status.st_mtime > LEFT_BEHIND_S:
-                    Path(item.path).unlink(missing_ok=True)
-            else:
-                found.append((status.st_mtime_ns, item.path, status.st_size))
-    room = most_bytes
-    for _, path, size in sorted(found, reverse=True):
-        room -= size
-        if room < 0:
-            Path(path).unlink(missing_ok=True)
 
 
 def _city_key(city: City) -> str:
@@ -130,26 +102,10 @@ def _code_sha256() -> str:
     return digest.hexdigest()
 
 
-def _write(file: Path, data: bytes) -> None:
-    handle, temporary = tempfile.mkstemp(dir=file.parent, prefix=".new-")
-    try:
-        with os.fdopen(handle, "wb") as new:
-            new.write(hashlib.sha256(data).digest())
-            new.write(data)
-        Path(temporary).replace(file)
-    except BaseException:
-        Path(temporary).unlink()
-        raise
-
-
 def _read(file: Path) -> TileMesh | None:
     try:
-        data = file.read_bytes()
-        if hashlib.sha256(memoryview(data)[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
-            return None
-        if time.time() - file.stat().st_mtime > READ_AGAIN_S:
-            os.utime(file)
-        return _unpacked(memoryview(data)[_CHECKSUM:])
+        data = read_kept(str(file))
+        return None if data is None else _unpacked(data)
     except (OSError, msgspec.DecodeError, ValueError):
         return None
 
