@@ -19,7 +19,6 @@ _FIELDS = (
     ("tries, standing", "which try it was; `counted`, `aborted` (played again) or `lost` (the third abort)"),
     ("policy, model, privileged", "who played, and whether it was shown the truth"),
     ("policy_seed, salt_sha256", "what the policies' own chance started from, and whose salt decided it"),
-    ("split, isolation", "public or sealed instances; how the policy was kept apart from the simulation"),
     ("code, version", "SHA-256 over all that decides an episode, and lingjing's version"),
     ("wall_s", "seconds on the clock; the machine's load is in it"),
     ("digest, frames_digest", "of the decisions, states, messages and events; of the pixels"),
@@ -88,7 +87,7 @@ def _results(rows: Sequence[SuiteRow]) -> Iterator[str]:
 
 def _limits(rows: Sequence[SuiteRow]) -> Iterator[str]:
     yield "## What it does not say\n"
-    yield "- Instances are drawn from public seeds unless `split` is `sealed`: whoever has the code can know them."
+    yield "- Instances are drawn from public seeds: whoever has the code can know them."
     yield "- Wall times depend on the machine and its load."
     if any(row.privileged for row in rows):
         shown = ", ".join(dict.fromkeys(row.entrant for row in rows if row.privileged))

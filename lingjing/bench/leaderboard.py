@@ -57,16 +57,14 @@ def _played_by(rows: Sequence[SuiteRow]) -> ResultTable:
     for name in dict.fromkeys(row.entrant for row in rows):
         own = [row for row in rows if row.entrant == name]
         standings = [sum(row.standing == one for row in own) for one in ("counted", "aborted", "lost")]
-        said = [
-            _all(own, field) for field in ("policy", "model", "isolation", "split", "version", "salt_sha256", "code")
-        ]
+        said = [_all(own, field) for field in ("policy", "model", "version", "salt_sha256", "code")]
         cells = (
             *(ResultCell(str(number), number) for number in standings),
             plain(sum(map(cost_of, own)), ".2f"),
             *(ResultCell(text) for text in said),
         )
         lines.append(ResultLine("", (name,), cells))
-    heads = ("counted", "aborted", "lost", "USD", "policy", "model", "isolation", "split", "version", "salt", "code")
+    heads = ("counted", "aborted", "lost", "USD", "policy", "model", "version", "salt", "code")
     return ResultTable("entrants", "Who played, and how", ("Entrant",), heads, tuple(lines))
 
 

@@ -43,11 +43,13 @@ def _tested(group: str, found: Iterable[tuple[str, str, PairedTest]]) -> list[Re
     matched = [one for one in found if one[2].pairs]
     corrected = holm([test.p for _, _, test in matched])
     return [
-        ResultLine(group, (first, second), (
-            *(ResultCell(str(number), number) for number in test[:3]), probability(test.p), probability(p),
-        ))
+        ResultLine(group, (first, second), (*_counts(test), probability(test.p), probability(p)))
         for (first, second, test), p in zip(matched, corrected, strict=True)
-    ]  # fmt: skip
+    ]
+
+
+def _counts(test: PairedTest) -> Iterable[ResultCell]:
+    return (ResultCell(str(number), number) for number in (test.pairs, test.only_first, test.only_second))
 
 
 def _called(key: tuple[str, str]) -> str:

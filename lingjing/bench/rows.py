@@ -28,8 +28,7 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     `entrant_place` and `condition_place` are where the suite lists them, from 0; the others of a mission are compared
     with the `baseline`. `privileged` is whether the policy was shown the truth. `options` are those that it was played
     with, without the places of files. `salt_sha256` tells whose policy seeds are drawn alike without telling the salt.
-    `split` is `public` or `sealed`. `isolation` says how the policy was kept apart from the simulation (empty: not at
-    all). `code` is the SHA-256 over everything that decides an episode, `version` lingjing's. `wall_s` is how long it
+    `code` is the SHA-256 over everything that decides an episode, `version` lingjing's. `wall_s` is how long it
     took, seconds.
     """
 
@@ -50,8 +49,6 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     privileged: bool = False
     policy_seed: int = 0
     salt_sha256: str = ""
-    split: str = "public"
-    isolation: str = ""
     code: str = ""
     version: str = lingjing.__version__
     wall_s: float = 0.0

@@ -90,7 +90,7 @@ def test_entrants_are_ranked_if_they_have_played_everything() -> None:
 
 
 def test_the_page_holds_no_foreign_markup_and_loads_nothing() -> None:
-    page = leaderboard(entrant("<script>alert(1)</script>", 5, policy="<img src=x>", isolation="\x1b[2J"))
+    page = leaderboard(entrant("<script>alert(1)</script>", 5, policy="<img src=x>", model="\x1b[2J"))
     assert "<script" not in page and "<img" not in page and "\x1b" not in page
     assert "default-src 'none'" in page and "http" not in page.replace("http-equiv", "")
 
