@@ -297,7 +297,7 @@ def _played(
             raise AssertionError("without displays there is an error")
         return play_here(options, displays.follow(places), displays, mission)
 
-    if not can_supervise():
+    if not can_supervise(with_engines=options.world == "inline"):
         return play((seed, claim(seed)) for seed in seeds)
 
     return play_supervised(seeds, claim, play, _aborting(mission, options))

@@ -108,9 +108,14 @@ class _Spoilt(msgspec.Struct, frozen=True, tag=True):
 _Message = _Began | _Played | _Failed | _Refused | _Spoilt
 
 
-def can_supervise() -> bool:
-    """Linux, and a thread that can hear signals."""
-    return sys.platform == "linux" and threading.current_thread() is threading.main_thread()
+def can_supervise(*, with_engines: bool = False) -> bool:
+    """Linux, and a thread that can hear signals.
+
+    A child `with_engines` (`--world inline`) needs a program without other threads: a fork copies the locks that they
+    hold at the moment, nobody releases them in the child, and engines' libraries wait for them.
+    """
+    alone = not with_engines or threading.active_count() == 1
+    return sys.platform == "linux" and threading.current_thread() is threading.main_thread() and alone
 
 
 def play_supervised(

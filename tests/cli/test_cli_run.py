@@ -222,3 +222,32 @@ def test_control_c_ends_with_a_partial_trace_and_no_process(tmp_path: Path, desc
         time.sleep(0.05)
     assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
     assert os.listdir(tmp_path / "out") == ["trace.mcap.part"]
+
+
+THREADED = """
+import os, sys, threading
+from pathlib import Path
+
+from lingjing.cli.main import main
+
+Path("me.py").write_text('''
+import os
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
+
+class Me:
+    async def reset(self, brief: Brief) -> None:
+        open("pid", "w").write(str(os.getpid()))
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        return Decision()
+''')
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+code = main(["run", sys.argv[1], "--policy", "./me.py:Me", "--world", "inline", "--no-overview", "-o", "out"])
+print(code, Path("pid").read_text() == str(os.getpid()))
+"""
+
+
+def test_a_program_with_threads_plays_engines_in_itself_and_not_in_a_fork(short: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", THREADED, str(short)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.splitlines()[-1] == "0 True", done.stderr
