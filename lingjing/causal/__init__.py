@@ -4,5 +4,11 @@
 - `replay`    whether they lead to the states that the trace holds, or what differs first
 - `shrink`    the smallest mission that fails as a trace did: `failure` says when two failures are the same,
   `reduced_mission` leaves parts out, `delta_debugging` chooses them, `candidates` plays what is left
+- `faculties` which record of a decision each faculty makes, and how the truth replaces it
+- `references` what would have been right, by a privileged policy; `interventions` what a branch changes
+- `redriven`  an episode with its policies in one process, to be forked; `shared_camera` draws for all branches
+- `branching` one branch, in a fork; `branch_process` holds boundaries and forks ← `branch_host`, its caller's end
+- `blame`     the search for what repairs ← `shapley` (shares), `placebos` (luck); `message_value` what was worth saying
+- `telling`   all of that in words
 - `lookback`  pictures that no agent asked for, drawn from the states that a trace holds
 """

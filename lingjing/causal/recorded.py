@@ -7,7 +7,7 @@ no recorded decision depends on them; beyond it, or everywhere, they are drawn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import TracebackType
 from typing import Self
@@ -24,16 +24,21 @@ from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
+from lingjing.trace.encoding import settled
 from lingjing.trace.images import encode_jpeg
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import Absent, BodyState, BoundaryRecord, Command, DecisionRecord
+from lingjing.trace.records import Absent, BodyState, BoundaryRecord, Command, DecisionRecord, Snapshot
+
+PictureSource = Callable[[int, Sequence[CaptureRequest], Sequence[BodyState]], tuple[StoredFrame | Absent, ...]]
+"""What draws pictures, called as `World.capture` is."""
 
 
 class RecordedPictures:
     """A world whose pictures come from a trace as long as its boundary is not after `until`; later ones are drawn.
 
     `until` None never draws. With `pixels` a policy could look at them; without, they are black and of one pixel, and
-    what is known of them (pose, boxes) is the trace's all the same.
+    what is known of them (pose, boxes) is the trace's all the same. With a `camera` that draws in the world's place,
+    what the trace holds of a later boundary is taken from it too, if all bodies stand as they stood then.
     """
 
     def __init__(self, world: World, trace: Trace, *, until: int | None = None, pixels: bool = False) -> None:
@@ -41,6 +46,8 @@ class RecordedPictures:
         self._trace = trace
         self.until = until
         self.pixels = pixels
+        self.camera: PictureSource | None = None
+        self.drawn = 0
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
@@ -59,10 +66,25 @@ class RecordedPictures:
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
     ) -> tuple[StoredFrame | Absent, ...]:
         """What the camera answered then; what the trace does not hold is `not_recorded`."""
-        if self.until is not None and tick > self.until:
+        if self.until is None or tick <= self.until:
+            record = self._trace.boundaries[tick]
+            return tuple(self._recorded(request, record) for request in requests)
+        if self.camera is None:
             return self._world.capture(tick, requests, states)
-        record = self._trace.boundaries[tick]
-        return tuple(self._recorded(request, record) for request in requests)
+        held = self._trace.frames if self._stand_alike(tick, states) else {}
+        due = [request for request in requests if request.frame not in held]
+        self.drawn += len(due)
+        fresh = iter(self.camera(tick, due, states) if due else ())
+        record = self._trace.boundaries[min(tick, len(self._trace.boundaries) - 1)]
+        return tuple(self._recorded(one, record) if one.frame in held else next(fresh) for one in requests)
+
+    def _stand_alike(self, tick: int, states: Sequence[BodyState]) -> bool:
+        """Whether everything is where it was at that boundary of the trace."""
+        if tick >= len(self._trace.boundaries):
+            return False
+        then = self._trace.boundaries[tick].snapshots[-1]
+        now = settled(Snapshot(time_s=then.time_s, states=tuple(states)))
+        return now.states == then.states + then.ambient
 
     def fork(self) -> RecordedPictures:
         """A world that goes on alone, with the same pictures."""
@@ -101,24 +123,26 @@ class RecordedRun:
         pixels: bool = False,
         host: PluginHost | None = None,
         record: Recorder | None = None,
+        referenced: frozenset[str] = frozenset(),
     ) -> None:
         if not trace.boundaries:
             raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before it began")
         host = host or PluginHost()
         instance = trace.header.instance
-        city = _city(trace)
+        self.city = _city(trace)
         scorers = [host.evaluator(name) for name in trace.header.evaluators]
         evaluators = build_evaluators(scorers, instance, host, trace.header.evaluator_options)
         self.trace = trace
         self.pictures = RecordedPictures(open_world(world, host=host), trace, until=-1 if draw else None, pixels=pixels)
         self.kernel = Kernel(
             instance,
-            city,
+            self.city,
             self.pictures,
             privileged=frozenset(binding.agent for binding in trace.header.bindings if binding.privileged),
             evaluators=evaluators,
             record=record,
             policy_seed=trace.header.policy_seed,
+            referenced=referenced,
         )
         self._next = 0
 

@@ -10,6 +10,8 @@
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
 - `bench`                                          a suite of many episodes: its rows, its tables
 - `verify`, `replay`, `why`, `metrics`             a trace: is it what was written, does it happen again, why and what
+- `fork`, `blame`, `value` ← `branches`            a trace: what would have had to be different, what was worth saying
+- `shrink`                                         the smallest mission that fails as a trace did
 - `calls`                                          what an episode's policies asked chat models
 - `prompts`                                        a policy's prompts; a better one from failed traces
 - `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun

@@ -40,6 +40,9 @@ VERBS = (
     CommandVerb("bench", "lingjing.cli.bench", "play a suite of many episodes; make tables of it", computes=True),
     CommandVerb("verify", "lingjing.cli.verify", "say whether traces are what was written"),
     CommandVerb("replay", "lingjing.cli.replay", "run traces again and confirm their digests", computes=True),
+    CommandVerb("fork", "lingjing.cli.fork", "run a trace on with something changed", computes=True),
+    CommandVerb("blame", "lingjing.cli.blame", "find what lost an episode by branches of it", computes=True),
+    CommandVerb("value", "lingjing.cli.value", "find what each message was worth by branches", computes=True),
     CommandVerb("why", "lingjing.cli.why", "say why an episode ended as it did"),
     CommandVerb("shrink", "lingjing.cli.shrink", "make the smallest mission that fails as a trace did", computes=True),
     CommandVerb("metrics", "lingjing.cli.metrics", "compute the paper's metrics of traces"),
@@ -53,9 +56,6 @@ VERBS = (
     CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one", computes=True),
     CommandVerb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
     CommandVerb("prompts", "lingjing.cli.prompts", "list, show and improve the prompts of policies", computes=True),
-    CommandVerb(
-        "frames", "lingjing.cli.frames", "make labelled sets of frames; probe detectors with them", computes=True
-    ),
     CommandVerb("new", "lingjing.cli.new", "write a file to start from"),
     CommandVerb("calls", "lingjing.cli.calls", "list and read what an episode's policies asked chat models"),
     CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions", computes=True),

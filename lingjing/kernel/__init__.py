@@ -3,7 +3,8 @@
 In the order of control:
 
 - `cities` builds the city of an instance and places its entities there; `supported` refuses what cannot be played;
-- `barrier` calls every policy in a thread of its own and collects their answers by name within K_model;
+- `barrier` calls every policy in a thread of its own and collects their answers by name within K_model; `sequential`
+  does so without threads, in a process that is going to be forked;
 - `candidates` turns what policies returned into plain values; `admission` compiles the checks of arguments and bodies;
 - `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the `links` between agents;
 - `commands` validates and resolves physical commands (ValidateAndResolve); `budgets` counts what both use up;

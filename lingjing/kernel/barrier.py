@@ -21,6 +21,7 @@ from typing import Any
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.budgets import ALLOWANCE
+from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
 from lingjing.trace.records import Decision, DecisionRecord, Usage
@@ -124,6 +125,11 @@ class PolicyBarrier:
         answers = {name: {**given, **refused}[name] for name in self._policies}
         return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
 
+    def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
+        """`act` on what was published at a boundary."""
+        inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
+        return self.act(inputs, exhausted)
+
     def __contains__(self, agent: str) -> bool:
         """Whether the agent's policy sits behind this barrier."""
         return agent in self._policies
@@ -144,7 +150,7 @@ class PolicyBarrier:
             value, wall_s = future.result(timeout=left)
         except concurrent.futures.TimeoutError as error:
             if future.done():  # the policy itself raised a TimeoutError
-                return _failure(error, started)
+                return failure(error, started)
             future.cancel()
             self._threads[name].abandon()
             return self._late()
@@ -153,7 +159,7 @@ class PolicyBarrier:
         except InfrastructureError:
             raise
         except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
-            return _failure(error, started)
+            return failure(error, started)
         return PolicyAnswer(value=value, wall_s=wall_s)
 
     def _late(self) -> PolicyAnswer:
@@ -170,8 +176,8 @@ def _decision_record(agent: str, answer: PolicyAnswer) -> DecisionRecord:
     )
 
 
-def _failure(error: Exception, started: float) -> PolicyAnswer:
-    """Without addresses of objects, which differ from run to run and would make the digest differ."""
+def failure(error: Exception, started: float) -> PolicyAnswer:
+    """A policy's exception as its answer, without addresses of objects, which would make the digest differ."""
     try:
         text = f"{type(error).__name__}: {error}".splitlines()[0]
     except Exception:  # noqa: BLE001 - a message that cannot be made is the policy's failure too

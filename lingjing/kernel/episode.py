@@ -16,7 +16,7 @@ from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import taken
 from lingjing.plugins.policy import Policy
-from lingjing.trace.records import CUT_SHORT, BoundaryRecord, Outcome, Reason
+from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Outcome, Reason
 
 WON_AT_START = "success held at the start, before anybody acted"
 """The detail of an episode that was won at boundary 0."""
@@ -46,6 +46,18 @@ class Ending(Protocol):
         ...
 
 
+class DecisionSource(Protocol):
+    """Who decides: the policy barrier, or somebody in its place."""
+
+    def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
+        """Everybody's decisions at a boundary, in declaration order; who is `exhausted` is not asked."""
+        ...
+
+    def close(self) -> None:
+        """Nobody will be asked any more."""
+        ...
+
+
 def seat(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
     """Put the active agents' policies behind the barrier, in declaration order, and give each its brief.
 
@@ -67,11 +79,13 @@ def seat(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
 
 def play(
     kernel: Kernel,
-    barrier: PolicyBarrier,
+    barrier: DecisionSource,
     recorder: Ending | None = None,
     progress: Callable[[Progress], None] | None = None,
+    since: Published | None = None,
 ) -> Outcome:
-    """Play one episode with the policies behind `barrier`, which is closed afterwards.
+    """Play one episode with the policies behind `barrier`, which is closed afterwards: from its beginning, or on from
+    what was published `since` last.
 
     Returns an outcome with reason `infrastructure-abort` if the world fails. Anything else that ends the episode
     from outside, a `KeyboardInterrupt` above all, is passed on after the trace is closed as a partial one.
@@ -80,7 +94,7 @@ def play(
     reason: Reason = "error"
     detail, hint = "", ""
     try:
-        reason, detail = _loop(kernel, barrier, progress, started)
+        reason, detail = _loop(kernel, barrier, progress, started, since)
     except InfrastructureError as error:
         reason, detail, hint = "infrastructure-abort", f"{error}", error.hint
     except KeyboardInterrupt:
@@ -95,10 +109,14 @@ def play(
 
 
 def _loop(
-    kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress], None] | None, started: float
+    kernel: Kernel,
+    barrier: DecisionSource,
+    progress: Callable[[Progress], None] | None,
+    started: float,
+    since: Published | None,
 ) -> tuple[Reason, str]:
     """Why the episode ended by itself, and the detail of it."""
-    published = kernel.reset()
+    published = since if since is not None else kernel.reset()
     last = ""
     while True:
         last = _last_event(published, last)
@@ -107,8 +125,7 @@ def _loop(
         reason, detail = ended_because(kernel)
         if reason is not None:
             return reason, detail
-        inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
-        published = kernel.step(barrier.act(inputs, kernel.exhausted()))
+        published = kernel.step(barrier.decide(published, kernel.exhausted()))
 
 
 def ended_because(kernel: Kernel) -> tuple[Reason | None, str]:

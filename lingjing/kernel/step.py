@@ -39,7 +39,7 @@ from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Instance
 from lingjing.mission.vocabulary import PHOTO, UNLOCK
 from lingjing.plugins.evaluator import Evaluation, Evaluator
-from lingjing.plugins.policy import Brief, Inbox, Observation
+from lingjing.plugins.policy import Brief, Inbox, Observation, Privileged
 from lingjing.scene.city import City
 from lingjing.trace.digest import START, next_digest, next_frames_digest
 from lingjing.trace.records import (
@@ -76,13 +76,19 @@ class KernelState(msgspec.Struct, frozen=True):
     scr: float = 0.0
 
 
+Transit = Callable[[int, tuple[Envelope, ...]], tuple[Envelope, ...]]
+"""What becomes of admitted edges on their way: a boundary and its edges in, the edges that travel out."""
+
+
 class Published(msgspec.Struct, frozen=True):
-    """The boundary output (O_t, I_t, V_t, r_t, d_t), and the record it came from."""
+    """The boundary output (O_t, I_t, V_t, r_t, d_t), and the record it came from. `truths` are for who replaces a
+    decision by what would have been right: no policy of the episode is given them, and no record holds them."""
 
     observations: Mapping[str, Observation]
     inboxes: Mapping[str, Inbox]
     evaluation: Evaluation
     record: BoundaryRecord
+    truths: Mapping[str, Privileged] = field(default_factory=dict)
 
 
 class _Inputs(msgspec.Struct, frozen=True):
@@ -112,13 +118,18 @@ class Kernel:
         record: Recorder | None = None,
         blank_pictures: bool = False,
         policy_seed: int = 0,
+        referenced: frozenset[str] = frozenset(),
     ) -> None:
+        """`privileged` are the agents whose observations hold the truth, `referenced` those whose truth is published
+        beside them."""
         check_playable(instance)
         self.instance = instance
         self.world = world
         self._city = city
         self._privileged = privileged
+        self._referenced = referenced
         self._record = record
+        self.transit: Transit | None = None
         self._blank = blank_pictures
         self._router = MessageRouter(instance)
         self._validator = CommandValidator(instance, city.bounds)
@@ -154,6 +165,8 @@ class Kernel:
             tally,
             registry.unheard,
         )
+        if self.transit is not None:
+            envelopes = self.transit(tick, envelopes)
         resolved = self._validator.resolve(  # line 30: ValidateAndResolve
             [(made.agent, made.decision.command) for made in decisions],
             registry,
@@ -210,7 +223,7 @@ class Kernel:
         inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
         registry = self._update(before, boundary, inputs, receipts, frames)  # line 48: Update
         happened = self._scheduled.at(boundary.tick) + boundary.events
-        observations = self._observe(registry, happened, answers)  # line 49: ProjectVisible
+        observations, truths = self._observe(registry, happened, answers)  # line 49: ProjectVisible
         verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
         latched = verdict.registry
         standing = self._adjudicator.instant(latched, latched.states, latched.time_s)
@@ -229,7 +242,7 @@ class Kernel:
             scr=record.scr,
         )
         self._log(state, record, frames)  # line 52: Log
-        return Published(observations, inboxes, evaluation, record)
+        return Published(observations, inboxes, evaluation, record, truths)
 
     def _log(self, state: KernelState, record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
         """Take on the new state and hand it to the recorder: both or neither, lest a trace ends before its outcome."""
@@ -323,12 +336,12 @@ class Kernel:
 
     def _observe(
         self, registry: Registry, happened: Sequence[TaskEvent], answers: Sequence[StoredFrame | Absent]
-    ) -> dict[str, Observation]:
+    ) -> tuple[dict[str, Observation], dict[str, Privileged]]:
         frames = [answer for answer in answers if isinstance(answer, StoredFrame)]
         shown = [pictures.seen(frame, blank=self._blank) for frame in frames]
         absent = [answer for answer in answers if isinstance(answer, Absent)]
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
-        out = {}
+        out, truths = {}, {}
         for agent in self.instance.agents:
             observation = self._projector.observe(
                 agent,
@@ -344,7 +357,7 @@ class Kernel:
                 observation = dataclasses.replace(
                     observation, pictures=observation.pictures + revealed, absent=observation.absent + missed
                 )
-            if agent.id in self._privileged:
+            if agent.id in self._privileged or agent.id in self._referenced:
                 mine = {picture.frame for picture in observation.pictures}
                 truth = self._projector.privileged(
                     registry,
@@ -352,9 +365,12 @@ class Kernel:
                     forbidden=self._validator.forbidden(at),
                     city=self._city,
                 )
-                observation = dataclasses.replace(observation, privileged=truth)
+                if agent.id in self._privileged:
+                    observation = dataclasses.replace(observation, privileged=truth)
+                if agent.id in self._referenced:
+                    truths[agent.id] = truth
             out[agent.id] = observation
-        return out
+        return out, truths
 
     def _draft(
         self,

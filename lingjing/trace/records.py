@@ -404,6 +404,42 @@ class AgentBinding(TraceRecord, frozen=True, kw_only=True):
     arguments: dict[str, GivenOption] = {}
 
 
+Faculty = Literal["perception", "localisation", "waypoint", "routing", "handoff", "execution"]
+"""What an agent does well or badly by itself: `lingjing.causal.faculties` says which record each one makes."""
+
+
+class Substitution(TraceRecord, frozen=True, kw_only=True):
+    """One faculty of one agent replaced by the truth at the boundaries from `first` to `last`, or to the end."""
+
+    faculty: Faculty
+    agent: str
+    first: int
+    last: int | None = None
+
+
+class MessageChange(TraceRecord, frozen=True, kw_only=True):
+    """What became of a message on its way: it arrived nowhere (`drop`), `ticks` later (`delay`), once more `ticks`
+    later (`repeat`), or with the fields of `body` in place of its own (`forge`); with `withhold` it was never sent, so
+    that no adjudicator hears it either."""
+
+    message: str
+    act: Literal["drop", "delay", "repeat", "forge", "withhold"]
+    ticks: int = 0
+    body: dict[str, Datum] = {}
+
+
+class BranchOrigin(TraceRecord, frozen=True, kw_only=True):
+    """What a trace is a branch of: another trace's file name and its digest at boundary `at`, up to which both are
+    equal; what was changed from there on; and the privileged policy that knew what would have been right."""
+
+    trace: str
+    at: int
+    digest: str
+    substitutions: tuple[Substitution, ...] = ()
+    messages: tuple[MessageChange, ...] = ()
+    reference: str = ""
+
+
 FIRST_FORMAT = "lingjing-trace/1"
 FORMAT = "lingjing-trace/2"
 """What `Header.format` is: the first had no seals, this one has (ADR 0017)."""
@@ -411,7 +447,7 @@ FORMAT = "lingjing-trace/2"
 
 class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
-    `evaluators` scored it, told `evaluator_options`."""
+    `evaluators` scored it, told `evaluator_options`; `branch` says what it is a branch of, if it is one."""
 
     format: str = FORMAT
     instance: Instance
@@ -423,6 +459,7 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     policy_seed: int = 0
     evaluators: tuple[str, ...] = ("mission",)
     evaluator_options: dict[str, dict[str, GivenOption]] = {}
+    branch: BranchOrigin | None = None
 
 
 class Outcome(TraceRecord, frozen=True, kw_only=True):

@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import atexit
 import contextlib
-import ctypes
 import gc
 import os
 import runpy
@@ -34,10 +33,10 @@ from typing import NoReturn
 import msgspec
 
 from lingjing.kernel.world.forking import CallFunction, ForkRequest, RunModule, StartWorker, WorkerSettings
+from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
 from lingjing.numerics import pins
 
-_PR_SET_PDEATHSIG = 1
 _PATROL_S = 1.0
 _LINGERS_S = 2.0
 """How long a camera process may take to become idle when the process that it drew for has ended."""
@@ -239,7 +238,7 @@ class _Server:
 def main() -> NoReturn:
     """Serve until the caller is gone."""
     options = _options()
-    _die_with(options.parent, signal.SIGKILL)
+    die_with(options.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     os.set_inheritable(options.fd, False)
@@ -330,7 +329,7 @@ def _begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
         signal.signal(getattr(signal, name), signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as the interpreter has it from its start
     os.setpgid(0, 0)
-    _die_with(parent, number)
+    die_with(parent, number)
 
 
 def _become_worker(request: StartWorker, ends: tuple[int, int, int], control: int, parent: int) -> NoReturn:
@@ -384,13 +383,6 @@ def _run(module: str) -> int:
         with contextlib.suppress(BaseException):
             stream.flush()
     return code
-
-
-def _die_with(parent: int, number: signal.Signals) -> None:
-    # prctl(2); if the parent ended before this call, no signal will come, so look afterwards.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(0)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import ctypes
 import faulthandler
 import os
 import random
@@ -39,12 +38,12 @@ from lingjing.kernel.world.messages import (
     encoded,
 )
 from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
+from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.shared import CallMonitor
 from lingjing.plugins.host import PluginHost
 from lingjing.terminal import guard_streams
 
 _PATROL_S = 1.0
-_PR_SET_PDEATHSIG = 1
 _UNFORKABLE = ("cv2", "moderngl", "OpenGL", "glcontext", "glfw", "torch")
 
 
@@ -77,7 +76,7 @@ class Post:
 def main() -> NoReturn:
     """Serve until told to close or left alone."""
     options = _options()
-    _die_with(options.parent)
+    die_with(options.parent)
     for descriptor in (options.fd, options.progress):
         os.set_inheritable(descriptor, False)
     settings = WorkerSettings(tuple(options.plugin), (), not options.bare)
@@ -218,7 +217,7 @@ def _fork(post: Post, packet: Packet) -> None:
         post.reap()  # it may have ended before it was in the set
         post.reply(Forked(pid=pid))
         return
-    _die_with(original)
+    die_with(original)
     random.setstate(state)
     _take_post(post, packet, original)
 
@@ -228,13 +227,6 @@ def _take_post(post: Post, packet: Packet, parent: int) -> None:
     post.take(*packet.descriptors)
     post.parent = parent
     post.forks.clear()
-
-
-def _die_with(parent: int) -> None:
-    # prctl(2); if the parent ended before this call, no signal will come, so look afterwards.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(0)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,320 @@
+"""`blame`: what would have had to be different for a lost episode to be won, found by branches of it.
+
+The search goes from coarse to fine. A null fork must be the episode itself. Then each (faculty, agent) pair in which
+an agent departed from its reference is replaced from its first departure on, alone; where none repairs, smaller and
+smaller sets of them are (delta debugging; Zeller and Hildebrandt 2002), and all pairs. What repairs is narrowed to the
+smallest window of boundaries that still does, by bisection over the boundaries at which something was replaced. Shares
+are Shapley values of the game "which replaced pairs win": exact for few players, else by sampled permutations (Castro,
+Gómez and Tejada 2009) from named streams. Placebos say how often a branch wins that has no right to: one record
+replaced by itself, a destination moved by a few metres, a pair that no repair contains replaced from somewhere on.
+
+All branches of a trace are played under common random numbers: what a branch does not change draws what it drew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import combinations
+
+import msgspec
+from msgspec.structs import replace
+
+from lingjing.causal.branch_host import BranchHost, HostProgress
+from lingjing.causal.branching import BranchResult
+from lingjing.causal.delta_debugging import minimize
+from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.placebos import Placebos, played_placebos
+from lingjing.causal.redriven import BranchOptions
+from lingjing.causal.shapley import AgentFaculty, Share, shapley_shares
+from lingjing.errors import InfrastructureError, UsageError
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import CUT_SHORT, Faculty, Substitution
+
+EXACT_PLAYERS = 4
+NARROWED = 3
+"""So many repairs are narrowed, those that replace least first."""
+
+MOST_PAIRS = 45
+
+
+class BlameOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """How hard to look: at most so many `branches`, `jobs` at a time, so many `placebos`; `seed` starts the streams
+    that permutations and placebos are drawn from. The others are those of `BranchOptions`."""
+
+    branches: int = 120
+    jobs: int = 2
+    placebos: int = 8
+    seed: int = 0
+    reference: str = "oracle"
+    files: tuple[str, ...] = ()
+    policies: dict[str, str] = {}
+    calls: str = "replay"
+
+
+class NullFork(msgspec.Struct, frozen=True, kw_only=True):
+    """A branch from boundary 0 that changes nothing; `boundary` is the first where it differs all the same."""
+
+    identical: bool
+    boundary: int | None = None
+
+
+class Cause(msgspec.Struct, frozen=True, kw_only=True):
+    """One faculty of one agent that is to be blamed. `boundary` is where it began: the agent's first departure from
+    its reference, or, of an agent that never decides as its reference does, the last boundary from which the repair
+    still works. `first` to `last` is the smallest window of boundaries in which replacing it repairs; `replaced` counts
+    the records that are replaced in it."""
+
+    agent: str
+    faculty: Faculty
+    boundary: int
+    first: int
+    last: int
+    replaced: int
+
+
+class Repair(msgspec.Struct, frozen=True, kw_only=True):
+    """A set of causes without which the episode is won, and no smaller one. `narrowed` says whether its windows were
+    looked for; else they are all that was replaced."""
+
+    causes: tuple[Cause, ...]
+    score: float
+    ticks: int
+    narrowed: bool = True
+
+
+class Blame(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be blamed for a lost episode.
+
+    `repairs` are all smallest repairing sets, those that replace the fewest records first; with `complete` all sets of
+    that size were tried. `departed` counts the pairs in which agents departed from their references at all. `exhausted`
+    says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches, `driven_s` that of
+    running the episode again.
+    """
+
+    path: str
+    success: bool
+    reason: str
+    score: float
+    null: NullFork | None = None
+    departed: int = 0
+    repairs: tuple[Repair, ...] = ()
+    complete: bool = True
+    shares: tuple[Share, ...] = ()
+    placebos: Placebos | None = None
+    branches: int = 0
+    exhausted: bool = False
+    cpu_s: float = 0.0
+    driven_s: float = 0.0
+
+
+def blame(trace: Trace, options: BlameOptions | None = None, progress: HostProgress | None = None) -> Blame:
+    """Search for what repairs a lost episode; one that was won needs no branch.
+
+    Raises `UsageError` for an episode that was cut short, or that cannot be branched here.
+    """
+    outcome = trace.outcome
+    if outcome is None or outcome.reason in CUT_SHORT:
+        raise UsageError(
+            f"{trace.path} was cut short", hint="only an episode that ended by itself can be blamed on somebody"
+        )
+    told = Blame(path=str(trace.path), success=outcome.success, reason=outcome.reason, score=outcome.score)
+    if outcome.success:
+        return told
+    options = options or BlameOptions()
+    branched = BranchOptions(
+        trace=str(trace.path), files=options.files, policies=options.policies, calls=options.calls,
+        reference=options.reference, jobs=options.jobs,
+    )  # fmt: skip
+    with BranchHost(trace, branched, progress) as host:
+        return _Search(host, options).run(told)
+
+
+class _Search:
+    """One search; `_won` remembers the branches of each set of replaced pairs."""
+
+    def __init__(self, host: BranchHost, options: BlameOptions) -> None:
+        self._host = host
+        self._options = options
+        self._won: dict[frozenset[AgentFaculty], BranchResult] = {}
+        self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
+        self._short = False
+
+    def run(self, told: Blame) -> Blame:
+        """The whole search."""
+        self._departures = dict(sorted(self._host.departures().items(), key=self._order))  # type: ignore[arg-type]
+        (null,) = self._play([BranchPlan(at=0)], "null fork")
+        told = replace(
+            told,
+            null=NullFork(identical=null.differs is None, boundary=null.differs),
+            departed=len(self._departures),
+        )
+        if null.differs is None:
+            sets, complete = self._smallest()
+            repairs = self._narrowed(sets)
+            shares = self._shares(sets) if sets else ()
+            told = replace(told, repairs=repairs, complete=complete, shares=shares, placebos=self._placebos(sets))
+        return replace(
+            told,
+            branches=self._host.played,
+            exhausted=self._short,
+            cpu_s=self._host.cpu_s,
+            driven_s=self._host.driven_s,
+        )
+
+    # -- branches
+
+    @property
+    def _left(self) -> int:
+        return max(0, self._options.branches - self._host.played)
+
+    def _play(self, plans: Sequence[BranchPlan], what: str) -> tuple[BranchResult, ...]:
+        results = self._host.play(plans, what)
+        for one in results:
+            if one.failed:
+                raise InfrastructureError(f"a branch was cut short: {one.failed}", hint=one.hint)
+        return results
+
+    def _try(self, sets: Iterable[frozenset[AgentFaculty]], what: str) -> list[bool]:
+        """Whether replacing each set wins, as far as the budget goes; what is not tried counts as lost."""
+        sets = list(dict.fromkeys(sets))
+        new = [one for one in sets if one not in self._won]
+        within = new[: self._left]
+        self._short |= len(within) < len(new)
+        self._won |= zip(within, self._play([self._plan(one) for one in within], what), strict=True)
+        return [one in self._won and self._won[one].success for one in sets]
+
+    def _plan(
+        self, pairs: Iterable[AgentFaculty], windows: Mapping[AgentFaculty, tuple[int, int | None]] | None = None
+    ) -> BranchPlan:
+        """The pairs replaced, each from its first departure on or in its window."""
+        spans = {pair: (windows or {}).get(pair, (self._departures[pair][0], None)) for pair in pairs}
+        return BranchPlan(
+            at=min(first for first, _ in spans.values()),
+            substitutions=tuple(
+                Substitution(faculty=pair[0], agent=pair[1], first=spans[pair][0], last=spans[pair][1])
+                for pair in self._departures
+                if pair in spans
+            ),
+        )
+
+    def _order(self, item: tuple[tuple[str, str], tuple[int, ...]]) -> tuple[int, int, str]:
+        """By first departure, then the agents' order."""
+        agents = [agent.id for agent in self._host.trace.header.instance.agents]
+        return item[1][0], agents.index(item[0][1]), item[0][0]
+
+    # -- what repairs
+
+    def _smallest(self) -> tuple[list[frozenset[AgentFaculty]], bool]:
+        """All repairing sets of the smallest size, and whether all sets of that size were tried."""
+        pairs = list(self._departures)
+        singles = [frozenset((pair,)) for pair in pairs]
+        found = [one for one, won in zip(singles, self._try(singles, "one at a time"), strict=True) if won]
+        if found or len(pairs) < 2:
+            return found, not self._short
+        whole = frozenset(pairs)
+        if not self._try([whole], "all at once")[0]:
+            return [], not self._short
+        one = self._reduced(pairs)
+        twos = [frozenset(two) for two in combinations(pairs, 2)][:MOST_PAIRS]
+        found = [two for two, won in zip(twos, self._try(twos, "two at a time"), strict=True) if won]
+        every = not self._short and len(pairs) * (len(pairs) - 1) // 2 <= MOST_PAIRS
+        if found:
+            return found, every
+        return [one], every and len(one) <= 2
+
+    def _reduced(self, pairs: Sequence[AgentFaculty]) -> frozenset[AgentFaculty]:
+        """A set that repairs and of which no pair can be left out."""
+
+        def first_repairing(candidates: Sequence[tuple[AgentFaculty, ...]]) -> int | None:
+            won = self._try([frozenset(one) for one in candidates if one], "fewer at a time")
+            return next((number for number, good in enumerate(won) if good), None)
+
+        return frozenset(minimize(pairs, first_repairing))
+
+    # -- when
+
+    def _narrowed(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Repair, ...]:
+        ranked = sorted(sets, key=lambda one: len(self._won[one].replaced))
+        repairs = [self._repair(one, narrow=number < NARROWED) for number, one in enumerate(ranked)]
+        return tuple(sorted(repairs, key=lambda one: (not one.narrowed, sum(cause.replaced for cause in one.causes))))
+
+    def _repair(self, pairs: frozenset[AgentFaculty], *, narrow: bool) -> Repair:
+        result = self._won[pairs]
+        windows: dict[AgentFaculty, tuple[int, int | None]] = {}
+        spans: dict[AgentFaculty, list[int]] = {}
+        for pair in (one for one in self._departures if one in pairs):
+            ticks = [part.boundary for part in result.replaced if (part.faculty, part.agent) == pair]
+            spans[pair] = self._window(pairs, pair, ticks, windows) if narrow and ticks else ticks
+            if spans[pair]:
+                windows[pair] = spans[pair][0], spans[pair][-1]
+        causes = tuple(self._cause(pair, ticks) for pair, ticks in spans.items())
+        return Repair(causes=causes, score=result.score, ticks=result.ticks, narrowed=narrow and not self._short)
+
+    def _window(
+        self,
+        pairs: frozenset[AgentFaculty],
+        pair: AgentFaculty,
+        ticks: list[int],
+        windows: Mapping[AgentFaculty, tuple[int, int | None]],
+    ) -> list[int]:
+        """The smallest run of boundaries, among those where something was replaced, that still repairs: first its end
+        is brought forward, then its beginning."""
+
+        def repairs(first: int, last: int) -> bool:
+            if not self._left:
+                self._short = True
+                return False
+            plan = self._plan(pairs, {**windows, pair: (first, last)})
+            return self._play([plan], "which boundaries")[0].success
+
+        end = _least(len(ticks), lambda index: repairs(ticks[0], ticks[index]))
+        begin = _least(end + 1, lambda back: repairs(ticks[end - back], ticks[end]))
+        return ticks[end - begin : end + 1]
+
+    def _cause(self, pair: AgentFaculty, ticks: Sequence[int]) -> Cause:
+        faculty, agent = pair
+        onset = self._departures[pair][0]
+        begun = min(found[0] for (_, who), found in self._departures.items() if who == agent)
+        first = ticks[0] if ticks else onset
+        return Cause(
+            agent=agent,
+            faculty=faculty,
+            boundary=onset if begun == onset and begun > 0 else first,
+            first=first,
+            last=ticks[-1] if ticks else onset,
+            replaced=len(ticks),
+        )
+
+    # -- how much, and by luck
+
+    def _shares(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Share, ...]:
+        involved = list(dict.fromkeys(pair for pair in self._departures if any(pair in one for one in sets)))
+        others = [pair for pair in self._departures if pair not in involved]
+        players = involved[: 2 * EXACT_PLAYERS] + others[: max(0, EXACT_PLAYERS - 1 - len(involved))]
+        return shapley_shares(players, self._values, exact=len(players) <= EXACT_PLAYERS, seed=self._options.seed)
+
+    def _values(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[float | None]:
+        """1 for a set that wins, 0 for one that loses, None for one that the budget does not reach."""
+        empty: frozenset[AgentFaculty] = frozenset()
+        self._try([one for one in sets if one != empty], "shares")
+        return [0.0 if one == empty else float(self._won[one].success) if one in self._won else None for one in sets]
+
+    def _placebos(self, sets: Sequence[frozenset[AgentFaculty]]) -> Placebos:
+        innocent = {pair: ticks for pair, ticks in self._departures.items() if not any(pair in one for one in sets)}
+        number = min(self._options.placebos, self._left)
+        self._short |= number < self._options.placebos
+        return played_placebos(
+            self._host.trace, innocent, number, self._options.seed, lambda plans: self._play(plans, "placebos")
+        )
+
+
+def _least(count: int, holds: Callable[[int], bool]) -> int:
+    """The least of 0..count-1 for which something holds that holds for the last one, and from some point on."""
+    low, high = 0, count - 1
+    while low < high:
+        middle = (low + high) // 2
+        if holds(middle):
+            high = middle
+        else:
+            low = middle + 1
+    return high

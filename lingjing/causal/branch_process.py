@@ -1,0 +1,294 @@
+"""`python -m lingjing.causal.branch_process`: holds an episode at its boundaries and forks a branch for each question.
+
+Started by `branch_host` alone. One process drives the episode on and leaves, at each boundary that is wanted, a copy of
+itself that stands still; a branch is a fork of such a copy. So a branch costs a fork and its own ticks, whichever
+boundary it leaves from. All of them have one thread; a fork of a process with several is refused. Each ends with the
+process that it was forked from, and the first of them with its caller.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import random
+import select
+import signal
+import socket
+import sys
+import time
+import traceback
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import msgspec
+
+from lingjing.causal.branching import BranchResult, cpu_of, play_branch
+from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
+from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
+from lingjing.kernel.world.parent_death import die_with
+from lingjing.terminal import guard_streams
+
+HELD_MOST = 64
+"""So many boundaries are held at once at most; then every second one is let go, and branches drive on to theirs."""
+
+_READ = 1 << 16
+
+
+class HostMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
+    """Base of what a branch host and its process say to each other."""
+
+
+class OpenTrace(HostMessage, frozen=True, kw_only=True):
+    """Read a trace and stand at its boundary 0."""
+
+    options: BranchOptions
+
+
+class DriveOn(HostMessage, frozen=True, kw_only=True):
+    """Drive on to the last boundary and hold all on the way."""
+
+
+class PlayBranches(HostMessage, frozen=True, kw_only=True):
+    """Play these branches."""
+
+    plans: tuple[BranchPlan, ...]
+
+
+class TraceOpened(HostMessage, frozen=True, kw_only=True):
+    """The episode stands at boundary 0; these agents ask chat models."""
+
+    models: tuple[str, ...] = ()
+
+
+class DrivenTo(HostMessage, frozen=True, kw_only=True):
+    """A boundary was reached."""
+
+    boundary: int
+
+
+class EpisodeDriven(HostMessage, frozen=True, kw_only=True):
+    """The last boundary was reached. `departures` are the boundaries at which agents decided otherwise than their
+    references, by faculty and agent; `cpu_s` is what the process has taken so far."""
+
+    departures: tuple[tuple[str, str, tuple[int, ...]], ...]
+    cpu_s: float
+
+
+class BranchPlayed(HostMessage, frozen=True, kw_only=True):
+    """Branch `index` of those asked for has ended."""
+
+    index: int
+    result: BranchResult
+
+
+class HostFailed(HostMessage, frozen=True, kw_only=True):
+    """What was asked for cannot be done; `exit_code` is that of the error."""
+
+    message: str
+    hint: str = ""
+    exit_code: int = ExitCode.USAGE
+
+
+HostRequest = OpenTrace | DriveOn | PlayBranches
+HostReply = TraceOpened | DrivenTo | EpisodeDriven | BranchPlayed | HostFailed
+
+
+def main() -> None:
+    """Serve one caller until it is gone."""
+    parser = argparse.ArgumentParser(prog="lingjing.causal.branch_process")
+    parser.add_argument("--fd", type=int, required=True)
+    parser.add_argument("--parent", type=int, required=True)
+    options = parser.parse_args()
+    die_with(options.parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    guard_streams()
+    os.set_inheritable(options.fd, False)
+    _Server(PacketSocket(socket.socket(fileno=options.fd))).run()
+    sys.stdout.flush()
+    os._exit(0)  # no shutdown of the interpreter: what its policies left behind is not to hold it up
+
+
+class _Server:
+    def __init__(self, channel: PacketSocket) -> None:
+        self._channel = channel
+        self._episode: RedrivenEpisode | None = None
+        self._held: dict[int, socket.socket] = {}
+
+    def run(self) -> None:
+        decoder: msgspec.msgpack.Decoder[HostRequest] = msgspec.msgpack.Decoder(HostRequest)
+        try:
+            while True:
+                self._attempt(decoder.decode(self._channel.receive().payload))
+        except ChannelClosedError:
+            return
+
+    def _attempt(self, request: HostRequest) -> None:
+        try:
+            self._answer(request)
+        except ChannelClosedError:
+            raise
+        except LingjingError as error:
+            self._say(HostFailed(message=str(error), hint=error.hint, exit_code=error.exit_code))
+        except Exception as error:  # noqa: BLE001 - a fault of ours, which the caller raises
+            traceback.print_exc()
+            said = f"the branch host failed: {type(error).__name__}: {error}"
+            self._say(HostFailed(message=said, exit_code=ExitCode.BUG))
+
+    def _answer(self, request: HostRequest) -> None:
+        if isinstance(request, OpenTrace):
+            self._episode = RedrivenEpisode(request.options)
+            gc.collect()
+            gc.freeze()  # what is there now stays: collections need not touch the pages that forks share
+            self._hold()
+            self._say(TraceOpened(models=self._episode.models))
+            return
+        if self._episode is None:
+            raise UsageError("no trace is open")
+        if isinstance(request, DriveOn):
+            self._drive_to(self._episode.last, None)
+            found = tuple((*pair, tuple(ticks)) for pair, ticks in self._episode.departures.items())
+            self._say(EpisodeDriven(departures=found, cpu_s=time.process_time()))
+        else:
+            self._play(request.plans)
+
+    def _say(self, message: HostMessage) -> None:
+        self._channel.send(msgspec.msgpack.encode(message))
+
+    def _drive_to(self, boundary: int, wanted: frozenset[int] | None) -> None:
+        """On to a boundary; those that are `wanted` are held, or all."""
+        episode = self._episode
+        assert episode is not None
+        while episode.tick < boundary:
+            episode.advance()
+            self._say(DrivenTo(boundary=episode.tick))
+            if wanted is None or episode.tick in wanted:
+                self._hold()
+
+    # -- boundaries that are held
+
+    def _hold(self) -> None:
+        """Leave a copy of this process at the boundary that was reached."""
+        assert self._episode is not None
+        _refuse_threads()
+        if len(self._held) >= HELD_MOST:
+            for boundary in list(self._held)[1::2]:
+                self._held.pop(boundary).close()
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        chance, parent = random.getstate(), os.getpid()
+        if os.fork() == 0:
+            random.setstate(chance)  # a fork starts it anew
+            self._stand_still(theirs, ours, parent)
+        theirs.close()
+        self._held[self._episode.tick] = ours
+
+    def _stand_still(self, requests: socket.socket, others_end: socket.socket, parent: int) -> NoReturn:
+        try:
+            die_with(parent)
+            others_end.close()
+            for end in self._held.values():
+                end.close()
+            signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # ended branches are nobody's zombies
+            while True:
+                data, descriptors, _, _ = socket.recv_fds(requests, 1 << 20, 1, socket.MSG_CMSG_CLOEXEC)
+                if not data:
+                    os._exit(0)
+                self._fork_branch(msgspec.msgpack.decode(data, type=BranchPlan), descriptors[0])
+        finally:
+            os._exit(0)
+
+    def _fork_branch(self, plan: BranchPlan, output: int) -> None:
+        chance, parent, before = random.getstate(), os.getpid(), time.process_time()
+        if os.fork() == 0:
+            random.setstate(chance)
+            fork_s = cpu_of(parent) - before
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            self._be_branch(plan, output, fork_s, parent)
+        os.close(output)
+
+    def _be_branch(self, plan: BranchPlan, output: int, fork_s: float, parent: int) -> NoReturn:
+        try:
+            die_with(parent)
+            started = time.process_time()
+            result = self._played(plan)
+            spent = time.process_time() - started + fork_s
+            told = msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)
+            with open(output, "wb") as file:
+                file.write(msgspec.msgpack.encode(told))
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(0)
+
+    def _played(self, plan: BranchPlan) -> BranchResult:
+        assert self._episode is not None
+        try:
+            return play_branch(self._episode, plan)
+        except LingjingError as error:
+            return BranchResult(failed=str(error), hint=error.hint)
+        except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
+            traceback.print_exc()
+            return BranchResult(failed=f"the branch failed: {type(error).__name__}: {error}")
+
+    # -- branches
+
+    def _play(self, plans: Sequence[BranchPlan]) -> None:
+        assert self._episode is not None
+        wanted = frozenset(plan.at for plan in plans)
+        self._drive_to(max(wanted, default=0), wanted)
+        waiting, running = deque(enumerate(plans)), dict[int, tuple[int, bytearray]]()
+        poller = select.poll()
+        try:
+            while waiting or running:
+                while waiting and len(running) < self._episode.options.jobs:
+                    index, plan = waiting.popleft()
+                    reading = self._begin(plan)
+                    running[reading] = index, bytearray()
+                    poller.register(reading, select.POLLIN)
+                for descriptor, _ in poller.poll():
+                    self._collect(descriptor, running, poller)
+        finally:
+            for descriptor in running:
+                os.close(descriptor)
+
+    def _begin(self, plan: BranchPlan) -> int:
+        """Ask the nearest boundary before the branch for it; where its result is to be read."""
+        boundary = max(one for one in self._held if one <= plan.at)
+        reading, writing = os.pipe2(os.O_CLOEXEC)
+        try:
+            socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [writing])
+        finally:
+            os.close(writing)
+        return reading
+
+    def _collect(self, descriptor: int, running: dict[int, tuple[int, bytearray]], poller: select.poll) -> None:
+        index, told = running[descriptor]
+        data = os.read(descriptor, _READ)
+        told += data
+        if data:
+            return
+        poller.unregister(descriptor)
+        os.close(descriptor)
+        del running[descriptor]
+        lost = BranchResult(failed="the process of the branch ended without a word")
+        result = msgspec.msgpack.decode(told, type=BranchResult) if told else lost
+        self._say(BranchPlayed(index=index, result=result))
+
+
+def _refuse_threads() -> None:
+    threads = len(list(Path("/proc/self/task").iterdir()))
+    if threads != 1:
+        raise UsageError(
+            f"the episode cannot be branched: its policies keep {threads - 1} more thread{'s' * (threads > 2)}, "
+            "and a thread has no copy",
+            hint="a policy that is to be branched runs in the thread that asks it",
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""One camera for all branches: a process that draws pictures for whoever asks, in turn.
+
+A graphics context does not survive a fork and takes seconds to make, so no branch makes its own. The camera process is
+forked before anything is drawn and starts its engine with the first picture. A branch asks for a channel of its own
+when it needs a picture. What is drawn depends on the states that come with a request alone, so one camera serves
+branches that have nothing to do with each other. Pictures of branches are never late: nobody has recorded how long
+they took.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+from collections.abc import Sequence
+from typing import NoReturn
+
+from lingjing.errors import InfrastructureError, LingjingError
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.engine_group import start_engines
+from lingjing.kernel.world.guarded_calls import absent, no_sensor
+from lingjing.kernel.world.messages import Capture, Failed, PictureReply, decoded_reply, decoded_request, encoded
+from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
+from lingjing.kernel.world.parent_death import die_with
+from lingjing.kernel.world.selection import select_engines
+from lingjing.kernel.world.sensor import Sensor
+from lingjing.kernel.world.shared import load_frame, store_frame
+from lingjing.mission.instance import Instance
+from lingjing.plugins.engine import CaptureRequest
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City
+from lingjing.trace.records import Absent, BodyState
+
+
+class SharedCamera:
+    """The camera as a process and its forks have it: a fork asks for a channel of its own with its first picture."""
+
+    def __init__(self, instance: Instance, city: City, host: PluginHost) -> None:
+        self._tick_s = instance.clock.tick_s
+        self._door, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._channel: tuple[int, PacketSocket] | None = None
+        parent = os.getpid()
+        if os.fork() == 0:
+            self._door.close()
+            _serve(theirs, instance, city, host, parent)
+        theirs.close()
+
+    def capture(
+        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+    ) -> tuple[StoredFrame | Absent, ...]:
+        """Draw the pictures of a boundary. `InfrastructureError` if the camera fails or has ended."""
+        channel = self._opened()
+        wanted = Capture(serial=tick, time_s=tick * self._tick_s, requests=tuple(requests), states=tuple(states))
+        try:
+            channel.send(encoded(wanted))
+            return tuple(self._answer(channel, request) for request in requests)
+        except ChannelClosedError:
+            raise InfrastructureError("the camera of the branches has ended") from None
+
+    def _opened(self) -> PacketSocket:
+        if self._channel is None or self._channel[0] != os.getpid():
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+            with theirs:
+                socket.send_fds(self._door, [b"c"], [theirs.fileno()])
+            self._channel = os.getpid(), PacketSocket(ours)
+        return self._channel[1]
+
+    def _answer(self, channel: PacketSocket, request: CaptureRequest) -> StoredFrame | Absent:
+        packet = channel.receive()
+        try:
+            reply = decoded_reply(packet.payload)
+            if isinstance(reply, Failed):
+                raise InfrastructureError(reply.message, hint=reply.hint)
+            assert isinstance(reply, PictureReply)
+            if reply.info is None or reply.layout is None:
+                return absent(request, "not_drawn")
+            return load_frame(reply.info, reply.layout, packet.descriptors[0])
+        finally:
+            packet.close()
+
+
+def _serve(door: socket.socket, instance: Instance, city: City, host: PluginHost, parent: int) -> NoReturn:
+    """Serve until nobody holds the other end of the door."""
+    try:
+        die_with(parent)
+        _Service(door, instance, city, host).run()
+    finally:
+        os._exit(0)
+
+
+class _Service:
+    def __init__(self, door: socket.socket, instance: Instance, city: City, host: PluginHost) -> None:
+        self._door = door
+        self._instance, self._city, self._host = instance, city, host
+        self._sensor: Sensor | None = None
+        self._poller = select.poll()
+        self._poller.register(door, select.POLLIN)
+        self._channels: dict[int, PacketSocket] = {}
+
+    def run(self) -> None:
+        while True:
+            for descriptor, _ in self._poller.poll():
+                if descriptor != self._door.fileno():
+                    self._draw(descriptor)
+                elif not self._let_in():
+                    return
+
+    def _let_in(self) -> bool:
+        data, descriptors, _, _ = socket.recv_fds(self._door, 1, 1, socket.MSG_CMSG_CLOEXEC)
+        for descriptor in descriptors:
+            self._channels[descriptor] = PacketSocket(socket.socket(fileno=descriptor))
+            self._poller.register(descriptor, select.POLLIN)
+        return bool(data)
+
+    def _draw(self, descriptor: int) -> None:
+        channel = self._channels[descriptor]
+        try:
+            request = decoded_request(channel.receive().payload)
+            assert isinstance(request, Capture)
+            self._answer(channel, request)
+        except ChannelClosedError:
+            self._poller.unregister(descriptor)
+            self._channels.pop(descriptor).close()
+
+    def _answer(self, channel: PacketSocket, request: Capture) -> None:
+        try:
+            sensor = self._ready()
+            sensor.settle(request.time_s, request.states)
+            for index, wanted in enumerate(request.requests):
+                frame = sensor.picture(wanted)
+                if frame is None:
+                    channel.send(encoded(PictureReply(serial=request.serial, index=index)))
+                    continue
+                layout, memory = store_frame(frame)
+                reply = PictureReply(serial=request.serial, index=index, info=frame.info, layout=layout)
+                try:
+                    channel.send(encoded(reply), (memory,))
+                finally:
+                    os.close(memory)
+        except LingjingError as error:
+            channel.send(encoded(Failed(message=str(error), hint=error.hint)))
+
+    def _ready(self) -> Sensor:
+        if self._sensor is None:
+            name = select_engines(self._instance, self._host).sensor
+            if name is None:
+                raise no_sensor()
+            sensor = Sensor(name, start_engines(self._host, (name,))[name])
+            sensor.reset(self._instance, self._city)
+            self._sensor = sensor
+        return self._sensor

@@ -1,0 +1,218 @@
+"""Branches, blame and the value of messages in words, for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from lingjing.causal.blame import Blame, Cause
+from lingjing.causal.branching import BranchResult
+from lingjing.causal.interventions import BranchPlan, ReplacedPart
+from lingjing.causal.message_value import EpisodeValues, MessageValue, by_kind, by_mode
+from lingjing.causal.placebos import Placebos
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import MessageChange, Substitution
+
+_SHOWN = 8
+_DECISIVE = 20
+
+
+def branch_text(trace: Trace, plan: BranchPlan, result: BranchResult) -> str:
+    """A trace and a branch of it in a few lines."""
+    same = (
+        "all digests are equal to the end" if result.differs is None else f"differs from boundary {result.differs} on"
+    )
+    cost = f"{result.cpu_s:.2f} s CPU, fork {1000 * result.fork_s:.0f} ms"
+    lines = [
+        f"{trace.path}: {ending_of(trace)}",
+        f"branch at boundary {plan.at}, {change_text(plan)}: {_ended(result)}",
+        f"  {same}; {_count(result.drawn, 'picture')} drawn, {cost}",
+    ]
+    if plan.substitutions:
+        lines += [f"  replaced: {parts_text(result.replaced)}"]
+    if result.path:
+        lines += [f"trace: {result.path}"]
+    return "\n".join(lines)
+
+
+def ending_of(trace: Trace) -> str:
+    """How the episode of a trace ended."""
+    outcome = trace.outcome
+    if outcome is None:
+        return f"cut at boundary {len(trace.boundaries) - 1}"
+    word = "won" if outcome.success else f"lost ({outcome.reason})"
+    return f"{word} after {outcome.ticks} ticks, score {outcome.score:.2f}"
+
+
+def change_text(plan: BranchPlan) -> str:
+    """What a branch changes."""
+    said = [*map(substitution_text, plan.substitutions), *map(_message_text, plan.messages)]
+    said += [f"another decision of {agent} at {tick}" for agent, tick, _ in plan.replacements]
+    return ", ".join(said) or "nothing changed"
+
+
+def substitution_text(one: Substitution) -> str:
+    """`perception of scout[1]`, with the boundaries where they end."""
+    until = "" if one.last is None else f" until {one.last}"
+    return f"{one.faculty} of {one.agent}{until}"
+
+
+def parts_text(parts: Sequence[ReplacedPart]) -> str:
+    """What was replaced where."""
+    found: dict[tuple[str, str], list[int]] = {}
+    for part in parts:
+        found.setdefault((part.faculty, part.agent), []).append(part.boundary)
+    return "; ".join(f"{what} of {who} at {numbers_text(ticks)}" for (what, who), ticks in found.items()) or "nothing"
+
+
+def numbers_text(numbers: Iterable[int]) -> str:
+    """Some numbers, cut where they are many."""
+    listed = list(numbers)
+    more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
+    return ", ".join(map(str, listed[:_SHOWN])) + more
+
+
+def _ended(result: BranchResult) -> str:
+    word = "won" if result.success else f"lost ({result.reason}{': ' * bool(result.detail)}{result.detail})"
+    return f"{word} after {result.ticks} ticks, score {result.score:.2f}"
+
+
+def _message_text(change: MessageChange) -> str:
+    later = f" by {change.ticks}" if change.ticks else ""
+    words = {"drop": "dropped", "withhold": "withheld", "delay": "delayed", "repeat": "repeated", "forge": "forged"}
+    return f"{change.message} {words[change.act]}{later}"
+
+
+def _count(number: int, what: str) -> str:
+    plural = "es" if what.endswith("ch") else "s"
+    return f"{number} {what}{plural * (number != 1)}"
+
+
+def blame_text(told: Blame) -> str:
+    """What is to be blamed, on a page."""
+    if told.success:
+        return f"{told.path}: won, score {told.score:.2f}: nothing is to be blamed"
+    lines = [f"{told.path}: lost ({told.reason}), score {told.score:.2f}", ""]
+    assert told.null is not None
+    if not told.null.identical:
+        lines += [
+            f"null fork: differs at boundary {told.null.boundary}, though nothing was changed.",
+            "The policies decide otherwise each time: no branch says anything, and none was played.",
+            _cost(told),
+        ]
+        return "\n".join(lines)
+    lines += _repair_lines(told) + _share_lines(told)
+    lines += ["null fork: identical to the end, digest by digest"]
+    if told.placebos is not None:
+        lines += [_placebo_line(told.placebos)]
+    return "\n".join([*lines, _cost(told)])
+
+
+def _repair_lines(told: Blame) -> list[str]:
+    if not told.departed:
+        return ["No agent ever decided otherwise than its reference: nothing is there to be replaced.", ""]
+    if not told.repairs:
+        return ["Nothing that was replaced wins this episode.", ""]
+    size = len(told.repairs[0].causes)
+    kind = "Any one of these alone" if size == 1 else f"Any of these sets of {size}"
+    all_tried = "" if told.complete else " (not all of this size were tried)"
+    lines = [f"{kind}, replaced by the truth, wins{all_tried}:"]
+    for repair in told.repairs:
+        lines += [f"  {' and '.join(map(_cause_text, repair.causes))}"]
+        wide = "" if repair.narrowed else ", not narrowed"
+        lines += [f"      won after {repair.ticks} ticks, score {repair.score:.2f}{wide}"]
+    return [*lines, ""]
+
+
+def _cause_text(cause: Cause) -> str:
+    window = f"boundary {cause.first}" if cause.first == cause.last else f"boundaries {cause.first} to {cause.last}"
+    return (
+        f"{cause.faculty} of {cause.agent}, from boundary {cause.boundary} "
+        f"({_count(cause.replaced, 'record')} replaced, {window})"
+    )
+
+
+def _share_lines(told: Blame) -> list[str]:
+    if not told.shares:
+        return []
+    lines = ["Shapley shares of the win:"]
+    for one in told.shares:
+        interval = "exact" if one.exact else f"95 %: {one.low:.2f} to {one.high:.2f}"
+        lines += [f"  {one.share:5.2f}  {one.faculty} of {one.agent} ({interval})"]
+    return [*lines, ""]
+
+
+def _placebo_line(placebos: Placebos) -> str:
+    tried = placebos.nudges + placebos.uninvolved
+    same = (
+        f"{_count(placebos.same, 'record')} replaced by {'itself' if placebos.same == 1 else 'themselves'}: "
+        f"{placebos.changed} of {placebos.same} changed anything"
+    )
+    luck = (
+        f"{placebos.repaired} of {tried} won by luck "
+        f"({_count(placebos.nudges, 'nudge')}, {placebos.uninvolved} uninvolved; "
+        f"95 %: {placebos.low:.2f} to {placebos.high:.2f})"
+    )
+    return f"placebos: {same}; {luck}"
+
+
+def _cost(told: Blame) -> str:
+    more = ", and the budget did not suffice for all" if told.exhausted else ""
+    return f"cost: {_count(told.branches, 'branch')}, {told.cpu_s + told.driven_s:.0f} s CPU{more}"
+
+
+def value_text(episodes: Sequence[EpisodeValues]) -> str:
+    """What messages were worth: each episode in a line, the tables, and the messages that decided."""
+    lines = [line for episode in episodes for line in _episode_lines(episode)]
+    kinds: list[tuple[str, ...]] = [
+        ("mode", "kind", "way", "messages", "value", "of value", "decisive", "harmful", "of no use", "ticks")
+    ]
+    for row in by_kind(episodes):
+        numbers = (row.valuable, row.decisive, row.harmful, row.moot)
+        kinds += [
+            (
+                row.mode,
+                row.kind,
+                row.hop,
+                f"{row.messages}",
+                f"{row.mean:+.3f}",
+                *map(str, numbers),
+                f"{row.ticks:+.1f}",
+            )
+        ]
+    lines += ["", *_columns(kinds)]
+    modes = by_mode(episodes)
+    if len(modes) > 1:
+        table: list[tuple[str, ...]] = [("mode", "won", "messages", "value", "decisive", "of no use", "ticks")]
+        for one in modes:
+            won = f"{one.won}/{one.episodes}"
+            means = (f"{one.messages:.1f}", f"{one.value:+.2f}", f"{one.decisive:.1f}", f"{one.moot:.0%}")
+            table += [(one.mode, won, *means, f"{one.ticks:.1f}")]
+        lines += ["", "per episode:", *_columns(table)]
+    decided = [(episode, one) for episode in episodes for one in episode.messages if one.decisive]
+    if decided:
+        lines += ["", "what decided:"]
+        lines += [f"  {episode.path}: {_decisive_text(episode, one)}" for episode, one in decided[:_DECISIVE]]
+        lines += [f"  and {len(decided) - _DECISIVE} more"] * (len(decided) > _DECISIVE)
+    return "\n".join(lines)
+
+
+def _episode_lines(episode: EpisodeValues) -> list[str]:
+    word = "won" if episode.success else "lost"
+    tried = f"{len(episode.messages)} messages, {_count(episode.branches, 'branch')}, {episode.cpu_s:.0f} s CPU"
+    lines = [f"{episode.path}: {episode.mode}, {word} after {episode.ticks} ticks, score {episode.score:.2f}; {tried}"]
+    if episode.left_out:
+        lines += [f"  {episode.left_out} more were not tried: --branches"]
+    if not episode.null_identical:
+        lines += ["  a null fork differs: the policies decide otherwise each time, so these values mean nothing"]
+    return lines
+
+
+def _decisive_text(episode: EpisodeValues, one: MessageValue) -> str:
+    then = f"lost ({one.reason})" if episode.success else "won"
+    why = "though nobody decides otherwise" if one.swayed is None else f"decisions differ from boundary {one.swayed} on"
+    return f"without {one.id}, a {one.kind} of {one.sender} {one.hop}, {then}: {why}"
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

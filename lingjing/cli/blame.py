@@ -1,0 +1,58 @@
+"""`lingjing blame TRACE`: which faculty of which agent, from which boundary on, lost an episode; found by branches."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import msgspec
+
+from lingjing.causal.blame import BlameOptions, blame
+from lingjing.causal.telling import blame_text
+from lingjing.cli.arguments import parse_amount, parse_seed
+from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
+from lingjing.errors import ExitCode, UsageError
+from lingjing.trace.reader import read_trace
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser(
+        "blame", help="find what lost an episode by branches of it", description=__doc__,
+        epilog="exit codes: 0 the search was made, whatever it found; 2 it cannot be; 3 an engine failed",
+    )  # fmt: skip
+    parser.add_argument("trace", metavar="TRACE", help="the trace.mcap of an episode that ended by itself")
+    parser.add_argument("--branches", metavar="N", default="120", help="how many branches at most (default 120)")
+    parser.add_argument("--placebos", metavar="N", default="8", help="how many of them are placebos (default 8)")
+    parser.add_argument("--seed", metavar="N", default="0", help="of permutations and placebos (default 0)")
+    add_branch_options(parser)
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Search and print what was found."""
+    trace = read_trace(args.trace)
+    branched = branch_options(args, trace)
+    options = BlameOptions(
+        branches=int(parse_amount("--branches", args.branches, whole=True) or 1),
+        placebos=_number("--placebos", args.placebos),
+        seed=parse_seed(args.seed),
+        jobs=branched.jobs,
+        reference=branched.reference,
+        files=branched.files,
+        policies=branched.policies,
+        calls=branched.calls,
+    )
+    with BranchProgress("starting") as progress:
+        told = blame(trace, options, progress)
+    if args.output_format == "json":
+        sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+    else:
+        print(blame_text(told))
+    return ExitCode.OK
+
+
+def _number(option: str, text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 6):
+        raise UsageError(f"{option} {text}: a whole number from 0 is due")
+    return int(text)

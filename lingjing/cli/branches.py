@@ -1,0 +1,108 @@
+"""What the verbs that play branches of traces share: options, progress, and how a substitution is spelled."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from types import TracebackType
+from typing import TYPE_CHECKING, Self, get_args
+
+from lingjing.causal.faculties import faculties_of
+from lingjing.causal.redriven import BranchOptions
+from lingjing.cli.arguments import parse_amount, parse_pairs
+from lingjing.errors import UsageError
+from lingjing.mission.instance import Instance
+from lingjing.suggest import nearest
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import Faculty
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+FACULTY_NAMES: tuple[Faculty, ...] = get_args(Faculty)
+
+
+def add_branch_options(parser: argparse.ArgumentParser) -> None:
+    """Declare them."""
+    parser.add_argument(
+        "--policy", metavar="FILE.py:CLASS", action="append", default=[],
+        help="where a policy lies that the trace calls by its file's name",
+    )  # fmt: skip
+    parser.add_argument(
+        "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[],
+        help="who plays this role or agent, if not whom the trace names",
+    )  # fmt: skip
+    parser.add_argument(
+        "--calls", choices=("replay", "live"), default="replay",
+        help="whether chat models may be asked beyond the branch (default: no)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--reference", metavar="NAME", default="oracle",
+        help="the privileged policy that knows what would have been right (default oracle)",
+    )  # fmt: skip
+    parser.add_argument("-j", "--jobs", metavar="N", default="2", help="branches at a time (default 2)")
+    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+
+
+def branch_options(args: argparse.Namespace, trace: Trace, referenced: tuple[str, ...] | None = None) -> BranchOptions:
+    """The options as given. Raises `UsageError`."""
+    return BranchOptions(
+        trace=str(trace.path),
+        files=tuple(args.policy),
+        policies=parse_pairs("--policy-for", args.policy_for),
+        calls=args.calls,
+        reference=args.reference,
+        referenced=referenced,
+        jobs=int(parse_amount("--jobs", args.jobs, whole=True) or 1),
+    )
+
+
+def parse_faculty(text: str, instance: Instance) -> tuple[tuple[Faculty, str], ...]:
+    """`FACULTY:AGENT`, or `FACULTY` for every agent that has it. Raises `UsageError`."""
+    name, _, agent = text.partition(":")
+    faculty = next((one for one in FACULTY_NAMES if one == name), None)
+    if faculty is None:
+        close = nearest(name, FACULTY_NAMES)
+        known = f"did you mean `{close}`?" if close else f"there are: {', '.join(FACULTY_NAMES)}"
+        raise UsageError(f"--substitute {text}: no faculty is called `{name}`", hint=known)
+    if agent:
+        return ((faculty, agent),)
+    having = tuple((faculty, one.id) for one in instance.agents if faculty in faculties_of(instance, one))
+    if not having:
+        raise UsageError(f"--substitute {text}: no agent of {instance.mission} has {faculty}")
+    return having
+
+
+class BranchProgress:
+    """A context manager to be told what a branch host does; silent if standard error is no terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._bar: Bar | None = None
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+            from lingjing.cli.console import console, spell_proxies
+
+            self._bar = Progress(
+                TextColumn("{task.description}", markup=False),
+                BarColumn(bar_width=24),
+                MofNCompleteColumn(),
+                console=console(sys.stderr),
+                transient=True,
+            )
+            self._bar.start()
+            spell_proxies()
+            self._bar.add_task(self._title, total=None)
+        return self
+
+    def __call__(self, what: str, done: int, due: int) -> None:
+        """Show it."""
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], description=what, completed=done, total=due or None)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if self._bar is not None:
+            self._bar.stop()

@@ -1,0 +1,117 @@
+"""`lingjing fork TRACE`: run on from a boundary with something replaced by the truth, or a message changed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import msgspec
+
+from lingjing.causal.branch_host import BranchHost
+from lingjing.causal.interventions import BranchPlan, boundary_of, check
+from lingjing.causal.telling import branch_text
+from lingjing.cli.arguments import parse_amount
+from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
+from lingjing.errors import ExitCode, InfrastructureError, UsageError
+from lingjing.mission.instance import Datum
+from lingjing.trace.reader import read_trace
+from lingjing.trace.records import MessageChange, Substitution
+
+_LATER = "by so many boundaries (default 1)"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser(
+        "fork",
+        help="run a trace on from a boundary with something changed",
+        description=f"{__doc__} Without a change nothing may differ: a null fork.",
+        epilog="exit codes: 0 the branch was played, whatever came of it; 2 it cannot be; 3 its engines failed",
+    )
+    parser.add_argument("trace", metavar="TRACE", help="a trace.mcap or trace.mcap.part")
+    parser.add_argument("--at", metavar="T", help="the boundary whose decisions are the first to be replaced")
+    parser.add_argument(
+        "--until", metavar="T", help="the last boundary where a faculty is replaced (default: to the end)"
+    )
+    parser.add_argument(
+        "--substitute", metavar="FACULTY[:AGENT]", action="append", default=[],
+        help="perception, localisation, waypoint, routing, handoff or execution, as the truth would have it",
+    )  # fmt: skip
+    for act, what in (
+        ("drop", "arrives at nobody"),
+        ("withhold", "is never sent, so that no adjudicator hears it either"),
+        ("delay", f"arrives later, {_LATER}"),
+        ("repeat", f"arrives a second time, {_LATER}"),
+    ):
+        spelled = "MESSAGE[=TICKS]" if _LATER in what else "MESSAGE"
+        parser.add_argument(f"--{act}", metavar=spelled, action="append", default=[], help=f"the message {what}")
+    parser.add_argument(
+        "--forge",
+        metavar="MESSAGE=JSON",
+        action="append",
+        default=[],
+        help="the message arrives with these fields changed",
+    )
+    parser.add_argument("-o", "--output", metavar="DIR", help="write the branch as a trace into this folder")
+    add_branch_options(parser)
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Play the branch and say what came of it."""
+    trace = read_trace(args.trace)
+    messages = _changes(args)
+    sent = [boundary_of(trace, one.message) for one in messages]
+    at = _boundary("--at", args.at) if args.at is not None else min(sent, default=None)
+    if at is None:
+        raise UsageError("nothing says where to branch", hint="--at T, or a message that is changed")
+    early = [one.message for one, boundary in zip(messages, sent, strict=True) if boundary < at]
+    if early:
+        raise UsageError(f"`{early[0]}` was sent before boundary {at}", hint="leave --at away, or branch earlier")
+    until = _boundary("--until", args.until) if args.until is not None else None
+    pairs = [pair for text in args.substitute for pair in parse_faculty(text, trace.header.instance)]
+    plan = BranchPlan(
+        at=at,
+        substitutions=tuple(Substitution(faculty=what, agent=who, first=at, last=until) for what, who in pairs),
+        messages=messages,
+        out=args.output or "",
+    )
+    check(plan, trace)
+    options = branch_options(args, trace, tuple(dict.fromkeys(agent for _, agent in pairs)))
+    with BranchProgress("starting") as progress, BranchHost(trace, options, progress) as host:
+        (result,) = host.play([plan])
+    if result.failed:
+        raise InfrastructureError(f"the branch was cut short: {result.failed}", hint=result.hint)
+    if args.output_format == "json":
+        sys.stdout.write(msgspec.json.encode({"plan": plan, "branch": result}).decode() + "\n")
+    else:
+        print(branch_text(trace, plan, result))
+    return ExitCode.OK
+
+
+def _changes(args: argparse.Namespace) -> tuple[MessageChange, ...]:
+    found = [MessageChange(message=name, act=act) for act in ("drop", "withhold") for name in getattr(args, act)]
+    for act in ("delay", "repeat"):
+        for text in getattr(args, act):
+            name, _, ticks = text.partition("=")
+            amount = int(parse_amount(f"--{act}", ticks or "1", whole=True) or 1)
+            found.append(MessageChange(message=name, act=act, ticks=amount))
+    found += [_forged(text) for text in args.forge]
+    return tuple(found)
+
+
+def _forged(text: str) -> MessageChange:
+    name, equals, body = text.partition("=")
+    hint = """for example: --forge 'm5-1={"position": [10, 20, 0]}'"""
+    if not equals:
+        raise UsageError(f"--forge {text}: what it is to say is missing", hint=hint)
+    try:
+        return MessageChange(message=name, act="forge", body=msgspec.json.decode(body, type=dict[str, Datum]))
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise UsageError(f"--forge {name}: {error}", hint=hint) from error
+
+
+def _boundary(option: str, text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise UsageError(f"{option} {text}: a boundary is a whole number from 0")
+    return int(text)

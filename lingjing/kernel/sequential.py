@@ -1,0 +1,83 @@
+"""`SequentialPolicies`: the policy barrier without threads, for a process that is going to be forked.
+
+The agents are asked one after the other in the caller's thread, in declaration order. Each may take K_model of wall
+clock, measured from its own question; a call that blocks is interrupted by a signal, so the caller's thread must be the
+main one. The event loop belongs to one process: a forked copy makes its own, and nobody touches that of the original.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import time
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from lingjing.errors import InfrastructureError
+from lingjing.kernel.barrier import PolicyAnswer, PolicyBarrier, failure
+from lingjing.plugins.calls import AbandonedCallError
+
+
+class _LateError(BaseException):
+    """The time of a call is over. No policy that catches `Exception` catches it."""
+
+
+class SequentialPolicies(PolicyBarrier):
+    """Policies of one episode, asked in turn; the same answers as behind a `PolicyBarrier`."""
+
+    def __init__(self, policies: Mapping[str, Any], limit_s: float) -> None:
+        super().__init__(policies, limit_s)
+        self._loops: list[tuple[int, asyncio.AbstractEventLoop]] = []
+
+    def _collect(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, PolicyAnswer]:
+        return {name: self._ask(call) for name, call in calls.items()}
+
+    def _ask(self, call: Callable[[], Awaitable[Any]]) -> PolicyAnswer:
+        started = time.monotonic()
+        try:
+            with _alarm(self._limit_s):
+                value = self._loop().run_until_complete(_awaited(call))
+        except _LateError:
+            self._loops.append((0, asyncio.new_event_loop()))  # the one that was interrupted is of no more use
+            return self._late()
+        except AbandonedCallError:  # what is replayed was given up here
+            return self._late()
+        except InfrastructureError:
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
+            return failure(error, started)
+        return PolicyAnswer(value=value, wall_s=time.monotonic() - started)
+
+    def _loop(self) -> asyncio.AbstractEventLoop:
+        """The loop of this process. Those of an original are never closed: their descriptors are shared with it."""
+        if not self._loops or self._loops[-1][0] != os.getpid():
+            self._loops.append((os.getpid(), asyncio.new_event_loop()))
+        return self._loops[-1][1]
+
+
+async def _awaited(call: Callable[[], Awaitable[Any]]) -> Any:
+    try:
+        return await call()
+    except (Exception, asyncio.CancelledError, _LateError):
+        raise
+    except BaseException as error:  # a policy must not end the process it is a guest of
+        raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
+
+
+@contextmanager
+def _alarm(limit_s: float) -> Iterator[None]:
+    """Raise `_LateError` in the main thread when the time is over."""
+
+    def late(number: int, frame: FrameType | None) -> None:
+        raise _LateError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, limit_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

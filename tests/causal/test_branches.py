@@ -1,0 +1,254 @@
+"""Branches of a trace: a null fork is the episode, the truth repairs, messages change on their way, what cannot be
+branched says so, and nothing of it outlives its caller."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from lingjing.bench.columns import shipped
+from lingjing.causal.blame import BlameOptions, blame
+from lingjing.causal.branch_host import BranchHost
+from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.redriven import BranchOptions
+from lingjing.causal.telling import blame_text
+from lingjing.cli.main import main
+from lingjing.dsl.loading.load import load_mission
+from lingjing.errors import ExitCode, UsageError
+from lingjing.mission.expression import Number
+from lingjing.play.episode import run
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import Faculty, MessageChange, Substitution
+from lingjing.trace.verification import verify_file
+from tests.causal.erring import ASTRAY_FROM
+
+replace = msgspec.structs.replace
+ERRING = str(Path(__file__).parent / "erring.py")
+PATIENCE_S = 300.0
+
+
+def played(folder: Path, policy: str, ticks: float = 24.0) -> Trace:
+    mission = load_mission(next(path for path in shipped() if path.stem == "ssr"))
+    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=ticks)))
+    options: dict[str, Any] = {"seed": 1, "mode": "star", "overview": False}
+    return read_trace(run(short, policy=f"{ERRING}:{policy}", out=folder, **options).trace)
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """A sea rescue that was lost because the boat went astray."""
+    return played(tmp_path_factory.mktemp("lost") / "episode", "Astray")
+
+
+@pytest.fixture(scope="module")
+def host(lost: Trace) -> Iterator[BranchHost]:
+    with BranchHost(lost, BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",))) as opened:
+        yield opened
+
+
+def of(faculty: Faculty, agent: str, first: int, last: int | None = None) -> Substitution:
+    return Substitution(faculty=faculty, agent=agent, first=first, last=last)
+
+
+def onset(trace: Trace) -> int:
+    """The boundary of the skipper's first command from `ASTRAY_FROM` on."""
+    made = ((record.tick - 1, one) for record in trace.boundaries[1:] for one in record.decisions)
+    return next(at for at, one in made if one.agent == "skipper" and at >= ASTRAY_FROM and one.decision.command)
+
+
+def test_a_null_fork_is_the_episode_from_wherever_it_leaves(host: BranchHost, lost: Trace) -> None:
+    before = lost.path.read_bytes()
+    last = len(lost.boundaries) - 1
+    for result in host.play([BranchPlan(at=at) for at in (0, 7, last - 1, last)]):
+        assert (result.failed, result.differs, result.drawn, result.replaced) == ("", None, 0, ())
+        assert lost.outcome is not None and result.digest == lost.outcome.digest
+        assert 0.0 < result.fork_s < result.cpu_s
+    assert lost.path.read_bytes() == before
+
+
+def test_departures_are_those_of_the_fault_alone(host: BranchHost, lost: Trace) -> None:
+    departures = host.departures()
+    assert list(departures) == [("waypoint", "skipper")]
+    assert departures["waypoint", "skipper"][0] == onset(lost)
+
+
+def test_the_truth_repairs_only_who_erred_and_only_in_time(host: BranchHost, lost: Trace) -> None:
+    at = onset(lost)
+    plans = [
+        BranchPlan(at=at, substitutions=(of("waypoint", "skipper", at),)),
+        BranchPlan(at=at, substitutions=(of("waypoint", "scout[1]", at), of("execution", "skipper", at))),
+        BranchPlan(at=len(lost.boundaries) - 3, substitutions=(of("waypoint", "skipper", len(lost.boundaries) - 3),)),
+    ]
+    right, other, late = host.play(plans)
+    assert right.success and right.score == 1.0 and right.differs == at + 1
+    assert {(part.agent, part.faculty) for part in right.replaced} == {("skipper", "waypoint")}
+    assert not other.success and other.differs is None and other.replaced == ()
+    assert not late.success
+
+
+def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
+    at = onset(lost)
+    plan = BranchPlan(at=at, substitutions=(of("waypoint", "skipper", at),), out=str(tmp_path / "branch"))
+    (result,) = host.play([plan])
+    branch = read_trace(result.path)
+    assert verify_file(branch.path).state == "ok"
+    assert branch.complete and branch.outcome is not None and branch.outcome.success
+    assert branch.outcome.digest == result.digest
+    assert branch.boundaries[: at + 1] == lost.boundaries[: at + 1]
+    origin = branch.header.branch
+    assert origin is not None and lost.header.branch is None
+    assert (origin.at, origin.digest) == (at, lost.boundaries[at].digest)
+    assert origin.substitutions == plan.substitutions and origin.reference == "oracle"
+    assert all(branch.picture(frame).rgb.shape == (1080, 1920, 3) for frame in branch.frames)
+    (again,) = host.play([plan])
+    assert "is there already" in again.failed
+
+
+def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
+    edges = [edge for record in lost.boundaries for edge in record.messages]
+    edge = next(one for one in edges if one.category == "report" and "position" in one.body)
+    body = {"position": (1.0, 2.0, 3.0)}
+    changes = {
+        "drop": MessageChange(message=edge.id, act="drop"),
+        "delay": MessageChange(message=edge.id, act="delay", ticks=2),
+        "repeat": MessageChange(message=edge.id, act="repeat", ticks=1),
+        "forge": MessageChange(message=edge.id, act="forge", body=body),
+        "withhold": MessageChange(message=edge.id, act="withhold"),
+    }
+    plans = [
+        BranchPlan(at=edge.tick - 1, messages=(change,), out=str(tmp_path / name)) for name, change in changes.items()
+    ]
+    branches = {name: read_trace(one.path) for name, one in zip(changes, host.play(plans), strict=True)}
+
+    def read_at(trace: Trace) -> list[int]:
+        boxes = ((record.tick, box) for record in trace.boundaries for box in record.inboxes)
+        return [tick for tick, box in boxes if box.agent == edge.recipient and edge.id in box.messages]
+
+    def adjudicated(trace: Trace) -> bool:
+        return any(edge.id in event.bindings for record in trace.boundaries for event in record.events)
+
+    assert read_at(lost) == [edge.deliver_at]
+    assert read_at(branches["drop"]) == []
+    assert read_at(branches["delay"]) == [edge.deliver_at + 2]
+    assert read_at(branches["repeat"]) == [edge.deliver_at, edge.deliver_at + 1]
+    forged = [one for record in branches["forge"].boundaries for one in record.messages if one.id == edge.id]
+    assert [one.body["position"] for one in forged] == [body["position"]]
+    assert adjudicated(lost) and adjudicated(branches["drop"]) and not adjudicated(branches["withhold"])
+    for branch in branches.values():
+        assert branch.boundaries[: edge.tick] == lost.boundaries[: edge.tick]
+
+
+def test_blame_names_agent_faculty_and_boundary(lost: Trace) -> None:
+    told = blame(lost, BlameOptions(placebos=3, files=(f"{ERRING}:Astray",)))
+    (repair,) = told.repairs
+    (cause,) = repair.causes
+    assert (cause.agent, cause.faculty, cause.boundary) == ("skipper", "waypoint", onset(lost))
+    assert told.complete and not told.exhausted
+    assert told.null is not None and told.null.identical
+    (share,) = told.shares
+    assert (share.agent, share.share, share.exact) == ("skipper", 1.0, True)
+    assert told.placebos is not None
+    assert (told.placebos.same, told.placebos.changed, told.placebos.repaired) == (2, 0, 0)
+    assert f"waypoint of skipper, from boundary {cause.boundary}" in blame_text(told)
+
+
+@pytest.mark.study  # opens a host of its own for one branch
+def test_a_budget_that_does_not_suffice_is_said(lost: Trace) -> None:
+    told = blame(lost, BlameOptions(branches=1, files=(f"{ERRING}:Astray",)))
+    assert told.branches == 1 and told.exhausted and told.repairs == ()
+
+
+@pytest.mark.parametrize(
+    ("policy", "words"),
+    [("Moody", "policy of `scout[1]` decides otherwise than it did"), ("Threaded", "keep 5 more threads")],
+)
+def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Path) -> None:
+    trace = played(tmp_path / "episode", policy, ticks=4.0)
+    options = BranchOptions(trace=str(trace.path), files=(f"{ERRING}:{policy}",), referenced=())
+    with pytest.raises(UsageError) as caught, BranchHost(trace, options) as host:
+        host.play([BranchPlan(at=3)])
+    assert words in str(caught.value)
+
+
+def test_nobody_but_the_reference_sees_the_truth(tmp_path: Path) -> None:
+    trace = played(tmp_path / "episode", "Unseeing", ticks=4.0)
+    options = BranchOptions(trace=str(trace.path), files=(f"{ERRING}:Unseeing",))
+    plan = BranchPlan(at=1, substitutions=(of("execution", "skipper", 1),), out=str(tmp_path / "branch"))
+    with BranchHost(trace, options) as host:
+        (result,) = host.play([plan])
+    assert {(part.agent, part.faculty) for part in result.replaced} == {("skipper", "execution")}
+    branch = read_trace(result.path)
+    assert not any(made.substituted for record in branch.boundaries for made in record.decisions)
+    assert not any(seen.privileged for record in branch.boundaries for seen in record.observations)
+
+
+def test_no_process_outlives_its_caller(lost: Trace) -> None:
+    options = BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), referenced=())
+    host = BranchHost(lost, options)
+    host.play([BranchPlan(at=2)])
+    group = host._process.pid
+    assert len(members(group)) > 2  # the driver, the camera, the boundaries that are held
+    os.kill(group, signal.SIGKILL)
+    until = time.monotonic() + PATIENCE_S
+    while members(group) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert members(group) == []
+    host.close()
+
+
+def members(group: int) -> list[int]:
+    """The processes of a process group that have not ended."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                fields = (entry / "stat").read_text(errors="replace").rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[2]) == group and fields[0] not in "ZX":
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--at", "99"], "there is no boundary 99"),
+        (["--at", "x"], "a boundary is a whole number"),
+        ([], "nothing says where to branch"),
+        (["--at", "3", "--substitute", "perceptoin"], "did you mean `perception`?"),
+        (["--at", "3", "--substitute", "perception:skipper"], "`skipper` has no perception"),
+        (["--at", "3", "--substitute", "perception:nobody"], "there is no agent `nobody`"),
+        (["--at", "24", "--substitute", "waypoint"], "the episode is over at boundary 24"),
+        (["--drop", "m99-1"], "no message is called `m99-1`"),
+        (["--at", "3", "--substitute", "waypoint", "--reference", "random"], "it does not see the truth"),
+        (["--at", "3"], "there is no policy file `erring.py`"),
+    ],
+)
+def test_mistakes_are_told_in_one_message(
+    options: list[str], words: str, lost: Trace, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(lost.path.parent)
+    found = [] if "policy file" in words else ["--policy", f"{ERRING}:Astray"]
+    assert main(["fork", str(lost.path), *options, *found]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert words in said and said.count("error:") == 1
+
+
+def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--policy", f"{ERRING}:Astray", "--at", "4", "--substitute", "waypoint:skipper"]
+    assert main(["fork", str(lost.path), *given, "-o", str(tmp_path / "out")]) == ExitCode.OK
+    said = capsys.readouterr().out
+    assert "lost (budget) after 24 ticks" in said and "waypoint of skipper: won" in said
+    assert main(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
+
+
+def test_an_episode_that_was_cut_short_is_blamed_on_nobody(lost: Trace) -> None:
+    cut = Trace(lost.path, lost.header, lost.boundaries[:4], None, False, lost.places)
+    with pytest.raises(UsageError, match="was cut short"):
+        blame(cut)
