@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.data import data_path
 from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
     Budget,
@@ -207,6 +208,16 @@ def victim() -> Callable[..., Entity]:
 @pytest.fixture
 def player() -> type[Player]:
     return Player
+
+
+@pytest.fixture(scope="session")
+def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sea rescue with more ticks than anybody will wait for: it is in the middle whenever it is looked at."""
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    assert "ticks <= 60," in text
+    path = tmp_path_factory.mktemp("endless") / "ssr.ljs"
+    path.write_text(text.replace("ticks <= 60,", "ticks <= 1000000,"), encoding="utf-8")
+    return path
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ def serve_raw(answer: Answer) -> Iterator[str]:
 
     def serve_one(connection: socket.socket) -> None:
         with connection, suppress(OSError):
-            connection.settimeout(30)
+            connection.settimeout(600)
             for piece in answer(_request(connection)):
                 connection.sendall(piece)
                 if ended.is_set():
@@ -79,5 +79,8 @@ def _request(connection: socket.socket) -> bytes:
         data += connection.recv(BLOCK) or b"\r\n\r\n"
     size = int(header_of(data, "content-length") or 0)
     while len(data) < data.index(b"\r\n\r\n") + 4 + size:
-        data += connection.recv(BLOCK)
+        piece = connection.recv(BLOCK)
+        if not piece:
+            raise ConnectionError("the client went away in the middle of its request")
+        data += piece
     return data

@@ -90,11 +90,11 @@ async def test_a_slow_service_ends_at_the_deadline():
 
 
 async def test_nobody_listens():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    with pytest.raises(ModelError, match=f"127.0.0.1:{port}"):
-        await ask(f"http://127.0.0.1:{port}/v1", tries=2)
+    with socket.socket() as taken:  # bound, so that nobody else takes the port, and not listening
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(ModelError, match=f"127.0.0.1:{port}"):
+            await ask(f"http://127.0.0.1:{port}/v1", tries=2)
 
 
 REFUSALS = [

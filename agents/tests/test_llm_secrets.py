@@ -212,7 +212,7 @@ def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: s
                 *("--policy", "react", *pairs, "-o", "run", "--json"),
             ],
             cwd=tmp_path, env={**os.environ, "SERVICE_KEY": key, "LINGJING_TRACEBACK": "1"},
-            capture_output=True, text=True, timeout=280, check=False,
+            capture_output=True, text=True, timeout=1500, check=False,
         )  # fmt: skip
     assert done.returncode == 3, done.stderr
     report = json.loads(done.stdout)

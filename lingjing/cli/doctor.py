@@ -19,6 +19,7 @@ from lingjing.numerics import deviations, taken, worker_environment
 
 PROBE_S = 60.0
 """A probe that takes longer, less what it waited for a processor, is reported as hanging."""
+_LAST_LOOK_S = 0.05
 ROOM_BYTES = 1 << 30
 """Free disk that ten long episodes with pictures fit in."""
 
@@ -252,12 +253,13 @@ def _said(process: subprocess.Popen[str]) -> tuple[str, str] | None:
     from lingjing.kernel.world.deadlines import OwnDeadline
 
     deadline = OwnDeadline(process.pid, PROBE_S)
-    while (left_s := deadline.left_s()) > 0.0:
+    while True:
+        left_s = deadline.left_s()
         try:
-            return process.communicate(timeout=left_s)
+            return process.communicate(timeout=max(left_s, _LAST_LOOK_S))
         except subprocess.TimeoutExpired:
-            continue
-    return None
+            if left_s <= 0.0:
+                return None
 
 
 def _last_line(text: str) -> str:

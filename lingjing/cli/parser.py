@@ -25,6 +25,16 @@ class ArgumentParser(argparse.ArgumentParser):
                 args = [self.implied_word, *args]
         return super().parse_known_args(args, namespace)
 
+    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Argparse's, with the nearest option of the verb where one is not known."""
+        found, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            known, named = _options(self, args or ()), [word for word in unknown if word.startswith("-")]
+            close = next((near for word in named if (near := _nearest(word.partition("=")[0], known))), None)
+            proposed = f"; did you mean {close}?" if close else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{proposed}")
+        return found
+
     def _check_value(self, action: argparse.Action, value: object) -> None:
         try:
             super()._check_value(action, value)
@@ -33,6 +43,16 @@ class ArgumentParser(argparse.ArgumentParser):
             raise argparse.ArgumentError(
                 action, f"{error.message}; did you mean {close}?" if close else error.message
             ) from None
+
+
+def _options(parser: argparse.ArgumentParser, words: Iterable[str]) -> list[str]:
+    """The options of a parser and of the verb and the action that the words name."""
+    known = set(parser._option_string_actions)
+    for word in words:
+        actions = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
+        parser = next((one.choices[word] for one in actions if word in one.choices), parser)
+        known.update(parser._option_string_actions)
+    return sorted(known)
 
 
 def _nearest(word: object, choices: Iterable[object]) -> str | None:

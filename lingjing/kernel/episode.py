@@ -17,6 +17,7 @@ from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import taken
 from lingjing.plugins.policy import Policy
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Outcome, Reason
+from lingjing.trace.signals import deferring_signals
 
 WON_AT_START = "success held at the start, before anybody acted"
 """The detail of an episode that was won at boundary 0."""
@@ -101,10 +102,11 @@ def play(
         reason = "interrupted"
         raise
     finally:
-        barrier.close()
-        outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started)
-        if recorder is not None:
-            (recorder.abandon if reason in CUT_SHORT else recorder.finish)(outcome)
+        with deferring_signals():
+            barrier.close()
+            outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started)
+            if recorder is not None:
+                (recorder.abandon if reason in CUT_SHORT else recorder.finish)(outcome)
     return outcome
 
 

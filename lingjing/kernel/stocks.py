@@ -3,8 +3,8 @@
 A declared state (`state demand = 100 kg`) is a property with a unit in its name. The engine that changes it reports
 its current value among the resources under the author's name, which carries no unit (or under the graph's); until it
 does, the declared value holds. Resources with an `@` are the engines' own book-keeping and nobody's to see. What an
-engine reports beside the declared states it has worked out from the entity's properties, as a battery's watt-hours from
-its endurance: where one of those is hidden, it is not shown.
+engine reports beside the declared states it has worked out from the entity's properties and states, as a battery's
+watt-hours from its endurance and its load: where one of those is hidden, it is not shown.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def stocks(entity: Entity, state: BodyState) -> dict[str, float]:
     """All that an entity has in stock and that is not hidden: its engine's resources, then states as declared."""
     fields = {spec.field for spec in entity.state}
     stated = fields | {spec.name for spec in entity.state}
-    closed = set(entity.hidden) - _PLACE - fields
+    closed = set(entity.hidden) - _PLACE
     shown = {} if closed else {name: value for name, value in public(state).items() if name not in stated}
     for spec in entity.state:
         value = current(entity, state, spec.field)

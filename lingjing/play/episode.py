@@ -139,7 +139,8 @@ class Session:
             outcome = play(kernel, barrier, writer, progress)
         except KeyboardInterrupt:
             self.close()
-            raise EpisodeInterrupted(_report(writer.part, options, city=None)) from None
+            ended = writer.path if writer.path.exists() else writer.part  # it may have come when all was over
+            raise EpisodeInterrupted(_report(ended, options, city=None)) from None
         finally:
             calls.close()
         path = writer.part if outcome.reason == ABORTED else writer.path

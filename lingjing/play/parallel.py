@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
-GRACE_S = 90.0
+GRACE_S = 300.0
 """How long an interrupted episode may take to close its workers."""
 
 

@@ -24,6 +24,7 @@ import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import NoReturn, Self
 
@@ -40,18 +41,21 @@ from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.play.descendants import adopt, adopting, be_told_of_the_end_of, end_children
 from lingjing.play.folders import release_if_empty
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.trace.signals import STOP, deferring_signals
 
 GRACE_S = 60.0
-"""How long a child may take to end when it was interrupted, or when it has nothing more to say."""
+"""How long a child may take to end when it was interrupted, or when it has nothing more to say: seconds of its own
+time, as all that follow."""
 
-MUTE_MS = 5000
+MUTE_S = 5.0
 """How long a child that closed its pipe in the middle of an episode may take to end."""
 
 SILENCE_S = 600.0
-"""How long a child may have no thread of Python's running, seconds of its own time: a policy that stays in one call of
-foreign code, such as a regular expression that never ends, keeps the interpreter and every deadline in it waiting."""
+"""How long a child may have no thread of Python's running: a policy that stays in one call of foreign code, such as a
+regular expression that never ends, keeps the interpreter and every deadline in it waiting."""
 
 _BEAT_S = 0.5
+_PATIENCE_S = 0.05
 _HEADER = struct.Struct("<Q")
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 _FROM_OUTSIDE = {signal.SIGKILL, signal.SIGTERM}
@@ -266,7 +270,7 @@ class _Child:
         os.close(writing)
         self._pidfd = os.pidfd_open(self._pid)
         self._pipe = reading
-        self._until: float | None = None
+        self._until: OwnDeadline | None = None
         self._status = 0
         self._is_mute = False
         self._is_held = False
@@ -308,8 +312,7 @@ class _Child:
         poller = select.poll()
         poller.register(self._pipe, select.POLLIN)
         poller.register(self._pidfd, select.POLLIN)
-        left_s = None if self._until is None else self._until - time.monotonic()
-        if left_s is not None and left_s <= 0.0:
+        if self._until is not None and self._until.left_s() <= 0.0:
             return False
         poller.poll(1000)  # a signal between the line above and this one is met within a second
         if self._pulse.has_stopped(self._pid):
@@ -322,19 +325,22 @@ class _Child:
             return not self._has_ended()
         return False
 
-    def _has_ended(self) -> bool:
-        return bool(select.select([self._pidfd], [], [], 0)[0])
+    def _has_ended(self, patience_s: float = 0.0) -> bool:
+        poller = select.poll()  # not `select`, which cannot watch descriptors from 1024 on
+        poller.register(self._pidfd, select.POLLIN)
+        return bool(poller.poll(int(patience_s * 1000)))
 
     def _interrupt(self) -> None:
-        self._until = time.monotonic() + GRACE_S
+        self._until = OwnDeadline(self._pid, GRACE_S, watched=True)
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._pidfd, _INTERRUPT)
 
     def _kill_unless_it_ends(self) -> None:
         """Its pipe is closed: it is at its end, or can tell of nothing any more."""
-        poller = select.poll()
-        poller.register(self._pidfd, select.POLLIN)
-        self._is_mute = not poller.poll(int(GRACE_S * 1000) if self.began is None else MUTE_MS)
+        deadline = OwnDeadline(self._pid, GRACE_S if self.began is None else MUTE_S, watched=True)
+        while not (has_ended := self._has_ended(_PATIENCE_S)) and deadline.left_s() > 0.0:
+            pass
+        self._is_mute = not has_ended
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
         _, self._status = os.waitpid(self._pid, 0)
@@ -342,9 +348,6 @@ class _Child:
 
 _INTERRUPT = getattr(signal, "SIGRTMIN", 34) + 3
 """What the parent tells the child to stop with: none that a terminal, a shell or `timeout` sends to a whole group."""
-
-_STOP = _INTERRUPT + 1
-"""What the child's main thread is sent then."""
 
 
 def _decoded(buffer: bytearray) -> Iterator[_Message]:
@@ -393,7 +396,8 @@ def _play(pipe: int, seeds: Sequence[int], claim: Callable[[int], Path | None], 
 
     episodes = play(places())
     for report in episodes:
-        _tell(pipe, _Played(report))
+        with deferring_signals():
+            _tell(pipe, _Played(report))
         if report.reason == ABORTED:  # nobody knows what is left of this process: a new one plays the next
             break
     close = getattr(episodes, "close", None)
@@ -408,28 +412,56 @@ def _tell(pipe: int, message: _Message) -> None:
         rest = rest[os.write(pipe, rest) :]
 
 
-def _listen() -> None:
-    """Hear the parent alone: what a terminal sends to all, it passes on. Children of policies get the usual signals.
+class _Stop:
+    """The parent's interrupt, in the child: a `KeyboardInterrupt` in the main thread, once.
 
     A thread takes the parent's signal and sends another one to the main thread. The system hands a signal that is meant
     for a process to any of its threads, to another than the main one while that has one pending, and a main thread that
-    waits for a lock is not woken by what another thread got.
+    waits for a lock is not woken by what another thread got. It is sent again until it is heard: the interpreter does
+    not look for signals between its last instruction and a call that waits, nor can it raise anything in the finaliser
+    of an object.
     """
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
+    def __init__(self) -> None:
+        self._main = threading.get_ident()
+        self._raised: SimpleQueue[bool] = SimpleQueue()  # which a signal's handler may write to at any moment
+        self._has_raised = self._is_noting = False
+        sys.unraisablehook = self._note
+        signal.signal(STOP, self._raise)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {STOP})
+        threading.Thread(target=self._pass_on, name="lingjing-interrupts", daemon=True).start()
 
-    def pass_on() -> None:
+    def _pass_on(self) -> None:
         signal.sigwait({_INTERRUPT})
-        signal.pthread_kill(main, _STOP)
+        while True:
+            signal.pthread_kill(self._main, STOP)
+            with contextlib.suppress(Empty):
+                if self._raised.get(timeout=_BEAT_S):
+                    self._raised.get()  # in vain
 
+    def _raise(self, number: int, frame: FrameType | None) -> None:
+        if self._is_noting:
+            self._raised.put(False)
+        elif not self._has_raised:
+            self._has_raised = True
+            self._raised.put(True)
+            raise KeyboardInterrupt
+
+    def _note(self, ignored: sys.UnraisableHookArgs) -> None:
+        if not issubclass(ignored.exc_type, KeyboardInterrupt):
+            sys.__unraisablehook__(ignored)
+            return
+        self._is_noting, self._has_raised = True, False  # what is raised in here would be ignored as well
+        self._raised.put(False)
+        self._is_noting = False
+
+
+def _listen() -> None:
+    """Hear the parent alone: what a terminal sends to all, it passes on. Children of policies get the usual signals."""
     for name in _ENDING:
         if signal.getsignal(getattr(signal, name)) != signal.SIG_IGN:
             signal.signal(getattr(signal, name), lambda number, frame: None)
-    main = threading.get_ident()
-    signal.signal(_STOP, stop)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {_STOP})
-    threading.Thread(target=pass_on, name="lingjing-interrupts", daemon=True).start()
+    _Stop()
 
 
 def _failure(error: BaseException) -> _Failed | _Refused | _Spoilt:

@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_INTERRUPTING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+STOP = getattr(signal, "SIGRTMIN", 34) + 4
+"""What the main thread of a supervised child is sent instead of those below (`lingjing.play.supervision`)."""
+
+_ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_INTERRUPTING = (*_ENDING, STOP) if hasattr(signal, "SIGRTMIN") else _ENDING
 
 
 @contextmanager
 def deferring_signals() -> Iterator[None]:
-    """Keep signals that a Python function handles until the end, then let it handle the first of them.
+    """Keep signals that a Python function handles until the end, then have them handled in order, until one raises.
 
     Elsewhere than in the main thread, where none is handled, nothing is done.
     """
@@ -29,5 +33,5 @@ def deferring_signals() -> Iterator[None]:
     finally:
         for number, handler in handled:
             signal.signal(number, handler)
-    for number, frame in came[:1]:
-        dict(handled)[signal.Signals(number)](number, frame)
+    for number, frame in came:
+        dict(handled)[number](number, frame)

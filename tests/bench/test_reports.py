@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import msgspec
@@ -121,16 +121,18 @@ def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(parallel._Starter, "start", start)
 
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
+    class Clock:
+        """The module's clock: the first wait for the two children is interrupted."""
 
-    before = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, 1.0)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            list(play_apart(tasks(4, tmp_path), jobs=2))
-    finally:
-        signal.signal(signal.SIGALRM, before)
+        monotonic = staticmethod(time.monotonic)
+
+        @staticmethod
+        def sleep(seconds: float) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(parallel, "time", Clock)
+    with pytest.raises(KeyboardInterrupt):
+        list(play_apart(tasks(4, tmp_path), jobs=2))
     assert len(started) == 2
     assert all(process.poll() is not None for process in started)
 

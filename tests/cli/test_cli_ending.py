@@ -139,11 +139,11 @@ def group_is_gone(leader: int) -> bool:
 
 
 def ended(
-    arguments: tuple[str, ...], folder: Path, traces: int, act: Callable[[subprocess.Popen[str]], None]
+    mission: Path, arguments: tuple[str, ...], folder: Path, traces: int, act: Callable[[subprocess.Popen[str]], None]
 ) -> tuple[subprocess.Popen[str], str, str]:
-    """Start a long run in a session of its own, `act` once so many traces have boundaries, wait for its end."""
+    """Start a run without end in a session of its own, `act` once so many traces have boundaries, wait till it ends."""
     process = subprocess.Popen(
-        [*COMMAND, "run", "ssr", "--policy", "random", "-o", "out", "--json", *arguments], cwd=folder,
+        [*COMMAND, "run", str(mission), "--policy", "random", "-o", "out", "--json", *arguments], cwd=folder,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     deadline = time.monotonic() + 600
@@ -161,8 +161,8 @@ def ended(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_being_told_to_end_is_an_interrupt(number: signal.Signals, tmp_path: Path) -> None:
-    process, out, err = ended((), tmp_path, 1, lambda process: process.send_signal(number))
+def test_being_told_to_end_is_an_interrupt(number: signal.Signals, endless: Path, tmp_path: Path) -> None:
+    process, out, err = ended(endless, (), tmp_path, 1, lambda process: process.send_signal(number))
     answer = json.loads(out)
     assert (process.returncode, answer["reason"]) == (130, INTERRUPTED)
     part = "the partial trace is out/trace.mcap.part"
@@ -170,22 +170,22 @@ def test_being_told_to_end_is_an_interrupt(number: signal.Signals, tmp_path: Pat
     assert read_trace(tmp_path / "out" / "trace.mcap.part").boundaries
 
 
-def test_an_impatient_control_c_is_an_interrupt_too(tmp_path: Path) -> None:
+def test_an_impatient_control_c_is_an_interrupt_too(endless: Path, tmp_path: Path) -> None:
     def impatient(process: subprocess.Popen[str]) -> None:
         for _ in range(6):
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGINT)
             time.sleep(0.04)
 
-    process, _, err = ended((), tmp_path, 1, impatient)
+    process, _, err = ended(endless, (), tmp_path, 1, impatient)
     assert process.returncode == 130
     assert err.startswith("interrupted")
     assert err.count("\n") == 1
 
 
-def test_interrupting_several_at_a_time_reports_each(tmp_path: Path) -> None:
+def test_interrupting_several_at_a_time_reports_each(endless: Path, tmp_path: Path) -> None:
     process, out, err = ended(
-        ("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: os.killpg(process.pid, signal.SIGINT)
+        endless, ("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: os.killpg(process.pid, signal.SIGINT)
     )
     answer = json.loads(out)
     assert process.returncode == 130
@@ -197,8 +197,8 @@ def test_interrupting_several_at_a_time_reports_each(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["ssr-broadcast-0-1", "ssr-broadcast-1-1"]
 
 
-def test_killing_the_caller_of_several_leaves_nothing_running(tmp_path: Path) -> None:
-    process, out, _ = ended(("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: process.kill())
+def test_killing_the_caller_of_several_leaves_nothing_running(endless: Path, tmp_path: Path) -> None:
+    process, out, _ = ended(endless, ("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: process.kill())
     assert (process.returncode, out) == (-signal.SIGKILL, "")
     assert not list(tmp_path.rglob("trace.mcap"))
 

@@ -23,6 +23,9 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
         (["valdate", "x.ljs"], "validate"),
         (["scene", "drwa", "city"], "draw"),
         (["compile", "--emit", "misson", "ssr"], "mission"),
+        (["run", "ssr", "--sed", "3"], "--seed"),
+        (["run", "--polcy=random", "ssr"], "--policy"),
+        (["scene", "info", "ssr", "--sed", "3"], "--seed"),
     ],
 )
 def test_a_slip_in_a_word_is_met_with_the_word(
@@ -37,6 +40,8 @@ def test_a_slip_in_a_word_is_met_with_the_word(
 def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["zzzzzzzz"])
+    with pytest.raises(SystemExit):
+        main(["run", "ssr", "--zzzzzzzz"])
     assert "did you mean" not in capsys.readouterr().err
 
 

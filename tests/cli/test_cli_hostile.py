@@ -52,7 +52,9 @@ class P:
 def short(tmp_path: Path) -> Path:
     """The mission with a budget of three ticks, and a policy that does what the lines of `plan` say."""
     text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
-    text = text.replace("ticks <= 60", "ticks <= 3").replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)")
+    text = text.replace("ticks <= 60, policy <= 90 s", "ticks <= 3, policy <= 3600 s").replace(
+        "(12.4 m, -1351.8 m)", "(270 m, -920 m)"
+    )
     (tmp_path / "short.ljs").write_text(text, encoding="utf-8")
     (tmp_path / "p.py").write_text(POLICY, encoding="utf-8")
     return tmp_path

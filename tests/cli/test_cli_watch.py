@@ -224,6 +224,10 @@ def test_each_of_several_episodes_is_watched_with_its_own_seed(monkeypatch: pyte
     assert seen == [(3, "star", True), (5, "star", True)]
 
 
+def _resize(terminal: int, rows: int, columns: int) -> None:
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+
 class Terminal:
     """A pseudo-terminal with a command on it."""
 
@@ -231,13 +235,13 @@ class Terminal:
         self.pid, self.fd = pty.fork()
         if self.pid == 0:
             os.chdir(cwd)
+            _resize(0, 24, 80)
             os.environ.update(TERM="xterm-256color", COLORTERM="truecolor")
             os.execv(sys.executable, [*RUN, *map(str, arguments)])
         self.output = b""
-        self.resize(24, 80)
 
     def resize(self, rows: int, columns: int) -> None:
-        fcntl.ioctl(self.fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        _resize(self.fd, rows, columns)
 
     def read_until(self, begun: Path, limit_s: float = 900.0) -> None:
         """Read until this file is there. What is drawn in between depends on the machine's pace."""

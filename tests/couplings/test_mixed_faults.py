@@ -47,9 +47,11 @@ def boundaries(part: Path):
 
 @pytest.fixture
 def episode(tmp_path, descendants):
-    """The mixed mission on the command line with engines that have ten seconds a boundary, some ticks old."""
-    mission = tmp_path / "mixed.ljs"
-    mission.write_text(kit.MIXED.read_text("utf-8").replace("engine <= 120 s", "engine <= 10 s"), "utf-8")
+    """The mixed mission, without an end, on the command line with engines that have ten seconds a boundary, some ticks
+    old."""
+    mission, text = tmp_path / "mixed.ljs", kit.MIXED.read_text("utf-8")
+    text = text.replace("ticks <= 400,", "ticks <= 1000000,").replace("engine <= 120 s", "engine <= 10 s")
+    mission.write_text(text, "utf-8")
     command = [sys.executable, "-m", "lingjing.cli.main", "run", str(mission)]
     options = ["--policy", POLICY, "--seed", "3", "-o", "out", "--json"]
     options += [word for name in ("cars=20", "uavs=2", "dogs=1", "vans=1") for word in ("--set", name)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import gymnasium
@@ -170,12 +171,12 @@ def test_closing_leaves_no_process(short: str) -> None:
 
 def children() -> list[str]:
     """The processes that this one started and that still run."""
-    return [
-        child
-        for tasks in Path("/proc/self/task").glob("*/children")  # a child belongs to the thread that started it
-        for child in tasks.read_text().split()
-        if "world.worker" in Path(f"/proc/{child}/cmdline").read_text()
-    ]
+    found = []
+    for tasks in Path("/proc/self/task").glob("*/children"):  # a child belongs to the thread that started it
+        with suppress(OSError):  # the thread has just ended, and its child
+            children = tasks.read_text().split()
+            found += [child for child in children if "world.worker" in Path(f"/proc/{child}/cmdline").read_text()]
+    return found
 
 
 @pytest.mark.parametrize(

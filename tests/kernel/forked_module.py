@@ -1,5 +1,6 @@
 """Run by a fork server, as `python -m` would: `told` says what it finds, `worlds` plays on workers of the server."""
 
+import itertools
 import json
 import os
 import random
@@ -68,7 +69,7 @@ def lingering() -> None:
     played(world, toys.trio())
     print(json.dumps(pids(world)), flush=True)
     try:
-        for tick in range(4, 10_000):
+        for tick in itertools.count(4):
             world.step(tick, ())
             time.sleep(0.01)
     except InfrastructureError as error:

@@ -35,7 +35,7 @@ def test_a_property_that_is_no_state_is_not_taken_for_a_resource():
 def test_what_is_hidden_or_internal_is_not_in_stock():
     closed = msgspec.structs.replace(VAN, hidden=("load_kg",))
     assert stocks(VAN, state(**{"load": 1.0, "water@truck": 5.0, "battery": 0.5})) == {"load": 1.0, "battery": 0.5}
-    assert stocks(closed, state(load=1.0, battery=0.5)) == {"battery": 0.5}
+    assert stocks(closed, state(load=1.0, battery=0.5)) == {}, "a battery lasts as long as the load lets it"
 
 
 class Porter(kit.Glider):

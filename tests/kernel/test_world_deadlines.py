@@ -101,7 +101,7 @@ def test_a_picture_in_a_queue_is_not_late(world, crowd):
 
 def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
     """The counters move when a wait ends. Until then a runnable thread that does not run is what there is to see."""
-    looks = iter([(5, 0), *[(5, 0)] * 6, (6, 10_000_000_000)])
+    looks = iter([(5, 0), *[(5, 0)] * 6, (6, 10**18)])
     seen = [(5, 0)]
 
     def threads(pid):

@@ -35,10 +35,11 @@ class Goer:
         return Decision(command=Action(verb=verb))
 
 
-def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s=20.0):
+def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s=20.0, **more):
     """Two movers, one with a camera and a mind; `fault` in one of the engines from `at` on."""
     verbs = (VerbSpec(name="go"), VerbSpec(name="takePhoto"))
-    ant = toys.entity("ant", "toy_a", 1.0, cameras=(toys.camera(),), fault=fault, fault_at=at, fault_in=fault_in)
+    faults = {"fault": fault, "fault_at": at, "fault_in": fault_in, **more}
+    ant = toys.entity("ant", "toy_a", 1.0, cameras=(toys.camera(),), **faults)
     instance = toys.instance(
         msgspec.structs.replace(ant, verbs=verbs),
         toys.entity("bee", "toy_b", 2.0),
@@ -107,7 +108,7 @@ FAULTS = [
     ("kill", "toy_b", "the world process died (SIGKILL) while engine `toy_b` was in advance"),
     ("nan", "toy_a", "engine `toy_a` failed in advance: entity `ant` has a number that is not finite"),
     ("stale", "toy_b", "engine `toy_b` failed in advance: it stands at 2.0 s instead of 2.1"),
-    ("hang", "toy_b", "engine `toy_b` (advance) did not answer within 1 s; the world process was killed"),
+    ("hang", "toy_b", "engine `toy_b` (advance) did not answer within 2 s; the world process was killed"),
     ("kill", "camera", "the camera process died (SIGKILL) while engine `camera` was in advance"),
 ]
 
@@ -118,7 +119,7 @@ def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp
     good, _, whole = played(world, episode(), tmp_path / "good")
     assert (good.reason, good.ticks, whole) == ("budget", TICKS, True)
     used = set(workers(world))
-    limit_s = 1.0 if fault == "hang" else 20.0
+    limit_s = 2.0 if fault == "hang" else 20.0
     outcome, trace, whole = played(world, episode(fault, fault_in=where, engine_s=limit_s), tmp_path / "bad")
     assert outcome.reason == "infrastructure-abort"
     assert message in outcome.detail
@@ -138,8 +139,17 @@ def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp
     assert used != set(workers(world))  # the broken one was replaced
 
 
-def test_a_late_picture_is_absent_and_the_episode_ends_as_it_should(world, tmp_path):
-    outcome, trace, whole = played(world, episode("slow_once", 1.0, "camera", capture_s=0.5), tmp_path / "late")
+def test_a_late_picture_is_absent_and_the_episode_ends_as_it_should(world, tmp_path, monkeypatch):
+    monkeypatch.setattr("lingjing.kernel.world.camera._PATIENCE", 10_000)
+    released = tmp_path / "released"
+
+    def release(progress):
+        if any(seen.absent for seen in progress.record.observations):
+            released.touch()
+
+    instance = episode("held_first", 1.0, "camera", capture_s=2.0, released=str(released))
+    outcome, trace, whole = played(world, instance, tmp_path / "late", release)
+    assert released.exists()
     assert (outcome.reason, whole) == ("budget", True)
     absent = [item for record in trace.boundaries for seen in record.observations for item in seen.absent]
     assert [(item.entity, item.reason) for item in absent][:1] == [("ant", "late")]
@@ -148,7 +158,7 @@ def test_a_late_picture_is_absent_and_the_episode_ends_as_it_should(world, tmp_p
 
 def test_a_world_killed_from_outside_in_mid_tick_is_an_abort(world, tmp_path):
     """`kill -9` at no moment in particular, while an engine is at work."""
-    instance = episode("hang", at=2.05, engine_s=60.0)
+    instance = episode("hang", at=2.05, engine_s=3600.0)
 
     def kill(progress):
         if progress.tick == 2:

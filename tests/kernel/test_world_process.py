@@ -74,8 +74,10 @@ def faulty(fault, at=0.55, **changes):
     )
 
 
-def photographed(fault, at=0.0, capture_s=20.0):
-    ant = toys.entity("ant", "toy_a", cameras=(toys.camera(),), fault=fault, fault_at=at, fault_in="camera")
+def photographed(fault, at=0.0, capture_s=20.0, released=""):
+    ant = toys.entity(
+        "ant", "toy_a", cameras=(toys.camera(),), fault=fault, fault_at=at, fault_in="camera", released=str(released)
+    )
     return toys.instance(ant, capture_s=capture_s)
 
 
@@ -190,9 +192,9 @@ def test_an_engines_traceback_is_a_note(world):
 
 
 def test_a_hung_engine_is_killed_within_the_deadline(world):
-    world.reset(faulty("hang", engine_s=1.0), toys.CITY)
+    world.reset(faulty("hang", engine_s=2.0), toys.CITY)
     (before,) = pids(world)
-    with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 1 s") as caught:
+    with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 2 s") as caught:
         world.step(1, ())
     assert "in act" in "\n".join(caught.value.__notes__)
     assert not is_running(before)
@@ -255,12 +257,14 @@ def test_an_engine_that_does_not_close_is_a_warning(world):
 # Pictures
 
 
-def test_a_late_picture_is_absent_and_the_camera_goes_on(world):
-    ready = world.reset(photographed("slow_once", capture_s=0.8), toys.CITY)
+def test_a_late_picture_is_absent_and_the_camera_goes_on(world, tmp_path, monkeypatch):
+    monkeypatch.setattr("lingjing.kernel.world.camera._PATIENCE", 10_000)
+    ready = world.reset(photographed("held_first", capture_s=0.8, released=tmp_path / "released"), toys.CITY)
     states = ready.snapshots[-1].states
     before = pids(world)
     answers = world.capture(0, [toys.request(0, "f1"), toys.request(0, "f2")], states)
     assert answers == (Absent(entity="ant", camera="nadir", tick=0, reason="late"),) * 2
+    (tmp_path / "released").touch()
     frame = answers[0]
     while isinstance(frame, Absent):  # until the late ones are done
         (frame,) = world.capture(0, [toys.request(0, "f3")], states)
@@ -268,8 +272,9 @@ def test_a_late_picture_is_absent_and_the_camera_goes_on(world):
     assert pids(world) == before
 
 
-def test_pictures_before_the_late_one_are_kept(world):
-    ready = world.reset(photographed("slow_second", capture_s=0.8), toys.CITY)
+def test_pictures_before_the_late_one_are_kept(world, tmp_path, monkeypatch):
+    monkeypatch.setattr("lingjing.kernel.world.camera._PATIENCE", 10_000)
+    ready = world.reset(photographed("held_second", capture_s=2.0, released=tmp_path / "released"), toys.CITY)
     first, second = world.capture(0, [toys.request(0, "f1"), toys.request(0, "f2")], ready.snapshots[-1].states)
     assert first.info.id == "f1"
     assert second.reason == "late"
@@ -414,7 +419,7 @@ def test_closed_forks_are_reaped_while_the_original_lives(world):
 
 
 def test_a_fork_that_fails_leaves_the_original(world):
-    world.reset(faulty("hang", 1.5, engine_s=0.4), toys.CITY)
+    world.reset(faulty("hang", 1.5, engine_s=2.0), toys.CITY)
     world.step(1, ())
     twin = world.fork()
     with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer"):
@@ -486,7 +491,7 @@ def test_forks_of_a_killed_world_are_an_abort(world):
 
 
 def test_an_interrupt_in_a_step_leaves_no_stale_answer(world):
-    world.reset(faulty("hang"), toys.CITY)
+    world.reset(faulty("hang", engine_s=3600.0), toys.CITY)
     seen = pids(world)
     progress = world._workers.world._progress
 
@@ -523,7 +528,7 @@ def caller(then, instance="toys.trio()"):
 
 
 def test_no_worker_outlives_a_killed_caller():
-    process, workers = caller("time.sleep(60)")
+    process, workers = caller("time.sleep(3600)")
     assert len(workers) == 3
     assert all(is_running(pid) for pid in workers)
     process.kill()

@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import ClassVar
 
 import msgspec
@@ -252,13 +253,17 @@ def wants_a_crowd(instance):
 
 
 class Painter:
-    """A sensor that paints the sum of all positions and can be slow, empty, wrong or deadly."""
+    """A sensor that paints the sum of all positions and can be slow, held, empty, wrong or deadly.
+
+    What is held is drawn when the file is there that an entity's property `released` names.
+    """
 
     def reset(self, spec, city, seed):
         self.faults = Misbehaviour(spec)
         if self.faults.due("slow_reset", 0.0):
             time.sleep(1.5)
         self.cameras = {(e.id, c.name): c for e in spec.instance.entities for c in e.cameras}
+        self.released = Path(*(e.properties["released"] for e in spec.instance.entities if "released" in e.properties))
         self.drawn = 0
         return Boundary(engine=spec.engine, time_s=0.0)
 
@@ -277,8 +282,9 @@ class Painter:
         self.drawn += 1
         if self.faults.due("slow_once", request.time_s) and self.drawn == 1:
             time.sleep(1.6)
-        if self.faults.due("slow_second", request.time_s) and self.drawn == 2:
-            time.sleep(1.6)
+        for number, fault in ((1, "held_first"), (2, "held_second")):
+            while self.drawn == number and self.faults.due(fault, request.time_s) and not self.released.exists():
+                time.sleep(0.02)
         camera = self.cameras[(request.entity, request.camera)]
         shape = (camera.height, camera.width)
         total = sum(sum(mirror.position) for mirror in self.mirrors)

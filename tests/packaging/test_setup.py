@@ -6,7 +6,6 @@ import multiprocessing
 import os
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -144,20 +143,27 @@ def test_the_project_is_set_up_by_now() -> None:
     assert done.stdout == ""
 
 
-def _hold(started, ended, seconds: float) -> None:
+def _hold(started, asked, ended) -> None:
     with setup.locked():
         started.set()
-        time.sleep(seconds)
+        asked.wait()
         ended.set()
 
 
-def test_two_at_once_are_one_after_the_other(capsys) -> None:
+def test_two_at_once_are_one_after_the_other(monkeypatch) -> None:
     context = multiprocessing.get_context("fork")
-    started, ended = context.Event(), context.Event()
-    other = context.Process(target=_hold, args=(started, ended, 1.0))
+    started, asked, ended = context.Event(), context.Event(), context.Event()
+    other = context.Process(target=_hold, args=(started, asked, ended))
     other.start()
-    assert started.wait(60)
+    assert started.wait(600)
+    told = []
+
+    def tell(line: str, file: object) -> None:
+        told.append(line)
+        asked.set()
+
+    monkeypatch.setattr(setup, "print", tell, raising=False)
     with setup.locked():
         assert ended.is_set()
     other.join()
-    assert "waiting" in capsys.readouterr().err
+    assert told == ["setup: another one is running here, waiting for it"]

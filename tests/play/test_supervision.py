@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -94,7 +95,7 @@ def test_a_process_whose_interpreter_is_held_for_ever_is_ended(tmp_path: Path, m
 
 
 def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lingjing.play.supervision.MUTE_MS", 50)
+    monkeypatch.setattr("lingjing.play.supervision.MUTE_S", 0.05)
     found = played(lambda seed: (os.closerange(3, 4096), time.sleep(3600)), tmp_path, (7,))
     assert found[7].detail == "7: its process closed what it reports through"
     assert found[7].crashed
@@ -168,9 +169,13 @@ def settle(folder: Path) -> None:
 
 
 def settled(folder: Path) -> int:
-    while not (folder / "pid").exists():
-        time.sleep(0.02)
+    await_file(folder / "pid")
     return int((folder / "pid").read_text())
+
+
+def await_file(file: Path) -> None:
+    while not file.exists():
+        time.sleep(0.02)
 
 
 @pytest.mark.parametrize("last", [lambda: None, lambda: os._exit(0), lambda: os.kill(os.getpid(), signal.SIGKILL)])
@@ -196,15 +201,24 @@ def test_only_what_is_new_is_ended() -> None:
     later.wait()
 
 
-def interrupted_by(number: signal.Signals, act: Callable[[int], object], folder: Path) -> dict[int, EpisodeReport]:
-    def shoot() -> None:
-        while not (folder / "begun").exists():
-            time.sleep(0.02)
-        for _ in range(3):
-            os.kill(os.getpid(), number)
+@contextmanager
+def shooting(folder: Path, number: signal.Signals) -> Iterator[None]:
+    """Interrupt this process, however often, once the file `begun` is there; the file `shot` tells that all was sent:
+    who plays must not end before, for what comes afterwards is everybody's."""
 
-    threading.Thread(target=shoot).start()
-    return played(act, folder)
+    def shoot() -> None:
+        await_file(folder / "begun")
+        for _ in range(5):
+            os.kill(os.getpid(), number)
+            time.sleep(0.01)
+        (folder / "shot").touch()
+
+    thread = threading.Thread(target=shoot)
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -217,20 +231,13 @@ def test_an_interrupt_ends_the_episode_once(number: signal.Signals, tmp_path: Pa
                 (tmp_path / "begun").touch()
                 time.sleep(3600)
             except KeyboardInterrupt:
-                time.sleep(0.2)
+                await_file(tmp_path / "shot")
                 yield report(seed, INTERRUPTED)
                 return
 
-    def shoot() -> None:
-        while not (tmp_path / "begun").exists():
-            time.sleep(0.02)
-        for _ in range(5):
-            os.kill(os.getpid(), number)
-            time.sleep(0.01)
-
     before = signal.getsignal(number)
-    threading.Thread(target=shoot).start()
-    found = list(play_supervised((1, 2), lambda seed: tmp_path, play, lambda *_: report(0)))
+    with shooting(tmp_path, number):
+        found = list(play_supervised((1, 2), lambda seed: tmp_path, play, lambda *_: report(0)))
     assert [(each.seed, each.reason) for each in found] == [(1, INTERRUPTED)]
     assert signal.getsignal(number) == before
 
@@ -238,10 +245,41 @@ def test_an_interrupt_ends_the_episode_once(number: signal.Signals, tmp_path: Pa
 def test_an_interrupt_without_a_report_is_one_for_the_caller(tmp_path: Path) -> None:
     def wait(seed: int) -> None:
         (tmp_path / "begun").touch()
+        try:
+            time.sleep(3600)
+        finally:
+            await_file(tmp_path / "shot")
+
+    with shooting(tmp_path, signal.SIGINT), pytest.raises(KeyboardInterrupt):
+        played(wait, tmp_path)
+
+
+def test_an_interrupt_that_a_finaliser_swallows_comes_again(tmp_path: Path) -> None:
+    """Where the interpreter cannot raise what a signal's handler raises, it prints it and goes on."""
+
+    class Slow:
+        def __del__(self) -> None:
+            (tmp_path / "begun").touch()
+            time.sleep(3600)
+
+    def wait(seed: int) -> None:
+        slow = Slow()
+        del slow
         time.sleep(3600)
 
-    with pytest.raises(KeyboardInterrupt):
-        interrupted_by(signal.SIGINT, wait, tmp_path)
+    with shooting(tmp_path, signal.SIGINT), pytest.raises(KeyboardInterrupt):
+        played(lambda seed: stopped(lambda: wait(seed), tmp_path), tmp_path)
+    assert (tmp_path / "stopped").exists()
+
+
+def stopped(act: Callable[[], object], folder: Path) -> None:
+    """Note in the file `stopped` that an interrupt ended what was done, once all of them have come."""
+    try:
+        act()
+    except KeyboardInterrupt:
+        await_file(folder / "shot")
+        (folder / "stopped").touch()
+        raise
 
 
 def signals_waiting(pid: int) -> int:
@@ -268,8 +306,7 @@ def test_an_interrupt_that_another_thread_hears_is_passed_on(tmp_path: Path) -> 
             raise
 
     def shoot() -> None:
-        while not (tmp_path / "begun").exists():
-            time.sleep(0.02)
+        await_file(tmp_path / "begun")
         child = int((tmp_path / "player").read_text())
         os.kill(child, signal.SIGSTOP)
         for pid, number in ((child, signal.SIGINT), (os.getpid(), signal.SIGINT)):
@@ -303,8 +340,7 @@ t.played(act, folder, (1,))
 def test_nothing_outlives_a_killed_caller(tmp_path: Path) -> None:
     code = CALLER.format(root=str(Path(__file__).parents[2]), folder=str(tmp_path))
     caller = subprocess.Popen([sys.executable, "-c", code])
-    while not (tmp_path / "begun").exists():
-        time.sleep(0.02)
+    await_file(tmp_path / "begun")
     below = [settled(tmp_path), int((tmp_path / "player").read_text())]
     assert all(map(runs, below))
     caller.kill()

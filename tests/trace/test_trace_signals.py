@@ -6,10 +6,10 @@ import threading
 
 import pytest
 
-from lingjing.trace.signals import deferring_signals
+from lingjing.trace.signals import STOP, deferring_signals
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, STOP])
 def test_a_signal_waits_for_the_end(number):
     def interrupt(number, frame):
         raise KeyboardInterrupt
@@ -25,6 +25,26 @@ def test_a_signal_waits_for_the_end(number):
         assert signal.getsignal(number) is interrupt
     finally:
         signal.signal(number, before)
+
+
+def test_what_is_only_noted_does_not_take_the_place_of_what_interrupts():
+    """As in the process that plays: a terminal's signal comes to all and is nobody's, the parent's comes after it."""
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, handler) for number, handler in NOTED.items()}
+    before[STOP] = signal.signal(STOP, interrupt)
+    try:
+        with pytest.raises(KeyboardInterrupt), deferring_signals():
+            for number in before:
+                os.kill(os.getpid(), number)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+NOTED = dict.fromkeys((signal.SIGINT, signal.SIGTERM), lambda number, frame: None)
 
 
 def test_an_error_inside_goes_before_the_signal():

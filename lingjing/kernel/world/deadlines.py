@@ -70,7 +70,8 @@ class OwnDeadline:
         if self._first is None:
             if time.monotonic() - self._started < _UNWATCHED_S:
                 return min(self.allowed_s - self._already_s, _UNWATCHED_S)
-            self._first = _threads(self._pid)
+            # Who asks may have been kept from it for long. What the process did meanwhile nobody can tell any more.
+            self._first, self._started = _threads(self._pid), time.monotonic() - _UNWATCHED_S
         left = self.allowed_s - self.spent_s()
         if left > 0.0:
             return left
@@ -79,13 +80,14 @@ class OwnDeadline:
 
     def spent_s(self) -> float:
         """Seconds of own time that are spent."""
-        waited = ran = 0
-        if self._first is not None:
-            self._last |= _threads(self._pid)
-            since = [_since(thread, self._first.get(name)) for name, thread in self._last.items()]
-            waited = sum(thread.waited_ns for thread in since)
-            ran = max((thread.ran_ns for thread in since), default=0)
-        return self._already_s + max(time.monotonic() - self._started - waited * 1e-9, ran * 1e-9)
+        now = time.monotonic() - self._started
+        if self._first is None:  # the answer came before the first look, however late its reader comes
+            return self._already_s + min(now, _UNWATCHED_S)
+        self._last |= _threads(self._pid)
+        since = [_since(thread, self._first.get(name)) for name, thread in self._last.items()]
+        waited = sum(thread.waited_ns for thread in since)
+        ran = max((thread.ran_ns for thread in since), default=0)
+        return self._already_s + max(now - waited * 1e-9, ran * 1e-9)
 
     def _is_stalled(self) -> bool:
         """Whether the process stands in a queue now: a thread could run, and for a while none has."""

@@ -22,7 +22,6 @@ import selectors
 import signal
 import socket
 import sys
-import time
 import traceback
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -32,6 +31,7 @@ from typing import NoReturn
 
 import msgspec
 
+from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.forking import CallFunction, ForkRequest, RunModule, StartWorker, WorkerSettings
 from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
@@ -39,7 +39,7 @@ from lingjing.numerics import pins
 
 _PATROL_S = 1.0
 _LINGERS_S = 2.0
-"""How long a camera process may take to become idle when the process that it drew for has ended."""
+"""How long a camera process may take to become idle when the process that it drew for has ended, in its own time."""
 _MOST_DESCRIPTORS = 8
 _USUAL = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
 
@@ -64,7 +64,7 @@ class _CameraUse:
     control: socket.socket
     settings: WorkerSettings
     busy: bool = True
-    orphaned_s: float | None = None
+    orphaned: OwnDeadline | None = None
 
 
 @dataclass(slots=True)
@@ -147,14 +147,17 @@ class _Server:
         """Give an idle camera process its next user; False if there is none."""
         for process in self.processes.values():
             camera = process.camera
-            if camera is None or camera.busy or camera.settings != settings:
+            if camera is None or camera.settings != settings:
+                continue
+            self.became_idle(process)  # if it has said so
+            if camera.busy:
                 continue
             try:
                 socket.send_fds(camera.control, [b"n"], ends)
             except OSError:  # it has just ended
                 continue
             process.told.close()
-            process.told, camera.busy, camera.orphaned_s = tells, True, None
+            process.told, camera.busy, camera.orphaned = tells, True, None
             _tell_start(process)
             self.watch(process, asker)
             return True
@@ -209,21 +212,20 @@ class _Server:
         if process.camera is None:
             os.kill(process.pid, signal.SIGKILL)  # it has not been reaped, so the number is its own
         elif process.camera.busy:
-            process.camera.orphaned_s = time.monotonic()
+            process.camera.orphaned = OwnDeadline(process.pid, _LINGERS_S, watched=True)
 
     def became_idle(self, process: _Process) -> None:
         """A camera process has no user any more."""
         camera = process.camera
         if camera is not None and _read(camera.control):
-            camera.busy, camera.orphaned_s = False, None
+            camera.busy, camera.orphaned = False, None
             self.unwatch(process)
 
     def end_lingerers(self) -> None:
         """End camera processes whose channel somebody holds open, or that draw for ever."""
         for process in self.processes.values():
-            camera = process.camera
-            since_s = camera.orphaned_s if camera is not None else None
-            if since_s is not None and time.monotonic() - since_s > _LINGERS_S:
+            orphaned = process.camera.orphaned if process.camera is not None else None
+            if orphaned is not None and orphaned.left_s() <= 0.0:
                 os.kill(process.pid, signal.SIGKILL)
 
     def end_all(self) -> None:
@@ -293,8 +295,9 @@ def _tell_start(process: _Process) -> None:
 
 
 def _read(control: socket.socket) -> bytes:
+    """What is there: it may have been taken in before its turn."""
     try:
-        return control.recv(1)
+        return control.recv(1, socket.MSG_DONTWAIT)
     except OSError:
         return b""
 

@@ -184,9 +184,13 @@ class Worker:
 
     def _has_spoken(self, deadline: OwnDeadline) -> bool:
         """Wait for it to write something, and take that in."""
-        while self._words.fileno() >= 0 and (left_s := deadline.left_s()) > 0.0:
-            if self._words.wait(left_s):
+        left_s = deadline.left_s()
+        while self._words.fileno() >= 0:
+            if self._words.wait(max(0.0, left_s)):
                 return True
+            if left_s <= 0.0:
+                return False
+            left_s = deadline.left_s()
         return False
 
     def _check_alive(self) -> None:

@@ -6,6 +6,7 @@ deadline passes is kept, so a late answer is read whole afterwards.
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import socket
@@ -134,11 +135,11 @@ class PacketSocket:
         poller.register(self._socket, event)
         if also is not None and also.fileno() >= 0:
             poller.register(also.fileno(), select.POLLIN)
-        left = None if deadline is None else deadline.left_s()
-        if left is not None and left <= 0:
-            raise TimeoutError
+        left = None if deadline is None else max(0.0, deadline.left_s())
         # Rounded up: a poll of 0 ms would spin through the last millisecond.
-        ready = poller.poll(None if left is None else int(left * 1000) + 1)
+        ready = poller.poll(None if left is None else math.ceil(left * 1000))
+        if left == 0.0 and not any(descriptor == self._socket.fileno() for descriptor, _ in ready):
+            raise TimeoutError  # nothing has come while the caller was away either
         if also is not None and any(descriptor == also.fileno() for descriptor, _ in ready):
             also.drain()
 

@@ -15,7 +15,7 @@ import signal
 import socket
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -81,7 +81,8 @@ def main() -> NoReturn:
         os.set_inheritable(descriptor, False)
     settings = WorkerSettings(tuple(options.plugin), (), not options.bare)
     post = _new_post(options.fd, options.progress, options.parent)
-    _serve(_handler(options.place, settings, post.progress), post)
+    handler = _handler(options.place, settings, post.progress)
+    _serve(handler, post, handler.close)
     _flush()
     # No interpreter shutdown: in a forked copy it would run handlers that belong to the original.
     os._exit(0)
@@ -90,7 +91,8 @@ def main() -> NoReturn:
 def serve_as_world(settings: WorkerSettings, ends: tuple[int, int], parent: int) -> None:
     """In a fork of the server: serve one caller at these ends (channel, progress memory)."""
     post = _new_post(*ends, parent)
-    _serve(_handler("world", settings, post.progress), post)
+    handler = _handler("world", settings, post.progress)
+    _serve(handler, post, handler.close)
     _flush()
 
 
@@ -103,11 +105,17 @@ def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: in
     server = socket.socket(fileno=control)
     post = _new_post(*ends, parent)
     handler = _handler("camera", settings, post.progress)
+
+    def tell() -> tuple[str, ...]:
+        server.send(b"i")
+        return ()
+
     while True:
-        _serve(handler, post, lasting=True)
+        told = _serve(handler, post, tell)  # before it is let go, so that who comes after it finds this process idle
         post.channel.close()
         _write_to(os.open(os.devnull, os.O_WRONLY))  # who waits for the end of what was written need not wait for us
-        server.send(b"i")
+        if not told:
+            tell()
         _, given, _, _ = socket.recv_fds(server, 1, 3, socket.MSG_CMSG_CLOEXEC)
         if len(given) != 3:
             return
@@ -160,8 +168,8 @@ def _handler(place: str, settings: WorkerSettings, progress: CallMonitor) -> Req
     return WorldHandler(find_host, progress)
 
 
-def _serve(handler: RequestHandler, post: Post, *, lasting: bool = False) -> None:
-    """Answer until the caller has enough or is gone; then the engines are closed, unless they last."""
+def _serve(handler: RequestHandler, post: Post, end: Callable[[], tuple[str, ...]]) -> bool:
+    """Answer until the caller has enough, which is told of the problems of `end`, or is gone; whether it was told."""
     try:
         while True:
             packet = _next(post)
@@ -169,12 +177,14 @@ def _serve(handler: RequestHandler, post: Post, *, lasting: bool = False) -> Non
             if isinstance(request, Fork):
                 _fork(post, packet)
             elif isinstance(request, Close):
-                post.reply(Closed(problems=() if lasting else handler.close()))
-                return
+                problems = end()
+                with contextlib.suppress(ChannelClosedError):
+                    post.reply(Closed(problems=problems))
+                return True
             else:
                 _attempt(handler, post, request)
     except ChannelClosedError:
-        return
+        return False
 
 
 def _attempt(handler: RequestHandler, post: Post, request: Request) -> None:
