@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 import mcap.data_stream
@@ -31,6 +31,9 @@ INDEX_BYTES = 16
 
 UNINDEXED = 200_000
 """Messages that a chunk may hold whose index was cut off: as many of the shortest ones as fill a chunk of ours."""
+
+CHANNEL_BYTES = 2**16
+"""What a channel's record may hold: its topic and a map, of which a hundred megabytes become gigabytes of texts."""
 
 _RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
@@ -86,8 +89,11 @@ class ChunkMessage:
     data: bytes
 
 
-def contents(chunk: mcap.records.Chunk, bounds: UnpackLimits) -> Iterator[mcap.records.Channel | ChunkMessage]:
-    """The channels and messages of a chunk, in order. Raises `ChunkError`, or what parsing a damaged place raises."""
+def contents(
+    chunk: mcap.records.Chunk, bounds: UnpackLimits, unwanted: Container[int] = ()
+) -> Iterator[mcap.records.Channel | ChunkMessage]:
+    """The channels and messages of a chunk, in order, but for messages of channels that are `unwanted` by then. Raises
+    `ChunkError`, or what parsing a damaged place raises."""
     bounds.take(chunk)
     data = unpacked(chunk)
     at = 0
@@ -99,10 +105,18 @@ def contents(chunk: mcap.records.Chunk, bounds: UnpackLimits) -> Iterator[mcap.r
         if opcode == mcap.opcode.Opcode.MESSAGE:
             bounds.message()
             channel, sequence, time_ns, _ = MESSAGE.unpack_from(data, begin)
-            yield ChunkMessage(channel, sequence, time_ns, data[begin + MESSAGE.size : at])
+            if channel not in unwanted:
+                yield ChunkMessage(channel, sequence, time_ns, data[begin + MESSAGE.size : at])
         elif opcode == mcap.opcode.Opcode.CHANNEL:
             bounds.message()
-            yield mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(data[begin:at])))
+            yield channel_of(data[begin:at])
+
+
+def channel_of(body: bytes) -> mcap.records.Channel:
+    """The channel of a record's bytes. Raises `ChunkError` if they are more than `CHANNEL_BYTES`."""
+    if len(body) > CHANNEL_BYTES:
+        raise ChunkError(f"a channel of {len(body)} bytes")
+    return mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(body)))
 
 
 def unpacked(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:

@@ -7,20 +7,28 @@ flushed chunk with the plain `mcap` reader as well.
 from __future__ import annotations
 
 import contextlib
+import io
+import os
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, NamedTuple, cast
 
+import mcap.opcode
 import mcap.records
-import mcap.stream_reader
 import mcap.writer
+from mcap.data_stream import ReadDataStream
 
 from lingjing.errors import UsageError
 from lingjing.trace.chunks import BROKEN, LIMIT, UnpackLimits, contents
-from lingjing.trace.seals import MAGIC, SEAL, SealedFile, definition_sum, message_sum
+from lingjing.trace.seals import MAGIC, RECORD, SEAL, SealedFile, definition_sum, message_sum
 
 CHUNK_BYTES = 4 * 1024 * 1024
+
+_INDEX_HEAD = struct.Struct("<HI")
+_INDEX_ENTRY = struct.Struct("<QQ")
+"""A message index (MCAP, op 0x07): channel and length in bytes, then log time and place of each message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,14 +109,15 @@ class ContainerWriter:
         return self._channels[topic]
 
 
-def scan(path: Path, passed_over: str = "") -> Iterator[Stored]:
+def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> Iterator[Stored]:
     """Every message up to the file's end or its first damaged place, in file order; a chunk that holds more than it may
     is a damaged place. A chunk all of whose messages are in topics that begin with `passed_over` is not unpacked: its
-    messages come without data, in the order of its index.
+    messages come without data, in the order of its index. Of other chunks those messages come whose topics begin with
+    one of `only`.
 
     Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
     """
-    channels: dict[int, str] = {}
+    channels = _Channels(only)
     with _opened(path) as file:
         bounds = UnpackLimits(path.stat().st_size)
         try:
@@ -118,52 +127,84 @@ def scan(path: Path, passed_over: str = "") -> Iterator[Stored]:
             return
 
 
-def _chunks(file: IO[bytes]) -> Iterator[tuple[mcap.records.Chunk, int, list[mcap.records.MessageIndex]]]:
-    """Every whole chunk with its place and the indexes behind it; without any where the file is cut among them."""
+class _Channels:
+    """The topics of the channels that were declared so far, by number; `unwanted` are those that are left out."""
+
+    def __init__(self, only: tuple[str, ...] = ("",)) -> None:
+        self._only = only
+        self.topics: dict[int, str] = {}
+        self.unwanted: set[int] = set()
+
+    def declare(self, number: int, topic: str) -> None:
+        """One more channel, or another topic for one."""
+        self.topics[number] = topic
+        self.unwanted.discard(number)
+        if not topic.startswith(self._only):
+            self.unwanted.add(number)
+
+
+class _ChunkIndex(NamedTuple):
+    """The index that stands behind a chunk for one channel: `entries` are pairs of log time and place."""
+
+    channel: int
+    entries: bytes
+
+    @property
+    def times(self) -> Iterator[int]:
+        """Log times of the channel's messages. Raises `struct.error` for entries that were cut."""
+        return (time_ns for time_ns, _ in _INDEX_ENTRY.iter_unpack(self.entries))
+
+
+def _chunks(file: IO[bytes], begin: int = len(MAGIC)) -> Iterator[tuple[mcap.records.Chunk, int, list[_ChunkIndex]]]:
+    """Every whole chunk from byte `begin` on, with its place and the indexes behind it; without any of these where the
+    file is cut among them."""
     waiting: tuple[mcap.records.Chunk, int] | None = None
-    index: list[mcap.records.MessageIndex] = []
-    try:
-        for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
-            if isinstance(record, mcap.records.MessageIndex):
-                index.append(record)
-                continue
-            if waiting is not None:
-                yield (*waiting, index)
-            at = file.tell()
-            waiting = (record, at - _chunk_length(record)) if isinstance(record, mcap.records.Chunk) else None
+    index: list[_ChunkIndex] = []
+    file.seek(begin)
+    while len(head := file.read(RECORD.size)) == RECORD.size:
+        at, (opcode, length) = file.tell() - RECORD.size, RECORD.unpack(head)
+        packed = opcode in (mcap.opcode.Opcode.CHUNK, mcap.opcode.Opcode.MESSAGE_INDEX)
+        body = file.read(length) if packed and length <= LIMIT else b""
+        if length > LIMIT or (packed and len(body) < length):
             index = []
-    except BROKEN:
+            break
+        if opcode == mcap.opcode.Opcode.MESSAGE_INDEX:
+            index.append(_ChunkIndex(*_INDEX_HEAD.unpack_from(body)[:1], body[_INDEX_HEAD.size :]))
+            continue
+        if waiting is not None:
+            yield (*waiting, index)
+        waiting = (mcap.records.Chunk.read(ReadDataStream(io.BytesIO(body))), at) if packed else None
         index = []
+        if not packed:
+            file.seek(length, os.SEEK_CUR)
     if waiting is not None:
         yield (*waiting, index)
 
 
 def _chunk(
     chunk: tuple[mcap.records.Chunk, int],
-    index: Sequence[mcap.records.MessageIndex],
-    channels: dict[int, str],
+    index: Sequence[_ChunkIndex],
+    channels: _Channels,
     bounds: UnpackLimits,
     passed_over: str,
 ) -> Iterator[Stored]:
     """The messages of a chunk; without their data where its index says that all of them are to be passed over."""
-    topics = [channels.get(one.channel_id, "") for one in index]
+    topics = [channels.topics.get(one.channel, "") for one in index]
     if not passed_over or not index or not all(topic.startswith(passed_over) for topic in topics):
         yield from _messages(chunk[0], channels, chunk[1], bounds)
         return
     for topic, one in zip(topics, index, strict=True):
-        for time_ns, _ in one.records:
+        for time_ns in one.times:
             bounds.message()
-            yield Stored(topic, one.channel_id, 0, time_ns, b"", chunk[1])
+            yield Stored(topic, one.channel, 0, time_ns, b"", chunk[1])
 
 
 def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
     """Every message of the chunk that begins at byte `chunk_at`; topics of channels from earlier chunks are ""."""
     with _opened(path) as file:
-        file.seek(chunk_at)
-        reader = mcap.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=LIMIT)
-        chunk = next(iter(reader.records))
-        if isinstance(chunk, mcap.records.Chunk):
-            yield from _messages(chunk, {}, chunk_at, UnpackLimits(path.stat().st_size))
+        chunk, at, _ = next(_chunks(file, chunk_at), (None, chunk_at, []))
+        if chunk is not None and at == chunk_at:
+            yield from _messages(chunk, _Channels(), chunk_at, UnpackLimits(path.stat().st_size))
 
 
 def ends_properly(path: Path) -> bool:
@@ -185,17 +226,10 @@ def _opened(path: Path) -> IO[bytes]:
     return file
 
 
-def _messages(
-    chunk: mcap.records.Chunk, channels: dict[int, str], chunk_at: int, bounds: UnpackLimits
-) -> Iterator[Stored]:
-    for record in contents(chunk, bounds):
+def _messages(chunk: mcap.records.Chunk, channels: _Channels, chunk_at: int, bounds: UnpackLimits) -> Iterator[Stored]:
+    for record in contents(chunk, bounds, channels.unwanted):
         if isinstance(record, mcap.records.Channel):
-            channels[record.id] = record.topic
+            channels.declare(record.id, record.topic)
         else:
-            topic = channels.get(record.channel, "")
+            topic = channels.topics.get(record.channel, "")
             yield Stored(topic, record.channel, record.sequence, record.time_ns, record.data, chunk_at)
-
-
-def _chunk_length(chunk: mcap.records.Chunk) -> int:
-    """Bytes of a chunk record in the file: opcode, length, six fixed fields, compression, data (MCAP, op 0x06)."""
-    return 1 + 8 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)

@@ -24,7 +24,9 @@ from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2
+from google.protobuf.message import DecodeError
 
+from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Snapshot
@@ -107,14 +109,22 @@ def frame_messages(
 
 
 def image_bytes(message: bytes) -> bytes:
-    """The JPEG or PNG inside a `foxglove.CompressedImage`."""
-    return bytes(CompressedImage.FromString(message).data)
+    """The JPEG or PNG inside a `foxglove.CompressedImage`. Raises `LingjingError` for other bytes."""
+    return bytes(_parsed(CompressedImage, message).data)
 
 
 def depth_bytes(message: bytes) -> tuple[bytes, int, int]:
-    """The float32 metres inside a `foxglove.RawImage`, with width and height in pixels."""
-    image = RawImage.FromString(message)
+    """The float32 metres inside a `foxglove.RawImage`, with width and height in pixels. Raises `LingjingError` for
+    other bytes."""
+    image = _parsed(RawImage, message)
     return bytes(image.data), image.width, image.height
+
+
+def _parsed(kind: Any, message: bytes) -> Any:
+    try:
+        return kind.FromString(message)
+    except DecodeError as error:
+        raise LingjingError(f"a picture of {len(message)} bytes is no {kind.DESCRIPTOR.full_name}") from error
 
 
 def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[float, float]:

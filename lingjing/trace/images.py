@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 JPEG_QUALITY = 90
 DEPTH_STEP_M = 0.01
+MOST_PIXELS = 2**26
+"""Of one picture: 8K has half as many. A few megabytes of JPEG can say that they are gigabytes of pixels."""
 
 RgbPixels = npt.NDArray[np.uint8]
 Depth = npt.NDArray[np.float32]
@@ -90,8 +92,10 @@ def _open(data: bytes, kind: str) -> ImageFile:
 
     try:
         image = PIL.Image.open(io.BytesIO(data), formats=(kind,))
+        if image.width * image.height > MOST_PIXELS:
+            raise ValueError(f"{image.width} by {image.height} pixels")
         image.load()
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, PIL.Image.DecompressionBombError) as error:
         raise LingjingError(f"broken {kind} image of {len(data)} bytes: {error}") from error
     return image
 

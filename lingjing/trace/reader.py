@@ -21,10 +21,10 @@ from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
 from lingjing.trace.records import CUT_SHORT, FIRST_FORMAT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
-from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, camera_topic
+from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
 RECORD_RATIO = 200
-RECORD_BYTES = 2**26
+RECORD_BYTES = 2**24
 """What all records of a file may hold as JSON: that many bytes, and so often its own size."""
 
 Record = TypeVar("Record", bound=msgspec.Struct)
@@ -109,7 +109,7 @@ def read_trace(path: str | Path) -> Trace:
     """
     path = Path(path)
     found = _Found(path)
-    for stored in scan(path, passed_over=CAMERAS):
+    for stored in scan(path, passed_over=CAMERAS, only=(CAMERAS, RECORDS)):
         found.take(stored)
     if found.header is None:
         raise UsageError(f"{path} holds no episode", hint="it was cut before its first record, or is another's file")

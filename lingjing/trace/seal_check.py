@@ -68,7 +68,8 @@ def _checked(data: mmap.mmap, key: bytes | None) -> SealReport:
         chain, number = running.hexdigest(), len(states) + 1
         if fields.get("number") != str(number) or fields.get("chain") != chain:
             fault = first_difference(data, (begin, at, end), number, fields)
-            return SealReport(len(states), fault, signature=_all(states))
+            loose = 0 if fault else len(data) - begin
+            return SealReport(len(states), fault, loose=loose, signature=_all(states))
         states.append(_signed(fields, key))
         if states[-1] == "bad":
             fault = f"{sealed_part(number, last=last)}: it is not signed with this key"

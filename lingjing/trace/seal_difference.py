@@ -12,7 +12,7 @@ import mcap.opcode
 import mcap.records
 from mcap.data_stream import ReadDataStream
 
-from lingjing.trace.chunks import BROKEN, MESSAGE, UnpackLimits, unpacked
+from lingjing.trace.chunks import BROKEN, MESSAGE, UnpackLimits, channel_of, unpacked
 from lingjing.trace.seals import MAGIC, RECORD, definition_sum, message_sum, records_of, whole_records
 
 
@@ -38,9 +38,15 @@ def sealed_part(number: int, *, last: bool) -> str:
 
 
 def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int, fields: dict[str, str]) -> str:
-    """The first record between two seals that is not as it was sealed, in words."""
+    """The first record between two seals that is not as it was sealed, in words; "" if nothing is wrong but that the
+    file was cut behind its last seal."""
     begin, at, end = segment
     place = sealed_part(number, last="end" in fields)
+    told = fields.get("number", "")[:20]
+    if told.isdecimal() and int(told) != number:
+        return (
+            f"{place}: the seal at byte {at} is number {told} where {number} is due: seals, or what they seal, {_LOST}"
+        )
     found = list(_contents(data, begin, at))
     texts = fields.get("records", "")
     sealed = [int(texts[i : i + 8], 16) for i in range(0, len(texts), 8)] if _is_hex(texts) else []
@@ -53,14 +59,13 @@ def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int
             return f"{place}: {one.name} at byte {one.at} {_changed(found, sealed, index)}"
     if len(found) < len(sealed):
         return f"{place}: {len(sealed) - len(found)} records are missing before byte {at}"
-    if fields.get("number") != str(number):
-        told = fields.get("number", "")[:20]
-        return f"{place}: the seal at byte {at} is number {told}, not {number}: what was sealed before it is missing"
-    return (
-        f"{place}: {_behind(data, end)}"
-        if "end" in fields
-        else f"{place}: the seal at byte {at} is not the one it was given"
-    )
+    if "end" in fields:
+        behind = _behind(data, end)
+        return f"{place}: {behind}" if behind else ""
+    return f"{place}: the seal at byte {at} is not the one it was given"
+
+
+_LOST = "are missing, repeated or in another order"
 
 
 def _changed(found: list[_Summed], sealed: list[int], index: int) -> str:
@@ -77,14 +82,18 @@ def _changed(found: list[_Summed], sealed: list[int], index: int) -> str:
 
 
 def _behind(data: mmap.mmap, end: int) -> str:
-    """What is wrong behind the last seal: the footer, bytes after it, or the summary between them."""
+    """What is wrong behind the last seal: the footer, bytes after it, or the summary between them; "" if its end is not
+    there."""
     at = end
     while at + RECORD.size <= len(data):
         opcode, length = RECORD.unpack_from(data, at)
         at += RECORD.size + length
         if opcode == mcap.opcode.Opcode.FOOTER:
             break
+    whole = at + len(MAGIC) <= len(data)
     if data[at : at + len(MAGIC)] != MAGIC:
+        if not whole and data[-len(MAGIC) :] != MAGIC:
+            return ""
         return f"the file's summary, from byte {end} on, is damaged"
     added = len(data) - at - len(MAGIC)
     if added:
@@ -126,19 +135,18 @@ def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits
 
 
 def _inner(opcode: int, body: bytes, topics: dict[int, str]) -> tuple[str, int] | None:
-    stream = ReadDataStream(io.BytesIO(body))
     if opcode == mcap.opcode.Opcode.MESSAGE:
         channel, sequence, time_ns, _ = MESSAGE.unpack_from(body)
         topic = topics.get(channel, "")
         name = f"the message on {topic or f'channel {channel}'} at {time_ns / 1e9:g} s"
         return name, message_sum(topic, sequence, time_ns, body[MESSAGE.size :])
     if opcode == mcap.opcode.Opcode.CHANNEL:
-        channel_record = mcap.records.Channel.read(stream)
+        channel_record = channel_of(body)
         topics[channel_record.id] = channel_record.topic
         parts = (channel_record.topic, channel_record.message_encoding, str(channel_record.schema_id))
         return f"the channel {channel_record.topic[:80]}", definition_sum(*parts)
     if opcode == mcap.opcode.Opcode.SCHEMA:
-        schema = mcap.records.Schema.read(stream)
+        schema = mcap.records.Schema.read(ReadDataStream(io.BytesIO(body)))
         return f"the schema {schema.name[:80]}", definition_sum(schema.name, schema.encoding, schema.data)
     return f"a record of kind {opcode}", -2
 

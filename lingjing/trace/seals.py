@@ -38,6 +38,9 @@ RECORD = struct.Struct("<BQ")
 KEY_BYTES = 16
 """A key is at least so long: 128 bits, as RFC 2104 wants no shorter secret than is safe."""
 
+KEY_MOST = 4096
+"""Bytes of a key file: more is another file."""
+
 BLANK = "0" * 64
 """What stands for a seal's chain and hmac in the bytes that are hashed."""
 
@@ -68,9 +71,11 @@ def signature(chain: str, key: bytes) -> str:
 
 
 def read_key(path: str | Path) -> bytes:
-    """The key in a file: all its bytes but white space at the ends. Raises `UsageError` if it is too short."""
+    """The key in a file: all its bytes but white space at the ends. Raises `UsageError` if it is too short or too
+    long."""
     try:
-        key = Path(path).read_bytes().strip()
+        with Path(path).open("rb") as file:
+            key = file.read(KEY_MOST + 1).strip()
     except OSError as error:
         raise UsageError(f"cannot read the key file {path}: {error.strerror}") from error
     if len(key) < KEY_BYTES:
@@ -78,6 +83,8 @@ def read_key(path: str | Path) -> bytes:
             f"the key in {path} has {len(key)} bytes: at least {KEY_BYTES} are due",
             hint="make one with `openssl rand -hex 32 > trace.key`",
         )
+    if len(key) > KEY_MOST:
+        raise UsageError(f"the key in {path} has more than {KEY_MOST} bytes", hint="is it a key file?")
     return key
 
 

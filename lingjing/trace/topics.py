@@ -12,6 +12,8 @@ BOUNDARY = "/lingjing/boundary"
 FRAME = "/lingjing/frame"
 OUTCOME = "/lingjing/outcome"
 CAMERAS = "/camera/"
+RECORDS = "/lingjing/"
+"""What the topics of all own records begin with."""
 
 
 def entity_topic(entity: str) -> str:

@@ -63,9 +63,16 @@ def _verdict(path: Path, seals: SealReport, key: bytes | None) -> tuple[State, s
     if key is not None and seals.signature == "none":
         return "wrong", f"{held}; as it was sealed, but not signed"
     if not seals.ended:
-        behind = f", {seals.loose} bytes behind its last seal are not covered" if seals.loose else ""
-        return "cut", f"{held}, as they were sealed; the file ends before the episode did{behind}"
+        return "cut", f"{held}{_cut_off(trace, seals.loose)}"
     return "ok", f"{held}; {_SIGNATURES[seals.signature]}"
+
+
+def _cut_off(trace: Trace, loose: int) -> str:
+    """What a file that was cut no longer shows."""
+    if trace.outcome is not None:
+        return f", whose outcome no seal covers any more: the file ends in its summary, {loose} bytes are not covered"
+    behind = f", {loose} bytes behind its last seal are not covered" if loose else ""
+    return f", as they were sealed; the file ends before the episode did{behind}"
 
 
 _UNSEALED = "header, outcome and what viewers show could have been changed"

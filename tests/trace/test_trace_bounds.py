@@ -82,6 +82,9 @@ def bombs() -> dict[str, bytes]:
     huge = pack(one_huge_record())
     size = 9 + HUGE * len(SPACES)
     small = messages_without_end(b"", 0.2)
+    texts = b"".join(struct.pack("<I", 4) + struct.pack("<I", n) + struct.pack("<I", 0) for n in range(6_000_000))
+    body = struct.pack("<HH", 7, 0) + text("/x") + text("json") + struct.pack("<I", len(texts)) + texts
+    names = zstandard.compress(record(CHANNEL, body))
     deep = channel(1, "/lingjing/boundary") + message(1, b"[" * 1_000_000)
     many = zstandard.compress(SPACES)
     return {
@@ -93,6 +96,7 @@ def bombs() -> dict[str, bytes]:
         ),
         "hundreds of chunks": chunk(many, len(SPACES)) * 300,
         "deep JSON": chunk(zstandard.compress(deep), len(deep)),
+        "a channel with millions of texts": chunk(names, len(zstandard.ZstdDecompressor().decompress(names))),
         "an unknown compression": chunk(huge, size, compression="lz4"),
         "a declared chunk that is not there": struct.pack("<BQ", CHUNK, 2**62),
         "an attachment that is not there": struct.pack("<BQ", 0x09, LIMIT - 1),

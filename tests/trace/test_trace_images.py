@@ -78,3 +78,15 @@ def test_truncated_bodies_are_a_clear_error() -> None:
         images.decode_semantic(ids[: len(ids) // 2])
     with pytest.raises(LingjingError, match="has 16384 bytes, not 8192"):
         images.decode_depth(images.encode_depth(sea_depth(64, 64))[:8192], 64, 64)
+
+
+def test_a_small_file_of_very_many_pixels_is_refused() -> None:
+    import io
+
+    import PIL.Image
+
+    for side in (8200, 20_000):
+        out = io.BytesIO()
+        PIL.Image.new("L", (side, side)).save(out, "PNG", compress_level=9)
+        with pytest.raises(LingjingError, match="broken PNG"):
+            images.decode_semantic(out.getvalue())

@@ -160,6 +160,24 @@ def test_what_is_cut_is_said_with_what_is_left(small: Path, tmp_path: Path) -> N
     assert told.state == "cut" and told.said.startswith("2 boundaries") and "no outcome" in told.said
 
 
+def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_vouched_for(small: Path, tmp_path: Path) -> None:
+    data = small.read_bytes()
+    for end in (len(data) - 3000, len(data) - 9, len(data) - 1):
+        told = verdict(tmp_path / "t.mcap", data[:end])
+        assert told.state == "cut" and "whose outcome no seal covers any more" in told.said, told.said
+    changed = in_chunks(data, b'"score":0.0', b'"score":0.1')
+    assert verdict(tmp_path / "t.mcap", changed[:-1]).state == "wrong"
+
+
+def test_pictures_that_are_none_are_named_though_they_are_sealed(
+    synthetic: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lingjing.trace.foxglove._image", lambda *_: b"\xff" * 50)
+    synthetic.write_episode(tmp_path / "trace.mcap", ticks=3)
+    told = verify_file(tmp_path / "trace.mcap")
+    assert told.state == "wrong" and "is no foxglove.CompressedImage" in told.said
+
+
 EDITS = {
     "the score": (b'"score":0.0', b'"score":0.1', f"the outcome: the message on {OUTCOME}"),
     "the outcome": (b'"reason":"budget"', b'"reason":"succes"', f"the outcome: the message on {OUTCOME}"),
@@ -195,7 +213,7 @@ def test_pictures_swapped_dropped_repeated_or_moved_are_found(small: Path, tmp_p
         told = verdict(path, rewritten(data, change))
         assert told.state == "wrong" and told.said.startswith("boundary 2"), told.said
     gone = verdict(path, rewritten(data, lambda n, record: None if n >= one and n < other else record))
-    assert gone.state == "wrong" and "number 5, not 4: what was sealed before it is missing" in gone.said
+    assert gone.state == "wrong" and "number 5 where 4 is due: seals, or what they seal, are missing" in gone.said
 
 
 def test_a_message_changed_within_a_chunk_is_named(small: Path, tmp_path: Path) -> None:
@@ -338,6 +356,12 @@ def test_a_key_is_read_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "trace.key"
     with pytest.raises(UsageError, match="cannot read the key"):
         read_key(path)
+    path.write_bytes(b"0123456789abcdef\r\n")
+    assert read_key(path) == b"0123456789abcdef"
+    for key, words in ((b"", "has 0 bytes"), (b"k" * 15 + b"\r\n", "has 15 bytes"), (b"k" * 5000, "more than")):
+        path.write_bytes(key)
+        with pytest.raises(UsageError, match=words):
+            read_key(path)
     path.write_bytes(b"short\n")
     with pytest.raises(UsageError, match="5 bytes"):
         read_key(path)
