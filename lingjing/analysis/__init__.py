@@ -1,5 +1,6 @@
 """What an episode amounts to: pure functions of its trace, nothing else is read.
 
+- `memo`        `once_per_trace`: what several figures ask of a trace is computed once
 - `detection`   reports against the ground truth of the frames they speak of
 - `completion`  which targets were completed, and when
 - `messages`    the messages that the bus admitted, each once

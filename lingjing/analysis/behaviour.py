@@ -19,6 +19,7 @@ trajectory position" for its table of behaviour by trajectory tercile. How its t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,7 @@ import msgspec
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
+from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.repetition import Assignments
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Action, BoundaryRecord, Receipt
@@ -119,10 +121,11 @@ def by_tercile(actions: Iterable[JudgedAction]) -> dict[str, BehaviourRates]:
     return {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(actions), strict=True)}
 
 
+@once_per_trace
 def actions(trace: Trace) -> tuple[JudgedAction, ...]:
     """Every action of a trace, in order."""
     found = list(_judged(trace))
-    whole = {agent: sum(one.agent == agent for one in found) for agent in {one.agent for one in found}}
+    whole = Counter(one.agent for one in found)
     seen = dict.fromkeys(whole, 0)
     placed = []
     for one in found:

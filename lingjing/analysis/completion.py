@@ -6,6 +6,7 @@ where success calls none, by the mission's last stage.
 
 from __future__ import annotations
 
+from lingjing.analysis.memo import once_per_trace
 from lingjing.mission.expression import Call, parts
 from lingjing.mission.feasibility.needs import Supply, mentions
 from lingjing.mission.feasibility.outline import of_instance
@@ -16,6 +17,7 @@ from lingjing.trace.records import BoundaryRecord
 _MASS = "kg"
 
 
+@once_per_trace
 def completion_ticks(trace: Trace) -> dict[str, int]:
     """The tick at which each completed target was completed."""
     found: dict[str, int] = {}
@@ -64,6 +66,8 @@ def _masses(instance: Instance) -> dict[tuple[str, str], float]:
 
 def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
     """Targets that this boundary's events or stages complete."""
+    if not record.events and not record.stages:
+        return set()
     targets = {entity.id for entity in instance.entities if entity.role == "target"}
     rules = _success_rules(instance)
     if rules:

@@ -10,10 +10,11 @@ counts once, whether many heard it or nobody. A target without visible pixels is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.messages import AdmittedMessage, admitted
 from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.reader import Trace
@@ -112,14 +113,17 @@ class Detection:
     @property
     def calibration_error(self) -> float | None:
         """Expected calibration error of the reports' confidences against their matches, ten bins."""
-        judged = [(r.confidence, r.target is not None) for r in self.reports if r.judged and r.confidence is not None]
-        total = 0.0
-        for index in range(BINS):
-            inside = [(c, hit) for c, hit in judged if min(int(c * BINS), BINS - 1) == index]
-            total += abs(sum(hit for _, hit in inside) - sum(c for c, _ in inside))
-        return ratio(total, len(judged))
+        return calibration_error(self.confidences)
+
+    @property
+    def confidences(self) -> tuple[tuple[float, bool], ...]:
+        """The confidence of each report that was compared with the truth and has one, and whether it matched."""
+        return tuple(
+            (r.confidence, r.target is not None) for r in self.reports if r.judged and r.confidence is not None
+        )
 
 
+@once_per_trace
 def detect(trace: Trace) -> Detection:
     """Align every report of the trace with the frame it names."""
     reports = tuple(_reports(trace))
@@ -145,6 +149,17 @@ def detect(trace: Trace) -> Detection:
     )
 
 
+def calibration_error(judged: Sequence[tuple[float, bool]]) -> float | None:
+    """Expected calibration error of confidences and whether each was right: "Mean absolute difference between box-match
+    accuracy and mean confidence across ten bins of equal width, weighted by the number of samples in each bin". A
+    confidence outside 0..1 counts in the bin that is nearest."""
+    bins: dict[int, list[tuple[float, bool]]] = {}
+    for confidence, right in judged:
+        bins.setdefault(int(min(max(confidence, 0.0), 1.0 - 0.5 / BINS) * BINS), []).append((confidence, right))
+    total = sum(abs(sum(right for _, right in one) - sum(said for said, _ in one)) for one in bins.values())
+    return ratio(total, len(judged))
+
+
 def confused_with(trace: Trace, report: MatchedReport) -> str | None:
     """The entity of another class that a false report took for a target: the one whose true box overlaps most with the
     report's, by half or more; None if it is of nothing, or of nothing else."""
@@ -165,11 +180,13 @@ def iou(one: UnitBox, other: UnitBox) -> float:
     return shared / union if union > 0 else 0.0
 
 
+@once_per_trace
 def matching_rules(trace: Trace) -> frozenset[str]:
     """Names of the rules that compare a report with the truth."""
     return frozenset(rule.name for rule in trace.header.instance.rules if rule.matching)
 
 
+@once_per_trace
 def shots(trace: Trace) -> tuple[FrameInfo, ...]:
     """The frames that somebody's camera took during the episode: all but reference pictures."""
     return tuple(frame for frame in trace.frames.values() if frame.camera != REFERENCE)

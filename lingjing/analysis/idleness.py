@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
+from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.repetition import Assignments
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Receipt
@@ -61,6 +62,7 @@ def idle_fraction(trace: Trace) -> float | None:
     return ratio(sum(map(sum, steps.values())), sum(map(len, steps.values())))
 
 
+@once_per_trace
 def idle_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
     """Whether each step of each agent with a body was idle, in order."""
     instance = trace.header.instance

@@ -89,7 +89,8 @@ class _Search:
                 self.found.append(one)
         for snapshot in record.snapshots:
             for state in snapshot.states:
-                self._look(state, snapshot, record.tick)
+                if self.status.get(state.id) != state.status:
+                    self._look(state, snapshot, record.tick)
             self.since_s = snapshot.time_s
         self.found[first:] = sorted(self.found[first:], key=lambda one: one.time_s)
 
@@ -106,9 +107,9 @@ class _Search:
 
     def _look(self, state: BodyState, snapshot: Snapshot, tick: int) -> None:
         """An asset that has come into one of the statuses `LOST`, if nothing else says why."""
-        before, self.status[state.id] = self.status.get(state.id), state.status
+        self.status[state.id] = state.status
         entity = self.entities.get(state.id)
-        if entity is None or entity.role != "asset" or state.status not in LOST or state.status == before:
+        if entity is None or entity.role != "asset" or state.status not in LOST:
             return
         if not any(self._explains(one, state.id, snapshot.time_s) for one in self.found):
             self.found.append(

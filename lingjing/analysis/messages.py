@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from lingjing.analysis.memo import once_per_trace
 from lingjing.mission.instance import Datum, Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
@@ -27,6 +28,7 @@ class AdmittedMessage:
     recipients: tuple[str, ...] = ()
 
 
+@once_per_trace
 def admitted(trace: Trace) -> tuple[AdmittedMessage, ...]:
     """Every admitted message of a trace, in the order of its boundaries."""
     categories = categories_of(trace.header.instance)

@@ -28,6 +28,7 @@ from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.last_mile import last_mile
+from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.repetition import repeated_target_rate
 from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
@@ -240,7 +241,7 @@ def metrics(trace: Trace) -> Metrics:
         frames=len(trace.frames),
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
-        stages=_stages(trace),
+        stages=stages_of(trace),
         last_mile=None if (chain := last_mile(trace)) is None else chain.cumulative,
     )
 
@@ -303,7 +304,9 @@ def _absent(trace: Trace) -> int:
     )
 
 
-def _stages(trace: Trace) -> tuple[StageMetric, ...]:
+@once_per_trace
+def stages_of(trace: Trace) -> tuple[StageMetric, ...]:
+    """Each stage: subjects done of those required."""
     instance = trace.header.instance
     members = Counter(entity.group for entity in instance.entities)
     done: dict[str, set[str]] = {}

@@ -9,29 +9,46 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from statistics import fmean
+from statistics import fmean, median
 
 import msgspec
 
 from lingjing.analysis.behaviour import BehaviourRates, JudgedAction, actions, by_tercile
-from lingjing.analysis.detection import detect, ratio
+from lingjing.analysis.detection import calibration_error, detect, ratio
 from lingjing.analysis.families import FAMILIES, FailureFamily, attribute
+from lingjing.analysis.metrics import stages_of
+from lingjing.analysis.repetition import target_events
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT
 
 
 class EpisodeCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """What pools need of one episode. `retained` if it ended by itself; `hits` and `wrong` are true positives, and
-    false positives and negatives over its aligned frames; `tokens` those of all model calls."""
+    """What pools need of one episode. `retained` if it ended by itself; `tokens` are those of all model calls.
+
+    Over its aligned frames: `hits`, `false` and `missed` are true positives, false positives and false negatives, and
+    `missing`, `hallucinating`, `confusing` the frames with one or more of each. `errors_m` are distances of matched
+    reports from their targets, `confidences` what reports said and whether they matched. `repeated` of `events` are
+    target events; `stages` say of each stage whether it and all before it are complete.
+    """
 
     mission: str
     mode: str
     seed: int
     retained: bool
     success: bool
+    frames: int
     hits: int
-    wrong: int
+    false: int
+    missed: int
+    missing: int
+    hallucinating: int
+    confusing: int
+    errors_m: tuple[float, ...]
+    confidences: tuple[tuple[float, bool], ...]
+    events: int
+    repeated: int
+    stages: tuple[tuple[str, bool], ...]
     tokens: int
     actions: tuple[JudgedAction, ...]
     family: FailureFamily | None
@@ -46,6 +63,7 @@ def counts_of(trace: Trace) -> EpisodeCounts:
     """The counts of one trace."""
     instance, outcome = trace.header.instance, trace.outcome
     found, attributed = detect(trace), attribute(trace)
+    repeated, events = target_events(trace)
     spent = [
         made.decision.usage
         for record in trace.boundaries
@@ -58,8 +76,18 @@ def counts_of(trace: Trace) -> EpisodeCounts:
         seed=instance.seed,
         retained=outcome is not None and outcome.reason not in CUT_SHORT,
         success=outcome is not None and outcome.success,
+        frames=found.frames,
         hits=found.true_positives,
-        wrong=found.false_positives + found.false_negatives,
+        false=found.false_positives,
+        missed=found.false_negatives,
+        missing=found.missing_frames,
+        hallucinating=found.hallucinating_frames,
+        confusing=found.confusing_frames,
+        errors_m=tuple(one.error_m for one in found.reports if one.error_m is not None),
+        confidences=found.confidences,
+        events=events,
+        repeated=repeated,
+        stages=tuple((stage.name, stage.cumulative) for stage in stages_of(trace)),
         tokens=sum(usage.prompt_tokens + usage.completion_tokens for usage in spent),
         actions=actions(trace),
         family=None if attributed is None else attributed.family,
@@ -82,19 +110,65 @@ def macro_average(episodes: Iterable[EpisodeCounts]) -> float | None:
     return fmean(tasks) if tasks else None
 
 
+class PerceptionRates(msgspec.Struct, frozen=True, kw_only=True):
+    """What the paper says of perception, over the aligned frames and reports of several episodes; None over none."""
+
+    precision: float | None
+    recall: float | None
+    f1: float | None
+    miss_rate: float | None
+    hallucination_rate: float | None
+    confusion_rate: float | None
+    localisation_error_m: float | None
+    calibration_error: float | None
+
+
+def perception(episodes: Iterable[EpisodeCounts]) -> PerceptionRates:
+    """The rates of pooled frames and reports: "pools the retained frames, actions, and messages"."""
+    kept = [one for one in episodes if one.retained]
+    frames, hits = sum(one.frames for one in kept), sum(one.hits for one in kept)
+    false, missed = sum(one.false for one in kept), sum(one.missed for one in kept)
+    errors = [error for one in kept for error in one.errors_m]
+    return PerceptionRates(
+        precision=ratio(hits, hits + false),
+        recall=ratio(hits, hits + missed),
+        f1=ratio(2 * hits, 2 * hits + false + missed),
+        miss_rate=ratio(sum(one.missing for one in kept), frames),
+        hallucination_rate=ratio(sum(one.hallucinating for one in kept), frames),
+        confusion_rate=ratio(sum(one.confusing for one in kept), frames),
+        localisation_error_m=median(errors) if errors else None,
+        calibration_error=calibration_error([said for one in kept for said in one.confidences]),
+    )
+
+
 def f1(episodes: Iterable[EpisodeCounts]) -> float | None:
-    """Detection F1 over the aligned frames of all episodes."""
-    found = list(episodes)
-    hits = sum(one.hits for one in found)
-    return ratio(2 * hits, 2 * hits + sum(one.wrong for one in found))
+    """Detection F1 over the aligned frames of all retained episodes."""
+    return perception(episodes).f1
+
+
+def repeated_target_rate(episodes: Iterable[EpisodeCounts]) -> float | None:
+    """Rep: "Number of repeated target events divided by all valid target events in the matched episodes"."""
+    kept = [one for one in episodes if one.retained]
+    return ratio(sum(one.repeated for one in kept), sum(one.events for one in kept))
+
+
+def cumulative_stages(episodes: Iterable[EpisodeCounts]) -> dict[str, dict[str, float]]:
+    """Cumulative stage success by mission and stage: the share of its episodes "that complete every task stage up to
+    and including the reported stage"."""
+    told: dict[str, dict[str, list[bool]]] = {}
+    for one in episodes:
+        for name, complete in one.stages if one.retained else ():
+            told.setdefault(one.mission, {}).setdefault(name, []).append(complete)
+    return {mission: {name: fmean(done) for name, done in stages.items()} for mission, stages in told.items()}
 
 
 def f1_domain_difference(simulated: Sequence[EpisodeCounts], real: Sequence[EpisodeCounts]) -> float | None:
     """F1 on real-style pictures less F1 on the matched simulator's: negative where they are harder.
 
-    Raises `UsageError` if the two sets are not matched: the same missions, modes and seeds, equally often.
+    Raises `UsageError` if the two sets are not matched: the same missions, modes and seeds, equally often, those that
+    were cut short left out.
     """
-    here, there = Counter(one.key for one in simulated), Counter(one.key for one in real)
+    here, there = (Counter(one.key for one in some if one.retained) for some in (simulated, real))
     if here != there:
         mission, mode, seed = min((here - there) + (there - here))
         raise UsageError(f"the two sets are not matched: {mission} {mode} seed {seed} is not equally often in both")
@@ -104,7 +178,8 @@ def f1_domain_difference(simulated: Sequence[EpisodeCounts], real: Sequence[Epis
 
 def relative_cost(episodes: Iterable[EpisodeCounts], baseline: Iterable[EpisodeCounts]) -> float | None:
     """Prompt and completion tokens of all model calls over those of the baseline; None if the baseline has none."""
-    return ratio(sum(one.tokens for one in episodes), sum(one.tokens for one in baseline))
+    here, there = (sum(one.tokens for one in some if one.retained) for some in (episodes, baseline))
+    return ratio(here, there)
 
 
 def drift(episodes: Iterable[EpisodeCounts]) -> dict[str, BehaviourRates]:

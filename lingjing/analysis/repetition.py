@@ -33,6 +33,7 @@ from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import numbers, ratio
+from lingjing.analysis.memo import once_per_trace
 from lingjing.mission.feasibility.needs import VisitNeed, mentions
 from lingjing.mission.feasibility.outline import Body, of_instance
 from lingjing.mission.instance import Datum, Entity, Instance
@@ -105,7 +106,7 @@ class _TargetEvents:
         """Take in where an executor and a target are: coming within the radius is an entry."""
         (east, north, _), (to_east, to_north, _) = body.position, target.position
         pair = (body.id, target.id)
-        if abs(east - to_east) > radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
+        if not -radius_m <= east - to_east <= radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
             self.inside.discard(pair)
         elif pair not in self.inside:
             self.inside.add(pair)
@@ -114,15 +115,21 @@ class _TargetEvents:
 
 def repeated_target_rate(trace: Trace) -> float | None:
     """Repeated target events over all target events, None if there was none."""
+    return ratio(*target_events(trace))
+
+
+@once_per_trace
+def target_events(trace: Trace) -> tuple[int, int]:
+    """Repeated target events, and all target events."""
     instance = trace.header.instance
-    radii = service_radii(instance)
+    assignments = Assignments(instance)
     controlled = {agent.id: agent.controls for agent in instance.agents}
-    counted, groups = _TargetEvents(_executors_needed(instance)), _group_of_target(instance)
+    counted = _TargetEvents(_executors_needed(instance))
     for record in trace.boundaries:
-        for asked in _requests(instance, record, radii):
+        for asked in _requests(instance, record, assignments):
             counted.request(asked, controlled.get(asked.sender, ()))
-        _count_entries(counted, instance, record, radii, groups)
-    return ratio(counted.repeated, counted.events)
+        _count_entries(counted, instance, record, assignments)
+    return counted.repeated, counted.events
 
 
 def service_radii(instance: Instance) -> tuple[ServiceRadius, ...]:
@@ -181,11 +188,11 @@ def _executors_needed(instance: Instance) -> dict[str, int]:
     return found
 
 
-def _requests(instance: Instance, record: BoundaryRecord, radii: tuple[ServiceRadius, ...]) -> Iterator[_Request]:
+def _requests(instance: Instance, record: BoundaryRecord, assignments: Assignments) -> Iterator[_Request]:
     """The requests of one boundary, one per sender and target."""
     owner = {resource: agent.id for agent in instance.agents for resource in agent.controls}
     controls = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
-    executors = {served.executor for served in radii}
+    executors = {served.executor for served in assignments.radii}
     agents = {agent.id for agent in instance.agents}
     said = [
         (message.sender, str(message.body.get("assignee") or ""), message.body)
@@ -199,7 +206,7 @@ def _requests(instance: Instance, record: BoundaryRecord, radii: tuple[ServiceRa
     found: dict[tuple[str, str], dict[str, None]] = {}
     for sender, named, body in said:
         assignee = controls.get(named, named)
-        for target in _targets_of(instance, record, body, assignee, radii):
+        for target in assignments.meant(record, body, assignee):
             found.setdefault((sender, target), {})[assignee] = None
     for (sender, target), assignees in found.items():
         yield _Request(sender, target, tuple(assignees))
@@ -209,9 +216,14 @@ class Assignments:
     """Whom assignment messages are for, and which targets are meant, in one instance."""
 
     def __init__(self, instance: Instance) -> None:
-        self._instance = instance
         self._controls = {agent.id: agent.controls for agent in instance.agents}
-        self._radii = service_radii(instance)
+        self.radii = service_radii(instance)
+        self.groups = _group_of_target(instance)
+        self.served = tuple(
+            (served, tuple(target for target, group in self.groups.items() if group == served.group))
+            for served in self.radii
+        )
+        self._entities = frozenset(entity.id for entity in instance.entities)
 
     def at(self, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...]]]:
         """The bodies that assignment messages of one boundary are for, each with the targets that are meant. A message
@@ -225,44 +237,34 @@ class Assignments:
                     yield body, self.meant(record, message.body, body)
 
     def meant(self, record: BoundaryRecord, fields: Mapping[str, Datum], body: str) -> tuple[str, ...]:
-        """The targets that the fields of a message or a command mean for a body."""
-        return _targets_of(self._instance, record, fields, body, self._radii)
-
-
-def _targets_of(
-    instance: Instance,
-    record: BoundaryRecord,
-    body: Mapping[str, Datum],
-    assignee: str,
-    radii: tuple[ServiceRadius, ...],
-) -> tuple[str, ...]:
-    """The targets that the fields of a request name, else the nearest one in whose region its position lies: in one of
-    the assignee's regions, or in anybody's where the assignee is no entity."""
-    targets = _group_of_target(instance)
-    words = [word for value in body.values() for word in (value if isinstance(value, tuple) else (value,))]
-    named = tuple(dict.fromkeys(word for word in words if isinstance(word, str) and word in targets))
-    place = numbers(body.get("position"), 2) or numbers((body.get("x"), body.get("y")), 2)
-    if named or place is None or _STEP in body:
-        return named
-    anybody = assignee not in {entity.id for entity in instance.entities}
-    near = [
-        (math.dist(place, state.position[:2]), state.id)
-        for state in (record.snapshots[-1].states if record.snapshots else ())
-        for served in radii
-        if (anybody or served.executor == assignee) and targets.get(state.id) == served.group
-        if math.dist(place, state.position[:2]) <= served.radius_m
-    ]
-    return (min(near)[1],) if near else ()
+        """The targets that the fields of a message or a command mean for a body: those that they name, else the nearest
+        one in whose region their position lies, in one of the body's regions or, where it is no entity, in anybody's.
+        """
+        words = [word for value in fields.values() for word in (value if isinstance(value, tuple) else (value,))]
+        named = tuple(dict.fromkeys(word for word in words if isinstance(word, str) and word in self.groups))
+        place = numbers(fields.get("position"), 2) or numbers((fields.get("x"), fields.get("y")), 2)
+        if named or place is None or _STEP in fields:
+            return named
+        anybody = body not in self._entities
+        near = [
+            (math.dist(place, state.position[:2]), state.id)
+            for state in (record.snapshots[-1].states if record.snapshots else ())
+            if state.id in self.groups
+            for served in self.radii
+            if (anybody or served.executor == body) and self.groups[state.id] == served.group
+            if math.dist(place, state.position[:2]) <= served.radius_m
+        ]
+        return (min(near)[1],) if near else ()
 
 
 def _count_entries(
     counted: _TargetEvents,
     instance: Instance,
     record: BoundaryRecord,
-    radii: tuple[ServiceRadius, ...],
-    groups: Mapping[str, str],
+    assignments: Assignments,
 ) -> None:
     """Count the entries of a boundary, macro-step by macro-step, in time order with the interactions in between."""
+    groups = assignments.groups
     kinds = {unlock.interaction for unlock in instance.unlocks}
     waiting = [
         event
@@ -277,10 +279,11 @@ def _count_entries(
             if (executor, target) not in counted.inside:
                 counted.inside.add((executor, target))
                 counted.entry(target, executor)
-        for served in radii:
-            for target, group in groups.items():
-                if group == served.group and target in states and served.executor in states:
-                    counted.move(states[served.executor], states[target], served.radius_m)
+        for served, targets in assignments.served:
+            body = states.get(served.executor)
+            for target in targets if body is not None else ():
+                if (place := states.get(target)) is not None:
+                    counted.move(body, place, served.radius_m)
         finished = [event for event in performed if not _left(event)]
         counted.completed |= {name for event in finished for name in event.entities if name in groups}
     counted.completed |= completed_at(instance, record)

@@ -52,9 +52,18 @@ def handler(args: argparse.Namespace) -> int:
     elif args.output_format == "json":
         text = json.dumps({"episodes": rows, "together": pooled}, indent=2, ensure_ascii=False) + "\n"
     else:
-        text = _table(rows, pooled)
-    write_output(text, args.output)
+        text = _table(_counted(rows, [counts for _, counts in found]), pooled)
+    if args.output_format == "text" and args.output in (None, "-"):
+        print(text, end="")  # names of others are spelled out on a terminal, which data is not
+    else:
+        write_output(text, args.output)
     return ExitCode.OK
+
+
+def _counted(rows: Sequence[dict[str, Any]], counts: Sequence[EpisodeCounts]) -> Sequence[dict[str, Any]]:
+    """The rows that means are taken of: those of episodes that ended by themselves, if there are any."""
+    kept = [row for row, one in zip(rows, counts, strict=True) if one.retained]
+    return kept or rows
 
 
 def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], EpisodeCounts]]:
@@ -107,6 +116,9 @@ def _pooled(episodes: Sequence[EpisodeCounts], args: argparse.Namespace) -> dict
         "tsr": pooled.tsr(episodes),
         "macro_average": pooled.macro_average(episodes),
         "f1": pooled.f1(episodes),
+        "repeated_target_rate": pooled.repeated_target_rate(episodes),
+        "perception": msgspec.to_builtins(pooled.perception(episodes)),
+        "stages": pooled.cumulative_stages(episodes),
         "families": pooled.family_shares(episodes),
         "terciles": msgspec.to_builtins(pooled.drift(episodes)),
     }
@@ -136,7 +148,7 @@ def as_csv(rows: Sequence[dict[str, Any]]) -> str:
 
 def _cell(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return "; ".join(f"{stage['name']} {stage['done']}/{stage['required']}" for stage in value)
+        value = "; ".join(f"{stage['name']} {stage['done']}/{stage['required']}" for stage in value)
     if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r"):
         return f"'{value}"
     return value
@@ -155,6 +167,10 @@ def _table(rows: Sequence[dict[str, Any]], pooled: dict[str, Any]) -> str:
         lines.append(f"{name}: {_value([row[name] for row in rows], unit)}")
     lines += ["", "[together]"]
     lines += [f"{name}: {_shown(value)}" for name, value in pooled.items() if not isinstance(value, dict)]
+    lines += [f"{name}: {_shown(value)}" for name, value in pooled["perception"].items() if name != "f1"]
+    for mission, stages in pooled["stages"].items():
+        told = ", ".join(f"{name} {_shown(value)}" for name, value in stages.items())
+        lines.append(f"{mission} up to each stage: {told}")
     lines += [f"family {name}: {_shown(value)}" for name, value in (pooled["families"] or {}).items()]
     for third, rates in pooled["terciles"].items():
         told = ", ".join(f"{name} {_shown(value)}" for name, value in rates.items())

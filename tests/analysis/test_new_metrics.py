@@ -12,7 +12,7 @@ import pytest
 from lingjing.analysis import pooled
 from lingjing.analysis.attention import attention_iou, box_iou, read_attention
 from lingjing.analysis.behaviour import actions, behaviour, by_tercile
-from lingjing.analysis.detection import confused_with, detect, iou
+from lingjing.analysis.detection import calibration_error, confused_with, detect, iou
 from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
 from lingjing.cli.main import main
 from lingjing.cli.metrics import as_csv
@@ -224,14 +224,55 @@ def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # typ
     assert pooled.tsr([]) is None and pooled.macro_average([]) is None
 
 
-def test_domain_difference_is_real_less_simulated_on_matched_episodes(of) -> None:  # type: ignore[no-untyped-def]
+def test_perception_is_pooled_over_the_frames_of_retained_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """One picture with a match 3 m east and 4 m north off, two with nothing found; what was cut short is left out."""
+    over = replace(trace.outcome, reason="budget", success=False)
+    found = of(
+        boundary(0, snapshots=(at(0, v1=(0.0, 0.0), boat=(900.0, 0.0)),)),
+        boundary(1, frames=(frame("a", 1, "victim[1]"),), snapshots=(at(1, v1=(0.0, 0.0), boat=(900.0, 0.0)),)),
+        boundary(2, messages=report(1, "a", 2), events=(matched(2, "victim[1]", "m2-1"),)),
+        outcome=over,
+    )
+    blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"), frame("b", 1, "victim[2]"))), outcome=over)
+    cut = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)), outcome=replace(over, reason="error"))
+    played = [pooled.counts_of(one) for one in (found, blind, cut)]
+    told = pooled.perception(played)
+    assert (told.precision, told.recall, told.f1, told.miss_rate) == (1.0, 1 / 3, 0.5, 2 / 3)
+    assert (told.hallucination_rate, told.confusion_rate) == (0.0, 0.0)
+    assert (told.localisation_error_m, told.calibration_error) == (5.0, None)
+    assert pooled.perception([played[2]]).miss_rate is None
+
+
+def test_calibration_weighs_ten_bins_by_their_reports() -> None:
+    """0.95 and 0.91 in one bin with one hit: |1 - 1.86| = 0.86; 0.25 alone and false: 0.25; over three. What is outside
+    0..1 counts in the nearest bin."""
+    assert calibration_error([(0.95, True), (0.91, False), (0.25, False)]) == pytest.approx((0.86 + 0.25) / 3)
+    assert calibration_error([(1.0, True), (0.95, True)]) == pytest.approx(0.05 / 2)
+    assert calibration_error([(1e308, False), (-0.5, False)]) is not None
+    assert calibration_error([]) is None
+
+
+def test_repeated_events_and_stages_are_pooled(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """1 of 2 and 0 of 8 events: 0.1, where the mean of rates would be 0.25; two episodes, one to its first stage."""
+    one = pooled.counts_of(trace)
+    some = replace(one, events=2, repeated=1, stages=(("detect", True), ("locate", False)))
+    more = replace(one, events=8, repeated=0, stages=(("detect", False), ("locate", False)))
+    lost = replace(one, events=5, repeated=5, retained=False)
+    assert pooled.repeated_target_rate([some, more, lost]) == 0.1
+    assert pooled.repeated_target_rate([lost]) is None
+    assert pooled.cumulative_stages([some, more, lost]) == {"ssr": {"detect": 0.5, "locate": 0.0}}
+
+
+def test_domain_difference_is_real_less_simulated_on_matched_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    over = trace.outcome
     good = of(
         boundary(0),
         boundary(1, frames=(frame("a", 1, "victim[1]"),)),
         boundary(2, messages=report(1, "a", 2), events=(matched(2, "victim[1]", "m2-1"),)),
+        outcome=over,
     )
-    blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)))
-    other = of(boundary(0), header=replace(good.header, instance=replace(good.header.instance, seed=99)))
+    blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)), outcome=over)
+    other = of(boundary(0), header=replace(good.header, instance=replace(good.header.instance, seed=99)), outcome=over)
     good, blind, other = map(pooled.counts_of, (good, blind, other))
     assert (pooled.f1([good]), pooled.f1([blind]), pooled.f1([good, blind])) == (1.0, 0.0, 2 / 3)
     assert pooled.f1_domain_difference([good], [blind]) == -1.0
@@ -241,14 +282,16 @@ def test_domain_difference_is_real_less_simulated_on_matched_episodes(of) -> Non
         pooled.f1_domain_difference([good], [good, good])
 
 
-def test_relative_cost_divides_tokens(of) -> None:  # type: ignore[no-untyped-def]
+def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     def spent(prompt: int, completion: int) -> pooled.EpisodeCounts:
         usage = Usage(calls=1, prompt_tokens=prompt, completion_tokens=completion)
         made = DecisionRecord(agent="scout[1]", decision=Decision(usage=usage))
-        return pooled.counts_of(of(boundary(0), boundary(1, decisions=(made,))))
+        return pooled.counts_of(of(boundary(0), boundary(1, decisions=(made,)), outcome=trace.outcome))
 
     assert pooled.relative_cost([spent(100, 20)], [spent(200, 40)]) == 0.5
     assert pooled.relative_cost([spent(100, 20)], [pooled.counts_of(of(boundary(0)))]) is None
+    cut = replace(spent(100, 20), retained=False)
+    assert pooled.relative_cost([spent(100, 20), cut], [spent(200, 40), cut]) == 0.5
 
 
 def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -262,10 +305,16 @@ def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsy
     assert main(["metrics", "--output-format", "csv", "-o", str(tmp_path / "m.csv"), str(trace.path)]) == 0
     (row,) = csv.DictReader((tmp_path / "m.csv").open(encoding="utf-8"))
     assert row["mission"] == "ssr" and row["stages"].startswith("detect 3/3; ") and row["json_compliance"] == ""
+    assert told["together"]["repeated_target_rate"] == told["episodes"][0]["rep"]
+    assert told["together"]["perception"]["f1"] == told["episodes"][0]["f1"]
+    assert told["together"]["stages"]["ssr"]["detect"] == 1.0
     assert main(["metrics", "--attention", "x.npz", str(trace.path), str(trace.path)]) == 2
     assert main(["metrics", str(trace.path), "--baseline", "none.mcap"]) == 2
 
 
 def test_a_formula_in_a_name_stays_a_text() -> None:
+    stages = [{"name": "=cmd|' /C calc'!A0", "done": 0, "required": 1}]
+    (cells,) = list(csv.reader(io.StringIO(as_csv([{"policy": "=1+1", "stages": stages}]))))[1:]
+    assert all(cell.startswith("'=") for cell in cells)
     (cells,) = list(csv.reader(io.StringIO(as_csv([{"policy": "=1+1", "ticks": -3}]))))[1:]
     assert cells == ["'=1+1", "-3"]
