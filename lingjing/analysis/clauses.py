@@ -10,12 +10,25 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import mul
 
 from lingjing.analysis.registries import Rebuilt
 from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Report
 from lingjing.kernel.rules import evaluate, holds
-from lingjing.mission.expression import Binary, Call, Expr, Flag, Number, Quantified, Ref, Symbol, Text, conjuncts
+from lingjing.mission.expression import (
+    Binary,
+    Call,
+    Expr,
+    Flag,
+    Number,
+    Quantified,
+    Ref,
+    Symbol,
+    Text,
+    conjuncts,
+    parts,
+)
 from lingjing.mission.graph.spelling import spell
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Place
@@ -100,9 +113,15 @@ def _nobody(part: Quantified, history: Sequence[Rebuilt], scope: Locals, depth: 
 
 
 def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -> float:
-    """How much of a condition holds, 0..1: the share of its conjuncts, rules by the share of their own."""
-    found = []
+    """How much of a condition holds, 0..1: the share of its conjuncts, rules by the share of their own.
+
+    What joins two bound things (`matched(v, r)`) weighs more than what is said of one (`r.position in search`): else
+    any report that is well placed would be closer to a target than the one that is of it.
+    """
+    found, weights = [], []
     for part in conjuncts(condition):
+        names = {node.name for node in parts(part) if isinstance(node, Ref)}
+        weights.append(4.0 ** len(names & set(scope)))
         if holds(part, scope, at):
             found.append(1.0)
         elif isinstance(part, Call) and part.rule and part.function in at.rules and deep < _DEEPEST:
@@ -116,7 +135,7 @@ def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -
             found.append(0.9 * _degree(rule.condition, inner, at, deep + 1))
         else:
             found.append(0.0)
-    return sum(found) / len(found)
+    return sum(map(mul, weights, found)) / sum(weights)
 
 
 def _values(part: Expr, history: Sequence[Rebuilt], scope: Locals) -> str:

@@ -111,11 +111,11 @@ def _cause(trace: Trace) -> str:
     told = _WORDS[outcome.reason]
     if outcome.reason == "budget":
         told = f"{told}: {trace.header.instance.budget.ticks} ticks, and no stage's own bound was passed before"
-    return told + (f": {outcome.detail}" if outcome.detail else "") + _way_out(outcome)
+    return told + (f": {_line(outcome.detail)}" if outcome.detail else "") + _way_out(outcome)
 
 
 def _way_out(outcome: Outcome) -> str:
-    return f" (hint: {outcome.hint})" if outcome.hint and outcome.reason in CUT_SHORT else ""
+    return f" (hint: {_line(outcome.hint)})" if outcome.hint and outcome.reason in CUT_SHORT else ""
 
 
 def _lacking(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
@@ -208,7 +208,7 @@ def _replaced(trace: Trace) -> Iterator[str]:
                 found.setdefault((made.agent, made.substituted), []).append((record.tick - 1, made.detail))
     for (agent, reason), times in found.items():
         tick, detail = times[0]
-        first = f"first at tick {tick}: {detail[:120]}"
+        first = f"first at tick {tick}: {_line(detail, 120)}"
         yield f"{agent}: {len(times)} of {asked[agent]} answers replaced ({reason}), {first}"
 
 
@@ -227,7 +227,7 @@ def _refused(trace: Trace) -> Iterator[str]:
     for (sender, reason), receipts in most[:_MOST]:
         first = receipts[0]
         verb = "a message" if first.by == "bus" else verbs.get((sender, first.tick), "a command")
-        told = f"first {verb} at tick {first.tick}" + (f": {first.detail[:90]}" if first.detail else "")
+        told = f"first {verb} at tick {first.tick}" + (f": {_line(first.detail, 90)}" if first.detail else "")
         yield f"{sender}: {len(receipts)} refused ({reason}), {told}"
     if len(most) > _MOST:
         yield f"and {sum(len(receipts) for _, receipts in most[_MOST:])} more refusals"
@@ -269,3 +269,8 @@ def _first(lines: Iterable[str], most: int = _MOST) -> Iterator[str]:
     yield from all_of_them[:most]
     if len(all_of_them) > most:
         yield f"and {len(all_of_them) - most} more"
+
+
+def _line(text: str, most: int = 400) -> str:
+    """What somebody else wrote, in one line: it must not look like one of ours."""
+    return " ".join(text.split())[:most]

@@ -28,7 +28,7 @@ The terms of that definition are read from a trace as follows.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
@@ -102,15 +102,17 @@ class _TargetEvents:
         assignees = self.assigned.get(target)
         self.repeated += target in self.completed or (bool(assignees) and executor not in (assignees or {}))
 
-    def move(self, body: BodyState, target: BodyState, radius_m: float) -> None:
-        """Take in where an executor and a target are: coming within the radius is an entry."""
-        (east, north, _), (to_east, to_north, _) = body.position, target.position
-        pair = (body.id, target.id)
-        if not -radius_m <= east - to_east <= radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
-            self.inside.discard(pair)
-        elif pair not in self.inside:
-            self.inside.add(pair)
-            self.entry(target.id, body.id)
+    def move(self, body: BodyState, targets: Iterable[BodyState], radius_m: float) -> None:
+        """Take in where an executor and targets are: coming within the radius of one is an entry."""
+        east, north, _ = body.position
+        for target in targets:
+            to_east, to_north, _ = target.position
+            pair = (body.id, target.id)
+            if not -radius_m <= east - to_east <= radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
+                self.inside.discard(pair)
+            elif pair not in self.inside:
+                self.inside.add(pair)
+                self.entry(target.id, body.id)
 
 
 def repeated_target_rate(trace: Trace) -> float | None:
@@ -281,9 +283,9 @@ def _count_entries(
                 counted.entry(target, executor)
         for served, targets in assignments.served:
             body = states.get(served.executor)
-            for target in targets if body is not None else ():
-                if (place := states.get(target)) is not None:
-                    counted.move(body, place, served.radius_m)
+            if body is not None:
+                there = (states[target] for target in targets if target in states)
+                counted.move(body, there, served.radius_m)
         finished = [event for event in performed if not _left(event)]
         counted.completed |= {name for event in finished for name in event.entities if name in groups}
     counted.completed |= completed_at(instance, record)

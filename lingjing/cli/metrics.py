@@ -78,11 +78,12 @@ def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], Episo
 
 def _one(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
     from lingjing.analysis.pooled import counts_of
-    from lingjing.trace.reader import read_trace
+    from lingjing.trace.reader import collector_paused, read_trace
 
-    trace = read_trace(path)
-    counts = counts_of(trace)
-    return _row(trace, counts), counts
+    with collector_paused():
+        trace = read_trace(path)
+        counts = counts_of(trace)
+        return _row(trace, counts), counts
 
 
 def _row(trace: Trace, counts: EpisodeCounts) -> dict[str, Any]:

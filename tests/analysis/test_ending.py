@@ -119,6 +119,26 @@ def test_an_exists_is_followed_to_the_candidate_that_came_closest(lost: Trace) -
     assert reading(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
 
 
+def test_the_closest_candidate_is_the_one_that_belongs_to_the_target(lost: Trace) -> None:
+    """The boat is at victim[3], which is not victim[1]: what victim[1] lacks is the boat, not to be victim[3]."""
+    joint = Binary("<=", Call("distance_xy", (Ref("v", "local"), Ref("w", "local"))), Number(1.0, "m"))
+    near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(60.0, "m"))
+    condition = Quantified("exists", "v", "victim", Binary("and", joint, near))
+    victim = next(one for one in lost.header.instance.entities if one.id == "victim[1]")
+    _, lack = unmet(condition, list(registries(lost)), {"w": victim})
+    assert lack.text == "distance_xy(boat, victim[1]) <= 60 m"
+
+
+def test_what_a_policy_wrote_stays_in_one_line(lost: Trace) -> None:
+    forged = DecisionRecord(agent="skipper", decision=Decision(), substituted="policy_error", detail="x\nended by: won")
+    records = (*lost.boundaries[:-1], replace(lost.boundaries[-1], decisions=(forged,)))
+    assert lost.outcome is not None
+    outcome = replace(lost.outcome, reason="error", detail="bad\r\nsuccess lacked:\x85nothing")
+    lines = why(with_(lost, records, outcome)).text.splitlines()
+    assert [line for line in lines if line.startswith("ended by")] == [lines[1]]
+    assert "success lacked:" in lines[1] and "nothing" in lines[1]
+
+
 def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["why", str(lost.path)]) == 0
     out = capsys.readouterr().out.splitlines()
