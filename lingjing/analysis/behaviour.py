@@ -7,7 +7,8 @@ trajectory position" for its table of behaviour by trajectory tercile. How its t
 
 - *Constraint adherence*, "actions that satisfy all active task and motion constraints": the action was admitted as
   it was asked for (its first receipt neither refuses nor clips it), and no constraint of the mission was broken by its
-  body in the tick that followed. What happens to it later (`preempted`, `collided`) is no matter of constraints.
+  body before the body was given another action that was admitted. What else happens to it later (`preempted`,
+  `collided`) is no matter of constraints.
 - *Out of bounds*, "actions that leave the configured operating region or violate an active altitude or motion bound":
   the first receipt says that arguments were clipped to their bounds, or refuses them for one (`OUT_OF_BOUNDS`), or a
   constraint was broken as above.
@@ -51,6 +52,7 @@ class JudgedAction:
     verb: str
     resource: str
     third: int
+    admitted: bool
     adherent: bool
     out_of_bounds: bool
     forgotten: bool
@@ -124,7 +126,7 @@ def by_tercile(actions: Iterable[JudgedAction]) -> dict[str, BehaviourRates]:
 @once_per_trace
 def actions(trace: Trace) -> tuple[JudgedAction, ...]:
     """Every action of a trace, in order."""
-    found = list(_judged(trace))
+    found = _blamed(trace, list(_judged(trace)))
     whole = Counter(one.agent for one in found)
     seen = dict.fromkeys(whole, 0)
     placed = []
@@ -135,11 +137,29 @@ def actions(trace: Trace) -> tuple[JudgedAction, ...]:
     return tuple(placed)
 
 
+def _blamed(trace: Trace, judged: list[JudgedAction]) -> list[JudgedAction]:
+    """The actions, those marked in whose course their body broke a constraint: the last admitted one of the body. What
+    an event that names nobody breaks was broken by the actions of its tick."""
+    constraints = {constraint.name for constraint in trace.header.instance.constraints}
+    found, number, latest = list(judged), 0, dict[str, int]()
+    for record in trace.boundaries if constraints else ():
+        first = number
+        while number < len(found) and found[number].tick == record.tick:
+            if found[number].admitted:
+                latest[found[number].resource] = number
+            number += 1
+        for event in record.events:
+            if event.kind in constraints:
+                named = [latest[name] for name in event.bindings if name in latest]
+                for each in named if event.bindings else range(first, number):
+                    found[each] = replace(found[each], adherent=False, out_of_bounds=True)
+    return found
+
+
 def _judged(trace: Trace) -> Iterator[JudgedAction]:
     instance = trace.header.instance
     assigned = Assignments(instance)
     first = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
-    constraints = {constraint.name for constraint in instance.constraints}
     before: dict[str, tuple[object, ...]] = {}
     open_for: dict[str, set[str]] = {}
     completed: set[str] = set()
@@ -154,7 +174,7 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
             signature = (command.verb, resource, _rounded(command))
             answer = answers.get(made.agent)
             beyond = answer is not None and answer.reason in OUT_OF_BOUNDS
-            broken = _broke(record, constraints, resource)
+            admitted = answer is not None and answer.status != "rejected"
             meant = assigned.meant(record, command.arguments, resource)
             yield JudgedAction(
                 agent=made.agent,
@@ -162,8 +182,9 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
                 verb=command.verb,
                 resource=resource,
                 third=0,
-                adherent=not broken and answer is not None and answer.status != "rejected" and not beyond,
-                out_of_bounds=broken or beyond,
+                admitted=admitted,
+                adherent=admitted and not beyond,
+                out_of_bounds=beyond,
                 forgotten=_forgets(meant, open_for.get(resource, set()), completed),
                 repeated=before[made.agent] == signature if made.agent in before else None,
             )
@@ -189,13 +210,6 @@ def _first_receipts(record: BoundaryRecord) -> dict[str, Receipt]:
     prefix = f"c{record.tick}-"
     own = [one for one in record.receipts if one.request.startswith(prefix)]
     return {receipt.sender: receipt for receipt in reversed(own)}
-
-
-def _broke(record: BoundaryRecord, constraints: set[str], resource: str) -> bool:
-    """Whether a constraint was broken at the boundary by the body, or by nobody that its event names."""
-    return any(
-        event.kind in constraints and (resource in event.bindings or not event.bindings) for event in record.events
-    )
 
 
 def _rounded(command: Action) -> tuple[tuple[str, object], ...]:

@@ -88,6 +88,25 @@ def test_a_broken_constraint_is_an_action_out_of_bounds(of, trace: Trace) -> Non
         assert (one.out_of_bounds, one.adherent) == (expected, not expected)
 
 
+def test_a_constraint_is_broken_by_the_action_under_way_not_by_one_that_was_refused(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """The body leaves the fence two ticks after it was sent off, when another command was refused as busy."""
+    fence = Constraint(name="fence", kind="hard", condition=Flag(True))
+    header = replace(trace.header, instance=replace(trace.header.instance, constraints=(fence,)))
+    event = AdjudicatedEvent(id="e3", kind="fence", tick=3, time_s=30.0, bindings=("uav[1]",))
+    found = actions(
+        of(
+            boundary(0),
+            boundary(1, **step(1, "forward", distance=40.0)),
+            boundary(2, **step(2, "takePhoto", "busy", "rejected")),
+            boundary(3, events=(event,)),
+            header=header,
+        )
+    )
+    assert [(one.verb, one.out_of_bounds, one.adherent) for one in found] == [
+        ("forward", True, False), ("takePhoto", False, False)
+    ]  # fmt: skip
+
+
 def test_doing_nothing_and_substituted_answers_are_no_actions(of) -> None:  # type: ignore[no-untyped-def]
     idle = DecisionRecord(agent="scout[1]", decision=Decision())
     lost = DecisionRecord(agent="scout[1]", decision=Decision(command=Action(verb="stop")), substituted="malformed")
