@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from operator import mul
 
 from lingjing.analysis.registries import Rebuilt
 from lingjing.kernel.context import Locals, RuntimeContext
@@ -118,10 +117,10 @@ def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -
     What joins two bound things (`matched(v, r)`) weighs more than what is said of one (`r.position in search`): else
     any report that is well placed would be closer to a target than the one that is of it.
     """
-    found, weights = [], []
+    found, weights = list[float](), list[float]()
     for part in conjuncts(condition):
         names = {node.name for node in parts(part) if isinstance(node, Ref)}
-        weights.append(4.0 ** len(names & set(scope)))
+        weights.append(float(4 ** len(names & set(scope))))
         if holds(part, scope, at):
             found.append(1.0)
         elif isinstance(part, Call) and part.rule and part.function in at.rules and deep < _DEEPEST:
@@ -135,7 +134,7 @@ def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -
             found.append(0.9 * _degree(rule.condition, inner, at, deep + 1))
         else:
             found.append(0.0)
-    return sum(map(mul, weights, found)) / sum(weights)
+    return sum(weight * share for weight, share in zip(weights, found, strict=True)) / sum(weights)
 
 
 def _values(part: Expr, history: Sequence[Rebuilt], scope: Locals) -> str:

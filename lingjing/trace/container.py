@@ -169,7 +169,7 @@ def _chunks(file: IO[bytes], begin: int = len(MAGIC)) -> Iterator[tuple[mcap.rec
             index = []
             break
         if opcode == mcap.opcode.Opcode.MESSAGE_INDEX:
-            index.append(_ChunkIndex(*_INDEX_HEAD.unpack_from(body)[:1], body[_INDEX_HEAD.size :]))
+            index.append(_ChunkIndex(_INDEX_HEAD.unpack_from(body)[0], body[_INDEX_HEAD.size :]))
             continue
         if waiting is not None:
             yield (*waiting, index)
