@@ -1,0 +1,108 @@
+"""An oracle with one fault, to lose episodes in the ways that failure families tell apart; played by labels' names.
+
+`agents` is imported here as a user's file would import it: the file is loaded as `faulty_policies.py:FaultyOracle`.
+"""
+
+import msgspec
+from lingjing_agents.oracle.policy import OraclePolicy
+
+from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation, Outgoing
+
+replace = msgspec.structs.replace
+
+FAULTS = ("mute", "misname", "decoy", "shift", "unassigned", "late", "stalled", "astray", "stubborn", "silent")
+
+
+class FaultyOracle:
+    """The oracle, of whose answers those after tick `since` have one fault.
+
+    `mute` drops reports of what its first report was of; `misname` gives reports another class; `decoy` reports
+    whatever else stands in a picture as the target, once a tick, and no target; `shift` moves reported places by 400 m;
+    `unassigned` drops assignments; `late` keeps them back for 15 ticks; `stalled` gives no command to what does not
+    fly; `astray` sends what does not fly back to where it began; `stubborn` asks for one impossible thing again and
+    again; `silent` says nothing at all.
+    """
+
+    privileged = True
+
+    def __init__(self, fault: str, since: int = 0) -> None:
+        if fault not in FAULTS:
+            raise ValueError(f"no fault `{fault}`")
+        self._fault, self._since, self._oracle = fault, since, OraclePolicy()
+        self._kept: list[tuple[int, Outgoing]] = []
+        self._first: object = None
+
+    async def reset(self, brief: Brief) -> None:
+        """Remember who speaks."""
+        self._brief = brief
+        self._kinds = {kind.kind: kind.category for kind in brief.messages}
+        own = [resource for resource in brief.resources if resource.embodied]
+        verbs = {verb.name for resource in own for verb in resource.verbs}
+        self._flies = bool(verbs & {"takeoff", "takeOff", "takeoffTo"})
+        self._moves = next(
+            (verb for resource in own for verb in resource.verbs if verb.name in ("moveTo", "setDestination")), None
+        )
+        await self._oracle.reset(brief)
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """The oracle's answer, spoilt."""
+        if not hasattr(self, "_home"):
+            self._home = {one.id: one.position for one in observation.entities}
+        good = await self._oracle.act(observation, inbox)
+        if observation.tick < self._since:
+            return good
+        messages = [said for one in good.messages for said in self._said(one, observation)]
+        if self._fault == "decoy":
+            messages += self._decoys(observation)
+        if self._fault == "late":
+            messages += [one for tick, one in self._kept if tick == observation.tick]
+        return replace(good, messages=tuple(messages), command=self._done(good.command))
+
+    def _said(self, one: Outgoing, observation: Observation) -> list[Outgoing]:
+        category = self._kinds.get(one.kind, "")
+        if self._fault == "silent" or (self._fault == "unassigned" and category == "assignment"):
+            return []
+        if self._fault == "late" and category == "assignment":
+            self._kept.append((observation.tick + 15, one))
+            return []
+        if category != "report" or "box" not in one.body:
+            return [one]
+        if self._fault == "mute":
+            place = tuple(round(float(x), -2) for x in one.body["position"][:2])  # type: ignore[index, union-attr]
+            self._first = self._first or place
+            return [] if place == self._first else [one]
+        if self._fault == "decoy":
+            return []
+        if self._fault == "misname":
+            other = next((name for name in self._brief.classes if name != one.body.get("class")), "thing")
+            return [replace(one, body={**one.body, "class": other})]
+        if self._fault == "shift":
+            east, north, *rest = one.body["position"]  # type: ignore[misc]
+            return [replace(one, body={**one.body, "position": (east + 400.0, north, *rest)})]  # type: ignore[operator]
+        return [one]
+
+    def _decoys(self, observation: Observation) -> list[Outgoing]:
+        known = observation.privileged
+        if known is None:
+            return []
+        targets = {entity.id: entity.type for entity in known.instance.entities if entity.role == "target"}
+        kind = next((kind for kind, category in self._kinds.items() if category == "report"), None)
+        for frame in known.frames:
+            for box in frame.boxes:
+                if kind is not None and box.entity not in targets:
+                    cls = next(iter(targets.values()))
+                    body = {"frame": frame.id, "class": cls, "box": box.box, "position": (0.0, 0.0), "confidence": 0.9}
+                    return [Outgoing(kind=kind, body=body)]
+        return []
+
+    def _done(self, command: Action | None) -> Action | None:
+        own = next((one.id for one in self._brief.resources if one.embodied), None)
+        if self._fault == "stalled" and not self._flies:
+            return None
+        if self._fault == "stubborn" and not self._flies and self._moves is not None:
+            return Action(verb=self._moves.name, arguments={"x": 99999.0, "y": 99999.0})
+        if self._fault == "astray" and command is not None and not self._flies and self._moves is not None and own:
+            home = self._home.get(own)
+            if home is not None and command.verb == self._moves.name:
+                return replace(command, arguments={**command.arguments, "x": home[0], "y": home[1]})
+        return command
