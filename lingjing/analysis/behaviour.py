@@ -44,7 +44,8 @@ class JudgedAction:
     """One action, decided at boundary `tick - 1`; `third` (0, 1 or 2) is the interval of its agent's sequence that
     it lies in.
 
-    `repeated` is None for the first action of an agent, which has no predecessor.
+    `elsewhere` says that its body has an open assignment and is sent to a place in the region of no target. `repeated`
+    is None for the first action of an agent, which has no predecessor.
     """
 
     agent: str
@@ -56,6 +57,7 @@ class JudgedAction:
     adherent: bool
     out_of_bounds: bool
     forgotten: bool
+    elsewhere: bool
     repeated: bool | None
 
 
@@ -186,6 +188,7 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
                 adherent=admitted and not beyond,
                 out_of_bounds=beyond,
                 forgotten=_forgets(meant, open_for.get(resource, set()), completed),
+                elsewhere=bool(open_for.get(resource)) and not meant and _places(command),
                 repeated=before[made.agent] == signature if made.agent in before else None,
             )
             before[made.agent] = signature
@@ -203,6 +206,10 @@ def _forgets(meant: tuple[str, ...], due: set[str], completed: set[str]) -> bool
     if not meant:
         return False
     return set(meant) <= completed or bool(due and not due & set(meant))
+
+
+def _places(command: Action) -> bool:
+    return "position" in command.arguments or {"x", "y"} <= set(command.arguments)
 
 
 def _first_receipts(record: BoundaryRecord) -> dict[str, Receipt]:

@@ -7,8 +7,9 @@ rule speaks of one *lost* target: one that success asks for and that was not com
 the breakdown began and the chain of records that shows it: agent, action, message, relation, event.
 
 - `perception_miss`: the target stood in a picture that was taken for an agent, and no report matched it within `DELAY`
-  ticks or ever; or, in a mission that judges reports, it stood in no picture and was never matched when the mission's
-  ticks ran out: then the breakdown is that the search ended without it, at the last tick.
+  ticks or ever, nor lay a false report on it; or, in a mission that judges reports, it stood in no picture and was
+  never matched when the mission's ticks ran out: then the breakdown is that the search ended without it, at the last
+  tick.
 - `object_confusion`: while the target was unmatched, a false report lay on something of another class by half or more.
 - `localisation_error`: a report matched the target, and no report located it within `DELAY` ticks or ever, by the rule
   of the mission that asks for a matched report and looks at its position.
@@ -16,11 +17,12 @@ the breakdown began and the chain of records that shows it: agent, action, messa
   was not assigned to who must serve it within `DELAY` ticks or ever, where a stage of the mission asks for that; or,
   among several agents with bodies and where nothing had to be found, a stage that another depends on was never done, or
   a body was never permitted to move.
-- `coordination_deadlock`: the target was assigned, and `DELAY` ticks passed in which the assignee was idle, or, where
-  no record names it, everybody with a body at once; or two commands for the assignee's body were refused as `conflict`
-  while it was open.
+- `coordination_deadlock`: the target, or one that it waits for, was assigned, and `DELAY` ticks passed in which the
+  assignee did nothing, or, where no record names it, nobody with a body did anything; or two commands for the
+  assignee's body were refused as `conflict` while it was open.
 - `context_drift`: while the assignment was open, the body was sent to other targets or completed ones (a forgotten
-  subgoal), or an agent that controls it did the same refused thing `STUBBORN` times in a row.
+  subgoal) or `STUBBORN` times to one place where no target is, or an agent that controls it did the same refused thing
+  `STUBBORN` times in a row.
 
 The earliest breakdown of any lost target is the episode's; of equal ticks the first in this order. What no rule
 supports is `unattributed`: a broken constraint, a crash, a late stage of a mission whose perception is not
@@ -37,10 +39,10 @@ import msgspec
 
 from lingjing.analysis.behaviour import JudgedAction, actions
 from lingjing.analysis.completion import asked_groups, completion_ticks
-from lingjing.analysis.detection import confused_with, detect, matching_rules, shots
-from lingjing.analysis.idleness import idle_steps
+from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
+from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import Assignments
-from lingjing.mission.expression import Attr, Call, Expr, parts
+from lingjing.mission.expression import Attr, Call, Expr, Ref, parts
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Receipt
@@ -104,6 +106,8 @@ class _Story:
     located: dict[str, int] = field(default_factory=dict)
     handed: dict[str, int] = field(default_factory=dict)
     assigned: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
+    taken: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
+    done: dict[str, int] = field(default_factory=dict)
     judged: bool = False
     locates: bool = False
     assigns: bool = False
@@ -120,6 +124,7 @@ class _Story:
         handing = {stage.name for stage in instance.stages if _asks_for_assignment(stage.condition)}
         self.assigns = bool(handing)
         assignments = Assignments(instance)
+        owners = {body: agent.id for agent in instance.agents for body in agent.controls}
         for record in self.trace.boundaries:
             for event in record.events:
                 for name in event.bindings:
@@ -128,6 +133,7 @@ class _Story:
                     if event.kind in locating:
                         self.located.setdefault(name, event.tick)
             for change in record.stages:
+                self.done.setdefault(change.stage, change.tick)
                 if change.stage in handing:
                     self.handed.setdefault(change.subject, change.tick)
             for body, targets in assignments.at(record):
@@ -135,8 +141,9 @@ class _Story:
                 for target in targets:
                     self.assigned.setdefault(target, []).append((record.tick, body, message))
             for command in record.commands:
+                given = self.assigned if owners.get(command.resource) != command.sender else self.taken
                 for target in assignments.meant(record, command.arguments, command.resource):
-                    self.assigned.setdefault(target, []).append((record.tick, command.resource, command.id))
+                    given.setdefault(target, []).append((record.tick, command.resource, command.id))
 
     @property
     def reason(self) -> str:
@@ -147,6 +154,36 @@ class _Story:
     def last(self) -> int:
         """The last tick."""
         return self.trace.boundaries[-1].tick
+
+    def mistaken(self, target: str) -> int | None:
+        """When a false report first lay on the target, which then was not overlooked."""
+        boxes = {(one.id, box.box) for one in shots(self.trace) for box in one.boxes if box.entity == target}
+        return min(
+            (
+                one.tick
+                for one in detect(self.trace).reports
+                if one.false and one.box is not None
+                if any(one.frame == frame and iou(one.box, box) >= OVERLAP for frame, box in boxes)
+            ),
+            default=None,
+        )
+
+    def assignments_of(self, target: str) -> list[tuple[int, str, str]]:
+        """Those of the target, else those of the targets of a stage that it waits for and that was never done."""
+        return self.assigned.get(target) or [one for name in self.blocking for one in self.assigned.get(name, ())]
+
+    @property
+    def blocking(self) -> tuple[str, ...]:
+        """Targets of stages that others depend on and that were never done."""
+        instance = self.trace.header.instance
+        targets = {one.id: one.group for one in instance.entities if one.role == "target"}
+        waited = {one.source for one in instance.relations if one.kind == "dependency"} - set(self.done)
+        found: dict[str, None] = {}
+        for stage in instance.stages:
+            named = {part.name for part in parts(stage.condition) if isinstance(part, Ref)} | {stage.domain}
+            if stage.name in waited:
+                found |= dict.fromkeys(one for one, group in targets.items() if one in named or group in named)
+        return tuple(found)
 
     def actions(self) -> tuple[JudgedAction, ...]:
         """All actions of the episode."""
@@ -172,7 +209,8 @@ def _miss(story: _Story, target: str) -> Attribution | None:
         link = RecordLink(kind="event", tick=story.last, record="", text=f"{target} stands in no picture")
         return Attribution(family="perception_miss", target=target, tick=story.last, chain=(link,))
     first = frames[0]
-    if matched is not None and matched - first.tick <= DELAY:
+    noticed = [tick for tick in (matched, story.mistaken(target)) if tick is not None]
+    if noticed and min(noticed) - first.tick <= DELAY:
         return None
     agent = _who_controls(story.trace.header.instance, first.entity)
     after = "nor did any later" if matched is None else f"the first that did came {matched - first.tick} ticks later"
@@ -241,7 +279,19 @@ def _known(story: _Story, target: str) -> int | None:
     if story.judged:
         return story.matched.get(target)
     hidden = {one.id for one in story.trace.header.instance.entities if one.hidden}
-    return None if target in hidden else 0 if story.assigns else None
+    return None if target in hidden or not story.assigns else _due(story)
+
+
+def _due(story: _Story) -> int | None:
+    """When the stages before the one that asks for an assignment were done; None if one of them never was."""
+    ticks = [0]
+    for stage in story.trace.header.instance.stages:
+        if _asks_for_assignment(stage.condition):
+            break
+        if stage.name not in story.done:
+            return None
+        ticks.append(story.done[stage.name])
+    return max(ticks)
 
 
 def _unopened(story: _Story, target: str) -> Attribution | None:
@@ -249,7 +299,9 @@ def _unopened(story: _Story, target: str) -> Attribution | None:
     instance = story.trace.header.instance
     if story.judged or sum(bool(agent.controls) for agent in instance.agents) < 2:
         return None
-    done = {change.stage for record in story.trace.boundaries for change in record.stages}
+    done = story.done
+    if any(name in story.assigned for name in story.blocking) and (_deadlock(story, target) or _drift(story, target)):
+        return None  # somebody was told to, and what became of that is the breakdown
     for relation in instance.relations:
         if relation.kind == "dependency" and relation.source not in done and relation.target not in done:
             text = f"{relation.target} waits for {relation.source}, which was never done"
@@ -278,7 +330,7 @@ def _never_permitted(story: _Story, target: str) -> Attribution | None:
 
 
 def _deadlock(story: _Story, target: str) -> Attribution | None:
-    given = story.assigned.get(target)
+    given = story.assignments_of(target)
     handed = story.handed.get(target)
     if given:
         tick, body, record = given[0]
@@ -296,7 +348,7 @@ def _deadlock(story: _Story, target: str) -> Attribution | None:
 
 def _waiting(story: _Story, tick: int, body: str) -> tuple[RecordLink, ...]:
     """The assignee, or where it is not known everybody with a body at once, idle for `DELAY` ticks in a row."""
-    steps = idle_steps(story.trace)
+    steps = still_steps(story.trace)
     agent = _who_controls(story.trace.header.instance, body) if body else ""
     idle = steps.get(agent, ()) if body else [all(one) for one in zip(*steps.values(), strict=False)]
     begin, length = _idle_stretch(idle, tick)
@@ -333,16 +385,21 @@ def _idle_stretch(steps: Sequence[bool], since: int) -> tuple[int, int]:
 
 
 def _drift(story: _Story, target: str) -> Attribution | None:
-    given = story.assigned.get(target)
+    given = sorted((*story.assignments_of(target), *story.taken.get(target, ())))
     if not given:
         return None
     tick, body, record = given[0]
     run: list[JudgedAction] = []
+    stay: list[JudgedAction] = []
     for one in story.actions():
         if one.resource != body or one.tick <= tick:
             continue
         if one.forgotten:
             return _drifted(target, (tick, body, record), one, "means other targets than the one that is open")
+        away = one.elsewhere and one.admitted
+        stay = [*(stay if one.repeated else ()), one] if away else []
+        if len(stay) >= STUBBORN:
+            return _drifted(target, (tick, body, record), stay[0], f"goes {len(stay)} times where no target is")
         run = [*run, one] if one.repeated and not one.adherent else []
         if len(run) >= STUBBORN:
             return _drifted(target, (tick, body, record), run[0], f"is refused and repeated {len(run)} times")

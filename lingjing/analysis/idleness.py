@@ -62,20 +62,34 @@ def idle_fraction(trace: Trace) -> float | None:
     return ratio(sum(map(sum, steps.values())), sum(map(len, steps.values())))
 
 
-@once_per_trace
 def idle_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
     """Whether each step of each agent with a body was idle, in order."""
+    return {agent: tuple(idle for idle, _ in steps) for agent, steps in _steps(trace).items()}
+
+
+def still_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
+    """Whether in each step of each agent with a body nothing was done or asked for, whatever it was assigned."""
+    return {agent: tuple(still for _, still in steps) for agent, steps in _steps(trace).items()}
+
+
+@once_per_trace
+def _steps(trace: Trace) -> dict[str, tuple[tuple[bool, bool], ...]]:
+    """Of each step of each agent with a body whether it was idle, and whether nothing was done."""
     instance = trace.header.instance
     bodies = {agent.id: agent.controls for agent in instance.agents if agent.controls}
     duties = {body: _Duty() for controls in bodies.values() for body in controls}
     assigned, completed = Assignments(instance), set[str]()
-    steps: dict[str, list[bool]] = {agent: [] for agent in bodies}
+    steps: dict[str, list[tuple[bool, bool]]] = {agent: [] for agent in bodies}
     for record in trace.boundaries:
         asked = [made.agent for made in record.decisions if made.agent in bodies]
+        spoke = {made.agent for made in record.decisions if made.decision.command is not None and not made.substituted}
         began = _begin(record, duties)
         _assign(assigned.at(record), duties, completed)
         for agent in asked:
-            steps[agent].append(not any(duties[body].busy or body in began for body in bodies[agent]))
+            active = any(duties[body].request or body in began for body in bodies[agent])
+            steps[agent].append(
+                (not active and not any(duties[body].busy for body in bodies[agent]), not active and agent not in spoke)
+            )
         completed |= completed_at(instance, record)
         _end(record, bodies, duties, completed)
     return {agent: tuple(made) for agent, made in steps.items()}
