@@ -24,6 +24,7 @@ AGENTS = {"star": 3, "broadcast": 2}
 
 pytestmark = [
     pytest.mark.model,
+    pytest.mark.timeout(4 * 3600),  # two minutes on an idle processor, more than half an hour on one that forty share
     pytest.mark.skipif(not PYTHON, reason="`make model` installs the model and runs this"),
 ]
 

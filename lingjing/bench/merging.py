@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lingjing.bench.folder import read_results
@@ -19,18 +19,36 @@ def merge_results(places: Sequence[Path], *, other_code: bool = False) -> list[S
     if not other_code:
         _check_alike("code", found, _KEPT_APART)
     _check_options(found)
-    kept: dict[RowKey, tuple[Path, SuiteRow]] = {}
+    episodes: dict[tuple[Hashable, ...], list[tuple[Path, SuiteRow]]] = {}
     for place, row in found:
-        before = kept.get(row.key)
-        if before is None or before[1].standing != "counted":
-            kept[row.key] = place, row
-        elif row.standing == "counted" and _outcome(row) != _outcome(before[1]):
+        episodes.setdefault((*row.cell, row.seed), []).append((place, row))
+    return sorted((row for each in episodes.values() for row in _kept(each)), key=lambda row: row.key)
+
+
+def _kept(found: Sequence[tuple[Path, SuiteRow]]) -> Iterator[SuiteRow]:
+    """Of all tries of one episode that any place has, the one that counts, once, whatever the order of the places; and
+    the aborted ones, each try once. A lost episode that another place has played to its end is not lost."""
+    counted = [one for one in found if one[1].standing == "counted"]
+    for place, row in counted[1:]:
+        first_place, first = counted[0]
+        if _outcome(row) != _outcome(first):
             raise UsageError(
-                f"{_named(row)} ended otherwise in `{place}` than in `{before[0]}`: {row.report.reason} with digest "
-                f"{row.report.digest[:12]}, not {before[1].report.reason} with {before[1].report.digest[:12]}",
+                f"{_named(row)} ended otherwise in `{place}` than in `{first_place}`: {row.report.reason} with digest "
+                f"{row.report.digest[:12]}, not {first.report.reason} with {first.report.digest[:12]}",
                 hint="one of the two was played on a machine, or by a policy, that does not repeat: leave one out",
             )
-    return _without_old_tries([row for _, row in kept.values()])
+    tries: dict[RowKey, SuiteRow] = {}
+    if counted:
+        chosen = min((row for _, row in counted), key=_rank)
+        tries[chosen.key] = chosen
+    others = [row for _, row in found if row.standing == "aborted" or (row.standing == "lost" and not counted)]
+    for row in sorted(others, key=_rank):
+        tries.setdefault(row.key, row)
+    yield from tries.values()
+
+
+def _rank(row: SuiteRow) -> tuple[int, float, str, int]:
+    return row.tries, row.wall_s, row.salt_sha256, row.policy_seed
 
 
 def _check_alike(name: str, found: Iterable[tuple[Path, SuiteRow]], hint: str) -> None:
@@ -56,12 +74,6 @@ def _check_options(found: Iterable[tuple[Path, SuiteRow]]) -> None:
 
 def _outcome(row: SuiteRow) -> tuple[object, ...]:
     return row.report.digest, row.report.success, row.report.reason, row.report.scr
-
-
-def _without_old_tries(rows: Sequence[SuiteRow]) -> list[SuiteRow]:
-    """The rows without a lost episode that another place has played to its end."""
-    counted = {(row.cell, row.seed) for row in rows if row.standing == "counted"}
-    return [row for row in rows if row.standing != "lost" or (row.cell, row.seed) not in counted]
 
 
 def _named(row: SuiteRow) -> str:

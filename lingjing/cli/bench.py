@@ -170,8 +170,8 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
     results.compact()
     if run.is_out_of_money:
         raise UsageError(
-            f"the limit of ${run.max_cost:g} is used up (${run.spent():.2f} is spent): {len(due) - done} of "
-            f"{len(due)} episodes are left",
+            f"what is left of ${run.max_cost:g} may not pay another call (${run.spent():.2f} is spent): "
+            f"{len(due) - done} of {len(due)} episodes are left",
             hint="the same command with a higher --max-cost goes on; `lingjing bench table` shows what there is",
         )
     tables = make_tables(results.rows, suite.tables, suite.title)

@@ -80,8 +80,9 @@ def meaning(node: Expr, reading: Reading) -> Meaning:
 class Meanings:
     """The meanings of the expressions of one mission in one reading, each worked out once."""
 
-    MOST = 4096
-    """Expressions that are kept: of more than any mission has, none is."""
+    MOST = 1024
+    """Expressions that are kept: a few times those of a shipped mission (at most 329). Then all are forgotten, since
+    every episode and every trace brings expressions of its own and keeps its instance alive through them."""
 
     def __init__(self, reading: Reading) -> None:
         self._reading = reading

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import permutations
 from pathlib import Path
 
 import msgspec
@@ -65,6 +66,19 @@ def test_an_episode_that_another_place_played_to_its_end_is_not_lost(tmp_path: P
         assert [row.standing for row in merge_results(places)] == ["counted"]
     places = [written(tmp_path, "a", made_row(standing="aborted", success=False)), written(tmp_path, "b", made_row())]
     assert [row.standing for row in merge_results(places)] == ["counted"]
+
+
+def test_an_episode_that_two_places_counted_on_different_tries_counts_once_in_any_order(tmp_path: Path) -> None:
+    """One place needed a second try: its rows and the other's are of one episode, which is in no rate twice."""
+    places = [
+        written(tmp_path, "a", made_row(wall_s=2.0), made_row(seed=1, standing="aborted", success=False)),
+        written(tmp_path, "b", made_row(standing="aborted", success=False), made_row(tries=2, wall_s=1.0)),
+        written(tmp_path, "c", made_row(wall_s=3.0), made_row(seed=1, tries=2)),
+    ]
+    merged = {encode_rows(merge_results(order)) for order in permutations(places)}
+    assert len(merged) == 1
+    told = [(row.seed, row.tries, row.standing, row.wall_s) for row in merge_results(places)]
+    assert told == [(0, 1, "counted", 2.0), (1, 1, "aborted", 0.0), (1, 2, "counted", 0.0)]
 
 
 def entrant(name: str, won: int, **changes: object) -> list[SuiteRow]:

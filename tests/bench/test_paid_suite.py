@@ -37,7 +37,10 @@ def test_money_is_counted_its_limit_holds_and_the_record_replays(
         suite.write_text(SUITE.replace("URL", server.url))
         play = ["bench", str(suite), "-o", str(out)]
         assert main([*play, "--max-cost", "0.001"]) == ExitCode.USAGE, "less than one call may cost"
-        assert "the limit of $0.001 is used up ($0.00 is spent): 1 of 1 episodes are left" in capsys.readouterr().err
+        assert (
+            "what is left of $0.001 may not pay another call ($0.00 is spent): 1 of 1 episodes are left"
+            in capsys.readouterr().err
+        )
         assert read_results(out) == [] and server.requests == []
         assert main([*play, "--max-cost", "5"]) == ExitCode.OK
         asked = len(server.requests)
