@@ -57,7 +57,7 @@ def _made_of(rows: Sequence[SuiteRow], about: str) -> Iterator[str]:
         ("Entrants", dict.fromkeys(row.entrant for row in rows)),
         ("Columns", dict.fromkeys(row.column for row in rows)),
         ("Conditions", dict.fromkeys(row.condition for row in rows if row.condition)),
-        ("Seeds", (_ranges({row.seed for row in rows}),)),
+        ("Seeds", (seed_ranges({row.seed for row in rows}),)),
         ("Code", dict.fromkeys(f"{row.version} ({row.code[:12]})" for row in rows)),
         ("Salts", dict.fromkeys(row.salt_sha256 for row in rows)),
     ):
@@ -98,8 +98,8 @@ def _limits(rows: Sequence[SuiteRow]) -> Iterator[str]:
     yield "\n`lingjing bench table results.parquet` makes other tables of it."
 
 
-def _ranges(seeds: Iterable[int]) -> str:
-    """`0-99, 200`."""
+def seed_ranges(seeds: Iterable[int]) -> str:
+    """Seeds in order, runs of them as ranges: `0-99, 200`."""
     runs: list[list[int]] = []
     for seed in sorted(seeds):
         if runs and runs[-1][1] == seed - 1:
@@ -109,4 +109,4 @@ def _ranges(seeds: Iterable[int]) -> str:
     return ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in runs)
 
 
-__all__ = ["dataset_card"]
+__all__ = ["PAPER", "dataset_card", "seed_ranges"]

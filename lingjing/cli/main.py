@@ -56,6 +56,9 @@ VERBS = (
     CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one", computes=True),
     CommandVerb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
     CommandVerb("prompts", "lingjing.cli.prompts", "list, show and improve the prompts of policies", computes=True),
+    CommandVerb(
+        "frames", "lingjing.cli.frames", "make labelled sets of frames; probe detectors with them", computes=True
+    ),
     CommandVerb("new", "lingjing.cli.new", "write a file to start from"),
     CommandVerb("calls", "lingjing.cli.calls", "list and read what an episode's policies asked chat models"),
     CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions", computes=True),

@@ -1,0 +1,76 @@
+"""Where the frames of a set come from: traces that are named, and development episodes that are played for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from lingjing.bench.frame_sets.labelled import LabelledFrame, labelled_frames
+from lingjing.errors import UsageError
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeTask, play_apart
+from lingjing.play.report import ABORTED, INTERRUPTED
+from lingjing.trace.reader import Trace, read_trace
+
+TRACE = "trace.mcap"
+
+
+class FrameSources:
+    """The labelled frames of traces, and their pictures by name. An episode that is named twice counts once."""
+
+    def __init__(self, paths: Iterable[Path]) -> None:
+        self.frames: list[LabelledFrame] = []
+        self._traces: dict[str, Trace] = {}
+        for path in paths:
+            trace = read_trace(path)
+            fresh = [frame for frame in labelled_frames(trace) if frame.name not in self._traces]
+            self.frames += fresh
+            self._traces |= dict.fromkeys((frame.name for frame in fresh), trace)
+        self._ids = {frame.name: frame.frame for frame in self.frames}
+
+    def jpeg(self, name: str) -> bytes:
+        """The stored picture of a frame."""
+        return self._traces[name].jpeg(self._ids[name])
+
+
+def found_traces(places: Iterable[Path]) -> list[Path]:
+    """The traces at places: files as they are, of folders every `trace.mcap` below. Raises `UsageError` for a place
+    that is not there or has none."""
+    found: list[Path] = []
+    for place in places:
+        below = sorted(place.rglob(TRACE)) if place.is_dir() else [place]
+        if not below or not all(path.is_file() for path in below):
+            raise UsageError(f"`{place}` is no trace, and no folder that has one", hint=f"name a {TRACE} or its folder")
+        found += below
+    return list(dict.fromkeys(found))
+
+
+def played(options: Sequence[PlayOptions], folder: Path, jobs: int) -> Iterator[Path]:
+    """The traces of episodes, which are played unless the folder has them whole; one that was aborted is left out."""
+    tasks: list[EpisodeTask] = []
+    for one in options:
+        place = folder / f"{Path(one.mission).stem}-{one.mode or 'default'}-{one.seed}"
+        if (place / TRACE).is_file():
+            _check_same(read_trace(place / TRACE), one)
+            yield place / TRACE
+        else:
+            for left in place.glob(f"{TRACE}.part"):
+                left.unlink()
+            tasks.append(EpisodeTask(msgspec.structs.replace(one, overview=False), place))
+    for _, report in play_apart(tasks, jobs):
+        if report.reason not in (ABORTED, INTERRUPTED):
+            yield Path(report.trace)
+
+
+def _check_same(trace: Trace, options: PlayOptions) -> None:
+    """Raise `UsageError` for a kept episode that was played otherwise."""
+    instance = trace.header.instance
+    same_policy = {binding.policy for binding in trace.header.bindings} == {options.policy}
+    settings = {name: instance.settings.get(name) for name in options.settings}
+    if not same_policy or settings != options.settings or instance.seed != options.seed:
+        raise UsageError(f"{trace.path} was played with other options", hint="name another folder with --episodes")
+
+
+__all__ = ["TRACE", "FrameSources", "found_traces", "played"]

@@ -1,0 +1,217 @@
+"""Labelled sets of frames: what is true of a frame, balance, hard negatives, splits, and readers of other projects."""
+
+import hashlib
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench.frame_sets.balance import class_set, validation_seeds
+from lingjing.bench.frame_sets.folder import read_class, read_picture, set_classes, write_set
+from lingjing.bench.frame_sets.labelled import labelled_frames, seen_targets
+from lingjing.bench.frame_sets.sources import found_traces
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.trace.reader import read_trace
+from tests.bench.frame_kit import BOAT, VICTIM, made_frame, pictures_of
+from tests.trace import synthetic
+
+PERSON = "person_in_water"
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The synthetic sea rescue of seed 7."""
+    path = tmp_path_factory.mktemp("episode") / "trace.mcap"
+    synthetic.write_episode(path, ticks=60)
+    return path
+
+
+def files(folder: Path) -> dict[str, str]:
+    """Every file of a folder by its SHA-256."""
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
+
+
+def test_a_traces_frames_have_its_true_boxes_and_who_was_wrong_about_them(episode: Path) -> None:
+    trace = read_trace(episode)
+    frames = list(labelled_frames(trace))
+    assert [frame.frame for frame in frames] == list(trace.frames)
+    assert all(frame.boxes == trace.frames[frame.frame].boxes for frame in frames)
+    assert seen_targets(frames) == (PERSON,)
+    assert len({frame.name for frame in frames}) == len(frames)
+    assert all(frame.name.startswith("ssr-") and "[" not in frame.name for frame in frames)
+
+
+def test_an_episode_that_was_cut_short_is_refused(episode: Path, tmp_path: Path) -> None:
+    (tmp_path / "trace.mcap").write_bytes(episode.read_bytes()[:-2000])
+    with pytest.raises(UsageError, match="cut short"):
+        list(labelled_frames(read_trace(tmp_path / "trace.mcap")))
+
+
+def test_as_many_with_a_target_as_without_and_hard_ones_first() -> None:
+    shown = [made_frame(number, boxes=(VICTIM,)) for number in range(4)]
+    hard = [made_frame(10, reported=(PERSON,)), made_frame(11, boxes=(BOAT,))]
+    plain = [made_frame(number) for number in range(20, 30)]
+    faint = [made_frame(40, faint=(PERSON,))]
+    made = class_set([*plain, *faint, *hard, *shown], PERSON)
+    assert Counter((one.present, one.hard) for one in made.frames) == {
+        (True, ""): 4, (False, "reported"): 1, (False, "other"): 1, (False, ""): 2,
+    }  # fmt: skip
+    assert (made.spare_positives, made.spare_negatives, made.faint) == (0, 8, 1)
+
+
+def test_where_few_frames_show_nothing_those_with_a_target_are_fewer_too() -> None:
+    made = class_set([made_frame(n, boxes=(VICTIM,)) for n in range(5)] + [made_frame(9)], PERSON)
+    assert sorted(one.present for one in made.frames) == [False, True]
+    assert made.spare_positives == 4
+
+
+def test_every_frame_is_taken_where_balance_is_not_asked_for() -> None:
+    frames = [made_frame(1, boxes=(VICTIM,)), *(made_frame(n) for n in range(2, 9)), made_frame(9, faint=(PERSON,))]
+    made = class_set(frames, PERSON, balanced=False)
+    assert Counter(one.present for one in made.frames) == {True: 1, False: 7}
+    assert (made.spare_negatives, made.faint) == (0, 1)
+
+
+def test_a_frame_counts_for_classes_that_its_mission_has() -> None:
+    other = made_frame(1, targets=("fire",))
+    assert class_set([made_frame(2, boxes=(VICTIM,)), other], PERSON).frames == ()
+
+
+def test_seeds_of_the_validation_are_none_of_training_and_each_split_is_balanced() -> None:
+    frames = [
+        made_frame(n, seed, boxes=(VICTIM,) if n % 3 == 0 else ()) for seed in range(2000, 2005) for n in range(9)
+    ]
+    made = class_set(frames, PERSON, 0.2)
+    seeds = {split: {one.frame.seed for one in made.frames if one.split == split} for split in ("train", "validation")}
+    assert seeds == {"train": {2000, 2001, 2002, 2003}, "validation": {2004}}
+    assert [made.count(split, present=present) for split in ("train", "validation") for present in (True, False)] == [
+        12, 12, 3, 3,
+    ]  # fmt: skip
+
+
+def test_of_many_each_seed_gives_one_in_turn_whatever_the_order() -> None:
+    frames = [made_frame(n, seed, boxes=(VICTIM,) if n < 6 else ()) for seed in (2000, 2001, 2002) for n in range(12)]
+    made = class_set(frames, PERSON, most=3)
+    assert Counter(one.frame.seed for one in made.frames if one.present) == {2000: 1, 2001: 1, 2002: 1}
+    assert class_set(frames[::-1], PERSON, most=3) == made
+
+
+def test_shares_of_seeds_are_rounded_up_and_one_seed_is_for_training() -> None:
+    assert validation_seeds([5], 0.5) == frozenset()
+    assert validation_seeds([1, 2], 0.2) == {2}
+    assert validation_seeds(range(10), 0.2) == {8, 9}
+    assert validation_seeds(range(10), 0.0) == frozenset()
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    frames = [made_frame(n, 2000 + n % 3, boxes=(VICTIM, BOAT) if n % 2 else ()) for n in range(12)]
+    write_set(tmp_path / "set", [class_set(frames, PERSON, 0.25)], pictures_of(frames))
+    return tmp_path / "set"
+
+
+def test_a_set_reads_back_as_it_was_written(written: Path) -> None:
+    assert set_classes(written) == (PERSON,)
+    frames = read_class(written, PERSON)
+    assert Counter((one.split, one.present) for one in frames) == {
+        ("train", True): 4, ("train", False): 4, ("validation", True): 2, ("validation", False): 2,
+    }  # fmt: skip
+    assert all(read_picture(written, PERSON, one) for one in frames)
+
+
+def test_a_picture_that_is_another_one_is_told(written: Path) -> None:
+    one = read_class(written, PERSON)[0]
+    (written / PERSON / one.split / one.frame.name).write_bytes(b"edited")
+    with pytest.raises(UsageError, match="not the picture that was exported"):
+        read_picture(written, PERSON, one)
+
+
+def test_coco_is_read_by_its_own_tools(written: Path) -> None:
+    pytest.importorskip("pycocotools", reason="COCO's own reader is not installed")
+    from pycocotools.coco import COCO
+    from pycocotools.cocoeval import COCOeval
+
+    truth = COCO(str(written / PERSON / "coco_train.json"))
+    assert [each["name"] for each in truth.loadCats(truth.getCatIds())] == [PERSON]
+    assert len(truth.getImgIds()) == 8
+    marks = truth.loadAnns(truth.getAnnIds())
+    assert {tuple(mark["bbox"]) for mark in marks} == {(16.0, 24.0, 8.0, 12.0)}
+    assert {mark["area"] for mark in marks} == {60}
+    for image in truth.loadImgs(truth.getImgIds()):
+        assert (written / PERSON / image["file_name"]).is_file()
+        assert bool(truth.getAnnIds(imgIds=[image["id"]])) == image["present"]
+    found = truth.loadRes(
+        [{key: mark[key] for key in ("image_id", "category_id", "bbox")} | {"score": 0.9} for mark in marks]
+    )
+    judged = COCOeval(truth, found, "bbox")
+    judged.evaluate()
+    judged.accumulate()
+    judged.summarize()
+    assert judged.stats[1] == pytest.approx(1.0)
+
+
+def test_the_image_folder_has_a_line_for_every_picture_and_the_card_a_configuration_for_every_split(
+    written: Path,
+) -> None:
+    for split in ("train", "validation"):
+        folder = written / PERSON / split
+        lines = [json.loads(line) for line in (folder / "metadata.jsonl").read_text().splitlines()]
+        assert {line["file_name"] for line in lines} == {path.name for path in folder.glob("*.jpg")}
+        assert all(bool(line["objects"]["bbox"]) == line["present"] for line in lines)
+    card = (written / "README.md").read_text()
+    head = card.split("---\n")[1]
+    assert 'config_name: "person_in_water"' in head
+    assert all(f'path: "person_in_water/{split}/**"' in head for split in ("train", "validation"))
+    assert "| `person_in_water` | validation | 2 | 2 | 0 | 2 | ssr | 2002 |" in card
+
+
+def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(tmp_path: Path) -> None:
+    frames = [made_frame(1, boxes=(VICTIM,)), made_frame(2)]
+    with pytest.raises(UsageError, match="not the one that its trace speaks of"):
+        write_set(tmp_path / "set", [class_set(frames, PERSON)], lambda name: b"other")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_set_is_never_written_over_another(written: Path) -> None:
+    before = files(written)
+    with pytest.raises(UsageError, match="there already"):
+        write_set(written, [class_set([made_frame(1)], PERSON)], pictures_of([]))
+    assert files(written) == before
+
+
+def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(episode: Path, tmp_path: Path) -> None:
+    every = ["--held-out", "none"]
+    assert main(["frames", "export", str(episode), "-o", str(tmp_path / "one"), *every]) == ExitCode.OK
+    assert (
+        main(["frames", "export", str(episode.parent), str(episode), "-o", str(tmp_path / "two"), *every])
+        == ExitCode.OK
+    )
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+    frames = read_class(tmp_path / "one", PERSON)
+    assert 0 < sum(one.present for one in frames) == len(frames) / 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "seed 7 is kept for evaluations"),
+        (["--held-out", "none", "--classes", "whale"], "no frame shows a `whale`"),
+        (["--held-out", "none", "--validation", "1"], "a share from 0 to below 1"),
+        (["--held-out", "none", "--most", "0"], "--most 0: at least one"),
+        (["--play", "ssr", "--seeds", "100-101"], "seed 100 is kept for evaluations"),
+    ],
+)
+def test_what_is_refused(episode: Path, tmp_path: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
+    out = tmp_path / "set"
+    assert main(["frames", "export", str(episode), "-o", str(out), *options]) == ExitCode.USAGE
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_places_without_a_trace_are_named(tmp_path: Path) -> None:
+    for place in (tmp_path, tmp_path / "absent"):
+        with pytest.raises(UsageError, match=place.name):
+            found_traces([place])
