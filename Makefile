@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check bench study ray model pictures missions selfcheck clean
+.PHONY: help setup demo test check bench study ray model detector pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -14,6 +14,7 @@ help:
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make model   install a small open model and play with it, offline: minutes'
+	@echo 'make detector  play development seeds and train the detector of `learned` on their frames: an hour'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
@@ -44,6 +45,13 @@ study: setup
 ray: setup
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt ray
 	@$(BIN)/python -m pytest -q -p no:xdist -m ray tests/bench/test_on_ray.py
+
+detector: setup
+	@mkdir -p build
+	@$(BIN)/lingjing frames export --play ssr --mode star --set victims=6 --seeds 2000-2003 -j 2 -o build/frames-ssr
+	@$(BIN)/lingjing frames export --play bi idf ufr --seeds 2000-2007 -j 2 -o build/frames
+	@$(BIN)/python tools/train_detector.py build/frames-ssr --classes person_in_water
+	@$(BIN)/python tools/train_detector.py build/frames --classes bridge_fracture building_fire fire_source
 
 selfcheck: setup
 	@$(BIN)/python -m lingjing.play.selfcheck

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any
 
 from lingjing.plugins.chat_model import ModelPlugin
+from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
@@ -15,7 +16,7 @@ from lingjing.plugins.prompts import PromptPlugin
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
-    """The five reference policies."""
+    """The six reference policies."""
     return (
         PolicyPlugin(
             name="random",
@@ -26,6 +27,11 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             name="heuristic",
             factory=Factory("heuristic.policy", "HeuristicPolicy"),
             summary="sweeps its cells and finds people in the pixels",
+        ),
+        PolicyPlugin(
+            name="learned",
+            factory=Factory("heuristic.policy", "learned_policy"),
+            summary="the heuristic's rules, with detectors trained on frames where one ships",
         ),
         PolicyPlugin(
             name="oracle",
@@ -55,6 +61,30 @@ def lingjing_models() -> Iterable[ModelPlugin]:
     from lingjing_agents.llm.models import known_models
 
     return known_models()
+
+
+@hookimpl
+def lingjing_detectors() -> Iterable[DetectorPlugin]:
+    """What can be asked whether a frame shows a target."""
+    return (
+        DetectorPlugin(
+            name="colours",
+            factory=Deferred("frame_detectors", "colour_detector"),
+            knows=Deferred("frame_detectors", "colour_rules_know"),
+            summary="the heuristic's rules of colours and shapes",
+        ),
+        DetectorPlugin(
+            name="learned",
+            factory=Deferred("frame_detectors", "trained_detector"),
+            knows=Deferred("frame_detectors", "learned_knows"),
+            summary="the detector trained on frames",
+        ),
+        DetectorPlugin(
+            name="model",
+            factory=Deferred("frame_detectors", "model_detector"),
+            summary="a chat model, asked for yes or no (options: model=NAME and those of `react` for its service)",
+        ),
+    )
 
 
 @hookimpl

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.analysis.detection import UnitBox, shots
+from lingjing.analysis.detection import shots
 from lingjing.errors import UsageError
+from lingjing.plugins.frame_detector import UnitBox
 from lingjing.trace.reader import Trace
 
 AttentionMap = npt.NDArray[np.float64]

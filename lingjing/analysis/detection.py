@@ -16,6 +16,7 @@ from statistics import median
 
 from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.messages import AdmittedMessage, admitted
+from lingjing.plugins.frame_detector import UnitBox
 from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
@@ -25,8 +26,6 @@ BINS = 10
 
 OVERLAP = 0.5
 """The IoU from which two boxes are of the same thing (the paper's box-matching rule)."""
-
-UnitBox = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

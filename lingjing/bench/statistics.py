@@ -55,8 +55,20 @@ def bootstrap(values: Sequence[float]) -> ConfidenceBounds:
     if not values:
         return ConfidenceBounds(math.nan, math.nan)
     drawn = np.asarray(values, dtype=np.float64)
-    means = drawn[_generator().integers(0, len(drawn), (DRAWS, len(drawn)))].mean(axis=1)
-    return _quantiles(means)
+    return bounds_of(drawn[drawn_samples(len(drawn))].mean(axis=1))
+
+
+def drawn_samples(count: int) -> npt.NDArray[np.int64]:
+    """The bootstrap samples of `count` things: (samples, count) of their places."""
+    return _generator().integers(0, count, (DRAWS, count))
+
+
+def bounds_of(values: npt.NDArray[np.float64]) -> ConfidenceBounds:
+    """The interval that holds the middle of a statistic's values over samples, as far as they are numbers; nan if none
+    is one."""
+    if np.isnan(values).all():
+        return ConfidenceBounds(math.nan, math.nan)
+    return _quantiles(values)
 
 
 def macro_average(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> float:
@@ -117,6 +129,6 @@ def _generator() -> np.random.Generator:
 
 
 __all__ = [
-    "LEVEL", "ConfidenceBounds", "PairedTest", "bootstrap", "holm", "macro_average", "macro_bounds", "mcnemar",
-    "wilson",
+    "LEVEL", "ConfidenceBounds", "PairedTest", "bootstrap", "bounds_of", "drawn_samples", "holm", "macro_average",
+    "macro_bounds", "mcnemar", "wilson",
 ]  # fmt: skip

@@ -12,6 +12,11 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lingjing.bench.frame_sets.probe import ProbeCell, ProbedFrame
+    from lingjing.bench.frame_sets.twins import TwinRecord
+    from lingjing.bench.table_cells import ResultTable
     from lingjing.play.options import PlayOptions
 
 NONE = "none"
@@ -22,6 +27,8 @@ def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
     parser = subparsers.add_parser("frames", help="labelled sets of frames for detectors", description=__doc__)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     _add_export(actions)
+    _add_twins(actions)
+    _add_probe(actions)
 
 
 def handler(args: argparse.Namespace) -> int:
@@ -49,6 +56,30 @@ def _add_export(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
     export.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="episodes at a time")
     export.add_argument("--episodes", metavar="DIR", type=Path, help="where they are kept (default DIR.episodes)")
     export.set_defaults(run=_export)
+
+
+def _add_twins(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
+    twins = actions.add_parser("twins", help="take edited pictures of a set in", description=_twins.__doc__)
+    twins.add_argument("set", metavar="SET", type=Path, help="what `lingjing frames export` made")
+    twins.add_argument("edited", metavar="EDITED", type=Path, help="the folder of the edited pictures")
+    twins.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="a new folder for the twins")
+    twins.add_argument(
+        "--refuse", metavar="FILE", type=Path, help="CSV of frames' names and why a look at their edits refused them"
+    )
+    twins.set_defaults(run=_twins)
+
+
+def _add_probe(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
+    probe = actions.add_parser("probe", help="ask detectors what frames show", description=_probe.__doc__)
+    probe.add_argument("set", metavar="SET", type=Path, help="what `lingjing frames export` made")
+    probe.add_argument("--twins", metavar="DIR", type=Path, help="what `lingjing frames twins` made of it")
+    probe.add_argument("--detector", metavar="NAME", nargs="+", default=["colours", "learned"], dest="detectors",
+                       help="who is asked (default: colours learned)")  # fmt: skip
+    probe.add_argument("--detector-arg", metavar="K=V", action="append", default=[], help="an option of the only one")
+    probe.add_argument("--classes", metavar="CLASS", nargs="+", help="default: those of the set")
+    probe.add_argument("--split", choices=("train", "validation", "all"), default="all", help="default: all")
+    probe.add_argument("-o", "--output", metavar="DIR", type=Path, help="a new folder for answers and tables")
+    probe.set_defaults(run=_probe)
 
 
 def _export(args: argparse.Namespace) -> int:
@@ -120,3 +151,107 @@ def _episodes(args: argparse.Namespace) -> list[PlayOptions]:
         options += [PlayOptions(mission=mission, policy=args.policy, mode=args.mode, settings=settings, seed=seed)
                     for seed in seeds]  # fmt: skip
     return options
+
+
+def _twins(args: argparse.Namespace) -> int:
+    """Take in edited pictures of a set's frames, by the names of their files. An edit is refused if it is missing,
+    cannot be read, has another size, is unchanged, or if the outlines of the view or of a target are no longer where
+    they were; what a list of refusals names is refused for the reason it gives. All refusals are counted."""
+    from collections import Counter
+
+    from lingjing.bench.frame_sets.twins import take_in
+
+    made = take_in(args.set, args.edited, args.output, _refusals(args.refuse))
+    reasons = Counter(one.reason for one in made.refused)
+    told = ", ".join(f"{number} {reason}" for reason, number in sorted(reasons.items()))
+    print(f"{len(made.taken)} twins taken in, {len(made.refused)} edits refused{f': {told}' if told else ''}")
+    print(f"{args.output}")
+    return ExitCode.OK
+
+
+def _refusals(file: Path | None) -> dict[str, str]:
+    """Reasons by frames' names, of lines `NAME,REASON`; a line without a reason is `refused`."""
+    import csv
+
+    if file is None:
+        return {}
+    try:
+        rows = list(csv.reader(file.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"cannot read `{file}`: {error}") from error
+    return {row[0].strip(): ",".join(row[1:]).strip() or "refused" for row in rows if row and row[0].strip()}
+
+
+def _probe(args: argparse.Namespace) -> int:
+    """Ask detectors of each frame, and of its twin, whether it shows a target: F1 of presence on both and the
+    difference with bootstrap intervals, precision and recall of boxes where a detector gives some."""
+    from lingjing.bench.exports import to_markdown
+    from lingjing.bench.frame_sets.folder import read_class, set_classes
+    from lingjing.bench.frame_sets.probe import ProbedFrame, probe_cell, probe_table, probed
+    from lingjing.plugins.host import PluginHost
+
+    given = parse_pairs("--detector-arg", args.detector_arg)
+    if given and len(args.detectors) > 1:
+        raise UsageError("--detector-arg is for one detector", hint="name one with --detector")
+    there = set_classes(args.set)
+    if unknown := sorted(set(args.classes or ()) - set(there)):
+        raise UsageError(f"the set has no `{unknown[0]}`", hint=f"it has: {', '.join(there)}")
+    host = PluginHost()
+    plugins = [host.detector(name) for name in args.detectors]
+    asked = {plugin.name: plugin.factory(given) for plugin in plugins}
+    twins, notes = _twins_of(args.twins)
+    cells, answers = [], list[ProbedFrame]()
+    for cls in args.classes or there:
+        frames = [one for one in read_class(args.set, cls) if args.split in ("all", one.split)]
+        pairs = {name: twin for (of, name), twin in twins.items() if of == cls}
+        for plugin in plugins:
+            if not plugin.knows(cls):
+                notes.append(f"{plugin.name} does not know {cls}")
+            elif frames:
+                said = list(probed(args.set, cls, frames, (plugin.name, asked[plugin.name]), pairs))
+                answers += said
+                cells.append(probe_cell(said))
+    if not cells:
+        raise UsageError("nothing was asked", hint="; ".join(notes) or f"no frame is in the split `{args.split}`")
+    table = probe_table(cells, notes)
+    if args.output is not None:
+        _write_probe(args.output, cells, answers, table)
+    print(to_markdown(table))
+    return ExitCode.OK
+
+
+def _twins_of(folder: Path | None) -> tuple[dict[tuple[str, str], tuple[Path, TwinRecord]], list[str]]:
+    """Twins by class and frame's name, with their folder; and what is to be said of them below the table."""
+    from collections import Counter
+
+    from lingjing.bench.frame_sets.twins import read_twins
+
+    if folder is None:
+        return {}, []
+    known = read_twins(folder)
+    reasons = Counter(one.reason for one in known.refused)
+    told = ", ".join(f"{number} {reason}" for reason, number in sorted(reasons.items()))
+    note = f"{len(known.taken)} pairs, {len(known.refused)} edits refused{f' ({told})' if told else ''}"
+    return {(one.cls, one.name): (folder, one) for one in known.taken}, [note]
+
+
+def _write_probe(folder: Path, cells: Sequence[ProbeCell], answers: Sequence[ProbedFrame], table: ResultTable) -> None:
+    """Answers, counts and the table in every format, in a folder that is there whole or not at all."""
+    import msgspec
+
+    from lingjing.bench.exports import EXPORTS, SUFFIXES
+    from lingjing.scene.atomic_folder import folder_beside
+
+    target = folder.absolute()
+    if target.exists():
+        raise UsageError(f"`{folder}` is there already", hint="name a new folder")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with folder_beside(target) as made:
+            (made / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in answers))
+            (made / "counts.json").write_bytes(msgspec.json.format(msgspec.json.encode(cells), indent=1) + b"\n")
+            for name, export in EXPORTS.items():
+                (made / f"table.{SUFFIXES[name]}").write_text(export(table), encoding="utf-8")
+            made.replace(target)
+    except OSError as error:
+        raise UsageError(f"cannot write `{folder}`: {error.strerror}", hint="name another folder") from error

@@ -85,6 +85,9 @@ def offers(host: PluginHost) -> Iterator[Offer]:
     for model in host.models.values():
         source = host.sources["lingjing_models", model.name]
         yield Offer(kind="model", name=model.name, source=source, notes=_price(model), summary=model.summary)
+    for detector in host.detectors.values():
+        source = host.sources["lingjing_detectors", detector.name]
+        yield Offer(kind="detector", name=detector.name, source=source, summary=detector.summary)
 
 
 def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
@@ -110,7 +113,7 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
 def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
-    if offer.kind == "model":
+    if offer.kind in ("model", "detector"):
         return ()
     if offer.kind == "scene":
         kind = scene_kind(offer.name)

@@ -7,7 +7,8 @@
 - `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from a foreign program
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `tasks`         what a mission asks for, for policies that may see its rules
-- `prompts`       the prompts of a policy, and how a better one is asked for
+- `prompts`       the prompts of a policy, and how a better one is asked for; `frame_detector` what says whether a
+  picture shows a target
 - `bodies`        measures of entities; `terrain` the ground and what stands on it; `roads` the public roads
 - `geometry`      camera rays and headings
 - `conformance`   tests for engines, policies, types, evaluators, scenes and files of kinds
@@ -16,7 +17,7 @@ Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 """
 
 __all__ = [
-    "bodies", "building", "calls", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry",
-    "hookspecs", "host", "loading", "options", "policy", "prompts", "requests", "roads", "step_clock", "tasks",
-    "terrain",
+    "bodies", "building", "calls", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet",
+    "frame_detector", "geometry", "hookspecs", "host", "loading", "options", "policy", "prompts", "requests", "roads",
+    "step_clock", "tasks", "terrain",
 ]  # fmt: skip

@@ -14,6 +14,7 @@ from lingjing.mission.instance import SceneSpec
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
+from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.scene.city import City
@@ -62,7 +63,12 @@ def lingjing_prompts() -> Iterable[PromptPlugin]:  # type: ignore[empty-body]
     """Fires once when prompts are asked for: the policies of this plug-in that have some."""
 
 
+@hookspec
+def lingjing_detectors() -> Iterable[DetectorPlugin]:  # type: ignore[empty-body]
+    """Fires once when detectors are asked for: what this plug-in offers that tells whether a frame shows a target."""
+
+
 __all__ = [
-    "ScenePlugin", "hookimpl", "hookspec", "lingjing_engines", "lingjing_evaluators", "lingjing_models",
-    "lingjing_policies", "lingjing_prompts", "lingjing_scenes",
+    "ScenePlugin", "hookimpl", "hookspec", "lingjing_detectors", "lingjing_engines", "lingjing_evaluators",
+    "lingjing_models", "lingjing_policies", "lingjing_prompts", "lingjing_scenes",
 ]  # fmt: skip

@@ -13,6 +13,7 @@ from lingjing.plugins import hookspecs
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
+from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
@@ -33,6 +34,7 @@ _DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_evaluators": (EvaluatorPlugin, "build"),
     "lingjing_models": (ModelPlugin, ""),
     "lingjing_prompts": (PromptPlugin, ""),
+    "lingjing_detectors": (DetectorPlugin, "factory"),
 }
 """What each hook offers, and the field of it that makes the thing, if one does."""
 
@@ -63,6 +65,11 @@ class PluginHost:
         """The policies that have prompts, by name."""
         return self._collect("lingjing_prompts")
 
+    @cached_property
+    def detectors(self) -> dict[str, DetectorPlugin]:
+        """What tells whether a frame shows a target, by name."""
+        return self._collect("lingjing_detectors")
+
     def engine(self, name: str) -> EnginePlugin:
         """The engine of that name, or a `UsageError` that lists what there is."""
         return self._get("engine", self.engines, name)
@@ -78,6 +85,10 @@ class PluginHost:
     def evaluator(self, name: str) -> EvaluatorPlugin:
         """The evaluator of that name, or a `UsageError` that lists what there is."""
         return self._get("evaluator", self.evaluators, name)
+
+    def detector(self, name: str) -> DetectorPlugin:
+        """The detector of that name, or a `UsageError` that lists what there is."""
+        return self._get("detector", self.detectors, name)
 
     def _load_entry_points(self) -> None:
         try:

@@ -11,6 +11,7 @@
 - `dogs`: rules of agents that command a walking body; `guidance`: of those who lead one
 
 `target_types` says what is looked for, by the classes that reports may name, and how `perception` finds it; `events`
-counts public events. In: observations and inboxes. Out: decisions of one agent. Only colours and depths are looked at,
+counts public events. `learned` is the same policy with the detectors of `perception.learned` in the place of the colour
+rules, class by class. In: observations and inboxes. Out: decisions of one agent. Only colours and depths are looked at,
 never class masks.
 """

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.geometry import box_to_plane, ground_footprint, offset_xy
@@ -45,7 +46,7 @@ from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.picture_lattice import PictureWaypoint
 from lingjing_agents.heuristic.search_plan import ALIGNED_DEG, SearchPlan, off_course_deg
 from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
-from lingjing_agents.heuristic.target_types import PEOPLE, target_type_of
+from lingjing_agents.heuristic.target_types import PEOPLE, TrainedDetectors, target_type_of
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 CONFIRMED = 0.3
@@ -80,7 +81,15 @@ class AerialSearcher:
     reads: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
     sends: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
 
-    def __init__(self, brief: Brief, body: Resource, *, sure: float = 0.5, doubtful: float = 0.05) -> None:
+    def __init__(
+        self,
+        brief: Brief,
+        body: Resource,
+        trained: TrainedDetectors = MappingProxyType({}),
+        *,
+        sure: float = 0.5,
+        doubtful: float = 0.05,
+    ) -> None:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
@@ -92,6 +101,7 @@ class AerialSearcher:
             PEOPLE,
             brief.classes[0] if brief.classes else "person",
         )
+        self._find = trained.get(self._class, self._target_type.find)
         self._sightings = self._target_type.sightings(brief)
         self._log = EventLog(self._target_type.done)
         height = brief.settings.get("altitude", 100.0) * self._target_type.aloft
@@ -186,7 +196,7 @@ class AerialSearcher:
             self._sweep.drop(goal.waypoint)
         again = goal is not None and goal.doubt is not None
         messages: tuple[Outgoing, ...] = ()
-        for find in self._target_type.find(picture.rgb, picture.pose, self._brief.water_level_m):
+        for find in self._find(picture.rgb, picture.pose, self._brief.water_level_m):
             messages += self._judge(picture, find, again=again)
         return messages
 

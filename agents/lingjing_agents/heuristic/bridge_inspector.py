@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.geometry import box_to_plane
@@ -29,7 +30,7 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.centreline import centreline, longest
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.picture_lattice import footprint
-from lingjing_agents.heuristic.target_types import GAPS, target_type_of
+from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, target_type_of
 
 STEP = 0.8
 """Distance between pictures as a share of how far one reaches along the line."""
@@ -46,11 +47,12 @@ class BridgeInspector:
     reads: ClassVar[tuple[str, ...]] = ()
     sends: ClassVar[tuple[str, ...]] = ("report",)
 
-    def __init__(self, brief: Brief, body: Resource) -> None:
+    def __init__(self, brief: Brief, body: Resource, trained: TrainedDetectors = MappingProxyType({})) -> None:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
         self._target_type, self._class = target_type_of(brief) or (GAPS, brief.classes[0] if brief.classes else "gap")
+        self._find = trained.get(self._class, self._target_type.find)
         self._report = may_send(brief, "report")
         mates = team(brief)
         floor, ceiling = rated(body, "band_low_m", 0.0), rated(body, "band_high_m", math.inf)
@@ -75,7 +77,7 @@ class BridgeInspector:
     def _look(self, picture: Picture) -> tuple[Outgoing, ...]:
         if self._report is None:
             return ()
-        finds = self._target_type.find(picture.rgb, picture.pose, self._brief.water_level_m)
+        finds = self._find(picture.rgb, picture.pose, self._brief.water_level_m)
         found = []
         for find in finds:
             place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + DECK_M)

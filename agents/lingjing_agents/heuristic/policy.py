@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import exchanged, flying_camera, sends, vehicle, vessel
 from lingjing_agents.heuristic.aerial_searcher import AerialSearcher
@@ -17,7 +19,8 @@ from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.search_coordinator import SearchCoordinator
-from lingjing_agents.heuristic.target_types import GAPS, target_type_of
+from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, target_type_of
+from lingjing_agents.perception.learned.detector import learned_detectors
 
 ROLE_RULES: tuple[type[RoleRules], ...] = (
     AerialSearcher,
@@ -37,44 +40,51 @@ ROLE_RULES: tuple[type[RoleRules], ...] = (
 
 
 class HeuristicPolicy:
-    """The rule baseline. It needs no arguments and draws no random numbers."""
+    """The rule baseline. It needs no arguments and draws no random numbers. Classes of targets for which there are
+    `trained` detectors are looked for with them, the others by the colour rules."""
 
-    def __init__(self) -> None:
+    def __init__(self, trained: TrainedDetectors = MappingProxyType({})) -> None:
+        self._trained = trained
         self._rules: RoleRules | None = None
 
     async def reset(self, brief: Brief) -> None:
         """Choose: who flies a camera over cells searches, who drives a vessel rescues, who has no body coordinates."""
-        self._rules = rules_for(brief)
+        self._rules = rules_for(brief, self._trained)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """What the rules say; nothing for an agent no rule fits."""
         return self._rules.act(observation, inbox) if self._rules is not None else Decision()
 
 
-def rules_for(brief: Brief) -> RoleRules | None:
+def learned_policy() -> HeuristicPolicy:
+    """`learned`: the same rules, with trained detectors in the place of the colour rules where one ships."""
+    return HeuristicPolicy(learned_detectors())
+
+
+def rules_for(brief: Brief, trained: TrainedDetectors = MappingProxyType({})) -> RoleRules | None:
     """The rules that fit an agent's abilities, or None: by whether it flies, sails, drives, walks or only speaks."""
     if (camera := flying_camera(brief)) is not None:
-        return _flying(brief, camera)
+        return _flying(brief, camera, trained)
     if (boat := vessel(brief)) is not None:
         return Rescuer(brief, boat)
     if (car := vehicle(brief)) is not None:
         return _driving(brief, car)
     if (dog := walking_body(brief)) is not None:
-        return DogRules(brief, dog)
+        return DogRules(brief, dog, trained)
     return None if any(resource.embodied for resource in brief.resources) else _speaking(brief)
 
 
-def _flying(brief: Brief, camera: Resource) -> RoleRules | None:
+def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRules | None:
     """Cells are searched, routes inspected, people counted, long things followed; who may guide somebody does so."""
     if brief.cells:
-        return AerialSearcher(brief, camera)
+        return AerialSearcher(brief, camera, trained)
     if exchanged(brief, "trafficJam"):
         return RouteInspector(brief, camera)
     if sends(brief, "count") is not None:
         return LineCounter(brief, camera)
     if sends(brief, "guidance") is not None:
         return LeakGuidance(brief, camera)
-    return BridgeInspector(brief, camera) if target_type_of(brief, (GAPS,)) is not None else None
+    return BridgeInspector(brief, camera, trained) if target_type_of(brief, (GAPS,)) is not None else None
 
 
 def _driving(brief: Brief, car: Resource) -> RoleRules:

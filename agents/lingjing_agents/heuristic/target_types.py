@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from lingjing.plugins.policy import Brief, CameraPose
@@ -14,6 +14,10 @@ from lingjing_agents.perception.people_at_sea import FoundBox, find_people
 
 Detector = Callable[[ByteImage, CameraPose, float], tuple[FoundBox, ...]]
 """Picture (height, width, 3), its pose and the elevation of the ground or water → finds, the surest first."""
+
+
+TrainedDetectors = Mapping[str, Detector]
+"""Detectors that take the place of the colour rules, by the class of what they find."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from the height of its flames when it is far.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from lingjing.plugins.geometry import bearing_deg, camera_axes, focal_px, pixel_
 from lingjing.plugins.policy import CameraPose
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, PixelBox, opencv
+from lingjing_agents.perception.people_at_sea import FoundBox
 
 FLAME_M = 1.75
 """How high the flames of a fire on the ground usually are, in metres."""
@@ -23,6 +25,9 @@ FLAME_M = 1.75
 EMBERS = 0.02
 """What burns lies a little below the flames: so much of their height is added to the box. Where they stand is told by
 their own foot: a row more makes a fire a third nearer than it is."""
+
+HALF = 0.5
+"""How sure somebody else must be of a box."""
 
 SMALLEST_PX = 9
 FAINT_PX = 3.5
@@ -109,13 +114,6 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> FireAhead | Non
     if heat < 0.2 * pixels or (wide > 2.5 * high + 4 and not cut) or pixels < 0.12 * wide * high:
         return None  # a stripe, scattered specks or a dull thing
     foot = min(float(pose.height), y1 + EMBERS * high)
-    ray = pixel_ray(pose, (x0 + x1) / 2.0, (y0 + y1) / 2.0)
-    bearing = bearing_deg((0.0, 0.0), ray)
-    distance = _distance_m(pose, high, float(y1), (x0 + x1) / 2.0, ground_m)
-    place = (
-        pose.position[0] + distance * math.sin(math.radians(bearing)),
-        pose.position[1] + distance * math.cos(math.radians(bearing)),
-    )
     left, top, right, low = (
         max(0.0, x0 - 1.0),
         max(0.0, y0 - 1.0),
@@ -124,6 +122,34 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> FireAhead | Non
     )
     box = (left / pose.width, top / pose.height, right / pose.width, low / pose.height)
     confidence = min(1.0, 0.3 + 0.4 * heat / pixels + 0.3 * min(1.0, pixels / 80.0))
+    return _placed(pose, patch.edges, box, confidence, ground_m)
+
+
+def fires_in_boxes(finds: Iterable[FoundBox], pose: CameraPose, ground_m: float) -> tuple[FireAhead, ...]:
+    """The fires of boxes that another detector found and is sure of by half, the nearest first: their distances follow
+    from the boxes as they would from flames."""
+    fires = []
+    for find in finds:
+        if find.confidence < HALF:
+            continue
+        x0, y0, x1, y1 = (share * side for share, side in zip(find.box, (pose.width, pose.height) * 2, strict=True))
+        high = max(1.0, (y1 - y0 - 2.0) / (1.0 + EMBERS))
+        fires.append(_placed(pose, (x0, y0 + 1.0, x1, y0 + 1.0 + high), find.box, find.confidence, ground_m))
+    return tuple(sorted(fires, key=lambda fire: (fire.distance_m, fire.box)))
+
+
+def _placed(
+    pose: CameraPose, edges: tuple[float, float, float, float], box: ImageBox, confidence: float, ground_m: float
+) -> FireAhead:
+    """A fire whose flames have these edges (pixels)."""
+    x0, y0, x1, y1 = edges
+    ray = pixel_ray(pose, (x0 + x1) / 2.0, (y0 + y1) / 2.0)
+    bearing = bearing_deg((0.0, 0.0), ray)
+    distance = _distance_m(pose, y1 - y0, float(y1), (x0 + x1) / 2.0, ground_m)
+    place = (
+        pose.position[0] + distance * math.sin(math.radians(bearing)),
+        pose.position[1] + distance * math.cos(math.radians(bearing)),
+    )
     return FireAhead(box, bearing, distance, place, confidence)
 
 

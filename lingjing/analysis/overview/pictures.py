@@ -14,11 +14,11 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from lingjing.analysis.detection import UnitBox
 from lingjing.analysis.history import History
 from lingjing.analysis.overview import style
 from lingjing.errors import LingjingError
 from lingjing.mission.operations import overlap
+from lingjing.plugins.frame_detector import UnitBox
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 

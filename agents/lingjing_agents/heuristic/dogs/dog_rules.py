@@ -7,6 +7,7 @@ Without a camera it carries out the steps it is told (`step_executor`); where re
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
@@ -16,6 +17,7 @@ from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
 from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.role_rules import RoleRules
+from lingjing_agents.heuristic.target_types import TrainedDetectors
 
 REFERENCE = "reference"
 """The camera name of pictures that show what is looked for."""
@@ -42,8 +44,8 @@ class DogRules:
     reads: ClassVar[tuple[str, ...]] = (*FireSearcher.reads, *BuildingFinder.reads)
     sends: ClassVar[tuple[str, ...]] = FireSearcher.sends
 
-    def __init__(self, brief: Brief, body: Resource) -> None:
-        self._brief, self._body = brief, body
+    def __init__(self, brief: Brief, body: Resource, trained: TrainedDetectors = MappingProxyType({})) -> None:
+        self._brief, self._body, self._trained = brief, body, trained
         self._rules: RoleRules | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -60,6 +62,6 @@ class DogRules:
         own = view_of(observation, self._body.id)
         burning = any("fire" in name for name in self._brief.classes) and may_send(self._brief, "report") is not None
         if reference is None and burning:
-            return FireSearcher(self._brief, self._body, camera)
+            return FireSearcher(self._brief, self._body, camera, self._trained)
         here = own.position[:2] if own is not None and own.position is not None else (0.0, 0.0)
         return BuildingFinder(self._brief, self._body, camera, reference, here)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
@@ -31,12 +32,16 @@ from lingjing_agents.heuristic.dogs.movement import DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.target_types import TrainedDetectors
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
-from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead
+from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead, fires_in_boxes
 from lingjing_agents.perception.obstacles_ahead import near_walls
 
 MARGIN_M = 6.0
 """Routes may leave the region by this much: dogs start outside."""
+
+EYE_M = 0.37
+"""How high over the ground the camera of a dog is."""
 
 REPORTABLE = 0.6
 BESIDE_M = 0.6
@@ -84,8 +89,12 @@ class FireSearcher:
     reads: ClassVar[tuple[str, ...]] = ("report", "status")
     sends: ClassVar[tuple[str, ...]] = ("report", "status")
 
-    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec) -> None:
+    def __init__(
+        self, brief: Brief, body: Resource, camera: CameraSpec, trained: TrainedDetectors = MappingProxyType({})
+    ) -> None:
         self._brief, self._body, self._camera = brief, body, camera
+        self._class = (*brief.classes, "fire")[0]
+        self._trained = trained.get(self._class)
         self._report, self._status = may_send(brief, "report"), may_send(brief, "target_status")
         polygons = tuple(region.polygon for region in brief.regions if region.polygon)
         corners = tuple(corner for polygon in polygons for corner in polygon)
@@ -158,7 +167,7 @@ class FireSearcher:
         self._snapped = here, pose.heading_deg
         self._looked = True
         self._seen_ground.see(here, pose.heading_deg, self._half_deg)
-        for flames in find_fires_ahead(picture.rgb, pose, pose.position[2] - 0.37):
+        for flames in self._fires_in(picture):
             place = self._inside(here, flames.place)
             if place is None:
                 continue
@@ -177,6 +186,12 @@ class FireSearcher:
         for a, b in pairwise(walls):
             if math.dist(a, b) <= ONE_WALL_M:
                 self._movement.map.wall(a, b)
+
+    def _fires_in(self, picture: Picture) -> tuple[FireAhead, ...]:
+        ground_m = picture.pose.position[2] - EYE_M
+        if self._trained is None:
+            return find_fires_ahead(picture.rgb, picture.pose, ground_m)
+        return fires_in_boxes(self._trained(picture.rgb, picture.pose, ground_m), picture.pose, ground_m)
 
     def _is_visible(self, here: GroundPoint, place: GroundPoint) -> bool:
         """Whether no known wall hides a place. Just behind one is the inside of a building: not worth a look."""
@@ -200,7 +215,7 @@ class FireSearcher:
         if flames.distance_m > CLOSER * fire.reported_from_m:
             return
         fire.reported_from_m = flames.distance_m
-        cls, where = (*self._brief.classes, "fire")[0], (*centimetres(flames.place), 0.0)
+        cls, where = self._class, (*centimetres(flames.place), 0.0)
         self._outbox.append(sighting(self._report, picture.frame, cls, flames.box, where, flames.confidence))
 
     def _tell(self, task: str, state: str, place: GroundPoint) -> None:

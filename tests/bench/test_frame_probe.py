@@ -1,0 +1,231 @@
+"""Twins that are taken in or refused with a reason, and the probe's counts, F1 and tables by hand."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lingjing.bench.frame_sets.balance import class_set
+from lingjing.bench.frame_sets.folder import read_class, write_set
+from lingjing.bench.frame_sets.probe import Confusion, ProbedFrame, probe_cell, probe_table, probed
+from lingjing.bench.frame_sets.twins import TWINS, read_twins, take_in, twin_picture
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.plugins.frame_detector import FrameAnswer, FrameQuestion
+from lingjing.trace.images import encode_jpeg
+from lingjing.trace.records import Box
+from tests.bench.frame_kit import POSE, made_frame
+
+PERSON = "person_in_water"
+BOX = (0.25, 0.25, 0.5, 0.75)
+SCENE = {1: BOX, 2: BOX, 3: None, 4: None}
+"""Frames by number: where a target is, if one is."""
+
+
+def drawn(number: int, *, photo: bool = False, box: tuple[float, float, float, float] | None = BOX) -> np.ndarray:
+    """Waves and a target; as a photo in other colours, with noise and less contrast."""
+    rows, columns = np.mgrid[0:48, 0:64]
+    grey = 90 + 25 * np.sin(columns / 5 + number) + 15 * np.cos(rows / 4)
+    if box is not None:
+        x0, y0, x1, y1 = (round(share * side) for share, side in zip(box, (64, 48, 64, 48), strict=True))
+        grey[y0:y1, x0:x1] = 230
+    if photo:
+        grey = 40 + 0.7 * grey + np.random.default_rng(number).normal(0, 3, grey.shape)
+    colours = (0.8, 1.0, 0.9) if photo else (0.7, 0.9, 1.0)
+    return np.clip(np.stack([grey * gain for gain in colours], axis=2), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    """A set of two frames with a target and two without."""
+    import hashlib
+
+    pictures = {n: encode_jpeg(drawn(n, box=box)) for n, box in SCENE.items()}
+    frames = [
+        made_frame(
+            n, sha256=hashlib.sha256(pictures[n]).hexdigest(),
+            boxes=() if box is None else (Box(entity="victim[1]", cls=PERSON, box=box, pixels=300, contrast=90.0),),
+        )
+        for n, box in SCENE.items()
+    ]  # fmt: skip
+    write_set(tmp_path / "set", [class_set(frames, PERSON)], {f.name: pictures[f.tick] for f in frames}.__getitem__)
+    return tmp_path / "set"
+
+
+def edit(made: Path, edits: Mapping[int, np.ndarray | bytes]) -> Path:
+    """A folder with edits by the numbers of their frames."""
+    import PIL.Image
+
+    folder = made.parent / "edited"
+    folder.mkdir()
+    for one in read_class(made, PERSON):
+        found = edits.get(one.frame.tick)
+        if isinstance(found, bytes):
+            (folder / f"{Path(one.frame.name).stem}.png").write_bytes(found)
+        elif found is not None:
+            PIL.Image.fromarray(found).save(folder / f"{Path(one.frame.name).stem}.png")
+    return folder
+
+
+def refused(made: Path, **edits: np.ndarray | bytes) -> dict[int, str]:
+    """Why edits are refused, by the numbers of their frames (`e1`)."""
+    numbers = {int(name[1:]): picture for name, picture in edits.items()}
+    twins = take_in(made, edit(made, numbers), made.parent / "twins", {})
+    names = {one.frame.name: one.frame.tick for one in read_class(made, PERSON)}
+    return {names[one.name]: one.reason for one in twins.refused}
+
+
+def good() -> dict[str, np.ndarray | bytes]:
+    return {f"e{n}": drawn(n, photo=True, box=box) for n, box in SCENE.items()}
+
+
+def test_edits_that_keep_what_is_there_become_twins(made: Path) -> None:
+    assert refused(made, **good()) == {}
+    twins = read_twins(made.parent / "twins")
+    assert len(twins.taken) == 4
+    assert all(twin_picture(made.parent / "twins", one) for one in twins.taken)
+
+
+@pytest.mark.parametrize(
+    ("edited", "reasons"),
+    [
+        ({"e1": b"no picture"}, {1: "unreadable"}),
+        ({"e1": drawn(1, photo=True)[:40]}, {1: "size"}),
+        ({"e1": drawn(1, photo=True, box=None)}, {1: "target"}),
+        ({"e3": np.random.default_rng(5).integers(0, 255, (48, 64, 3)).astype(np.uint8)}, {3: "view"}),
+    ],
+)
+def test_edits_that_changed_more_than_the_looks_are_refused_with_the_reason(
+    made: Path, edited: dict[str, np.ndarray | bytes], reasons: dict[int, str]
+) -> None:
+    assert refused(made, **{**good(), **edited}) == reasons
+
+
+def test_an_edit_that_changed_nothing_and_one_that_is_not_there_are_refused(made: Path) -> None:
+    from lingjing.trace.images import decode_jpeg
+
+    same = decode_jpeg(encode_jpeg(drawn(1)))
+    assert refused(made, **{**good(), "e1": same, "e3": None}) == {1: "unchanged", 3: "missing"}  # type: ignore[arg-type]
+
+
+def test_somebodys_refusals_count_with_their_reasons_and_must_name_frames(made: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    folder = edit(made, {n: drawn(n, photo=True, box=box) for n, box in SCENE.items()})
+    name = read_class(made, PERSON)[0].frame.name
+    listed = made.parent / "refused.csv"
+    listed.write_text(f'{name},"a second person, added"\n')
+    out = made.parent / "twins"
+    command = ["frames", "twins", str(made), str(folder), "-o", str(out), "--refuse", str(listed)]
+    assert main(command) == ExitCode.OK
+    assert "3 twins taken in, 1 edits refused: 1 a second person, added" in capsys.readouterr().out
+    assert [one.reason for one in read_twins(out).refused] == ["a second person, added"]
+    listed.write_text("another.jpg,why\n")
+    assert main([*command[:-3], str(made.parent / "more"), *command[-2:]]) == ExitCode.USAGE
+    assert "the set has no such frame" in capsys.readouterr().err
+    assert not (made.parent / "more").exists()
+
+
+def test_a_twin_that_has_changed_since_is_told(made: Path) -> None:
+    refused(made, **good())
+    folder = made.parent / "twins"
+    twin = read_twins(folder).taken[0]
+    (folder / twin.file).write_bytes(b"other")
+    with pytest.raises(UsageError, match="has changed since"):
+        twin_picture(folder, twin)
+    (folder / TWINS).write_text("{}")
+    with pytest.raises(UsageError, match="not what this version writes"):
+        read_twins(folder)
+
+
+def said(n: int, truth: bool, frame: bool, twin: bool | None = None) -> ProbedFrame:
+    return ProbedFrame(detector="d", cls=PERSON, name=str(n), truth=truth, said=frame, twin_said=twin)
+
+
+def test_f1_is_counted_as_the_paper_says() -> None:
+    """Frames: TP 3, FN 1, FP 1, TN 3 → 6/8. Twins: TP 1, FN 3, FP 0, TN 4 → 2/5."""
+    answers = [
+        *(said(n, True, n < 3, n < 1) for n in range(4)),
+        *(said(n, False, n == 4, False) for n in range(4, 8)),
+    ]
+    cell = probe_cell(answers)
+    assert cell.frames == Confusion(true_positives=3, false_positives=1, false_negatives=1, true_negatives=3)
+    assert cell.twins == Confusion(true_positives=1, false_positives=0, false_negatives=3, true_negatives=4)
+    assert (cell.f1, cell.twin_f1) == (pytest.approx(6 / 8), pytest.approx(2 / 5))
+    assert cell.difference == pytest.approx(2 / 5 - 6 / 8)
+    assert cell.difference_bounds.low < cell.difference < cell.difference_bounds.high <= 1.0
+    assert cell.f1_bounds.low < 6 / 8 < cell.f1_bounds.high
+
+
+def test_only_pairs_count_where_there_are_twins() -> None:
+    cell = probe_cell([said(1, True, True, True), said(2, True, False, None)])
+    assert (cell.pairs, cell.counted, cell.f1, cell.twin_f1, cell.difference) == (1, 1, 1.0, 1.0, 0.0)
+
+
+def test_without_twins_there_is_no_difference_and_over_nothing_no_f1() -> None:
+    cell = probe_cell([said(1, False, False)])
+    assert (cell.pairs, cell.f1, cell.twins, cell.difference) == (0, None, None, None)
+    assert math.isnan(cell.f1_bounds.low)
+    (line,) = probe_table([cell]).lines
+    assert [each.text for each in line.cells] == ["1", "N/A", "–", "–", "N/A", "N/A", "0"]
+
+
+@dataclass
+class Bright:
+    """Says yes where a picture is bright somewhere, with a box that is half right, and fails on dark pictures."""
+
+    limit: int = 215
+
+    def answer(self, question: FrameQuestion) -> FrameAnswer:
+        assert question.rgb.shape == (48, 64, 3)
+        assert question.pose == POSE
+        if question.rgb.max() < 60:
+            return FrameAnswer(False, failure="too dark")
+        yes = bool(question.rgb.max() > self.limit)
+        return FrameAnswer(yes, ((0.25, 0.25, 0.5, 0.75), (0.0, 0.0, 0.1, 0.1)) if yes else ())
+
+
+def test_a_detector_is_asked_of_frames_and_twins_and_its_boxes_are_judged(made: Path) -> None:
+    edits = good() | {"e2": drawn(2, photo=True) // 8}
+    refused(made, **edits)
+    folder = made.parent / "twins"
+    twins = {one.name: (folder, one) for one in read_twins(folder).taken}
+    found = list(probed(made, PERSON, read_class(made, PERSON), ("bright", Bright()), twins))
+    by_number = {one.name.rsplit("-f", 1)[1]: one for one in found}
+    assert {name: (one.truth, one.said, one.twin_said) for name, one in by_number.items()} == {
+        "1.jpg": (True, True, False), "2.jpg": (True, True, False), "3.jpg": (False, False, False),
+        "4.jpg": (False, False, False),
+    }  # fmt: skip
+    cell = probe_cell(found)
+    assert (cell.precision, cell.recall, cell.unanswered) == (0.5, 1.0, 1)
+
+
+def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    out = tmp_path / "probe"
+    assert main(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.OK
+    assert "| colours |" in capsys.readouterr().out
+    assert sorted(path.name for path in out.iterdir()) == [
+        "answers.jsonl", "counts.json", "table.csv", "table.html", "table.md", "table.tex",
+    ]  # fmt: skip
+    (counts,) = json.loads((out / "counts.json").read_text())
+    assert sum(counts["frames"].values()) == 4
+    assert main(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.USAGE
+    assert "there already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--detector", "nose"], "no detector is called `nose`"),
+        (["--detector", "colours", "--detector-arg", "size=3"], "size"),
+        (["--detector", "model"], "model"),
+        (["--classes", "whale"], "the set has no `whale`"),
+        (["--split", "validation"], "nothing was asked"),
+        (["--twins", "."], "holds no twins"),
+    ],
+)
+def test_what_the_probe_refuses(made: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
+    assert main(["frames", "probe", str(made), *options]) == ExitCode.USAGE
+    assert message in capsys.readouterr().err
