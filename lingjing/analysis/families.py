@@ -18,8 +18,8 @@ the breakdown began and the chain of records that shows it: agent, action, messa
   among several agents with bodies and where nothing had to be found, a stage that another depends on was never done, or
   a body was never permitted to move.
 - `coordination_deadlock`: the target, or one that it waits for, was assigned, and `DELAY` ticks passed in which the
-  assignee did nothing, or, where no record names it, nobody with a body did anything; or two commands for the
-  assignee's body were refused as `conflict` while it was open.
+  assignee did nothing though it was known where the target is, or, where no record names it, nobody with a body did
+  anything; or two commands for the assignee's body were refused as `conflict` while it was open.
 - `context_drift`: while the assignment was open, the body was sent to other targets or completed ones (a forgotten
   subgoal) or `STUBBORN` times to one place where no target is, or an agent that controls it did the same refused thing
   `STUBBORN` times in a row.
@@ -340,6 +340,11 @@ def _deadlock(story: _Story, target: str) -> Attribution | None:
         link = RecordLink(kind="relation", tick=tick, record="information_handoff", text=f"{target} is handed over")
     else:
         return None
+    if story.judged:
+        known = _known(story, target)
+        if known is None:
+            return None  # who waits for what nobody has found is not to blame
+        tick = max(tick, known)
     for found in (_waiting(story, tick, body), _quarrel(story, tick, body)):
         if found:
             return Attribution(family="coordination_deadlock", target=target, tick=found[0].tick, chain=(link, *found))
