@@ -16,7 +16,7 @@ from lingjing.plugins.prompts import PromptPlugin
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
-    """The six reference policies."""
+    """The six reference policies, and two with planted faults."""
     return (
         PolicyPlugin(
             name="random",
@@ -51,6 +51,19 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             factory=Factory("replay", "ScriptedPolicy"),
             options="lingjing_agents.replay:ScriptOptions",
             summary="replays decisions from a JSON file",
+        ),
+        PolicyPlugin(
+            name="faulty-oracle",
+            factory=Factory("faulty.policy", "faulty_oracle"),
+            options="lingjing_agents.faulty.options:FaultyOptions",
+            privileged=True,
+            summary="the oracle with planted faults, to measure what finds them",
+        ),
+        PolicyPlugin(
+            name="faulty-heuristic",
+            factory=Factory("faulty.policy", "faulty_heuristic"),
+            options="lingjing_agents.faulty.options:FaultyOptions",
+            summary="the heuristic with planted faults",
         ),
     )
 

@@ -147,9 +147,26 @@ class Suite(SuitePart):
 PartT = TypeVar("PartT", bound=SuitePart)
 
 
+ATTRIBUTION = "planted"
+"""The key of a suite that measures methods of attribution (`lingjing.bench.attribution`) and is of another form."""
+
+
 def shipped_suites() -> tuple[str, ...]:
-    """The names of the suites that come with the package, sorted."""
+    """The names of the suites of this form that come with the package, sorted."""
+    return tuple(name for name in _shipped_names() if ATTRIBUTION not in read_document(_shipped_path(name)))
+
+
+def _shipped_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in data_path("suites").glob("*.toml")))
+
+
+def _shipped_path(name: str) -> Path:
+    return data_path("suites", f"{name}.toml")
+
+
+def attribution_suites() -> tuple[str, ...]:
+    """The names of the suites that measure methods of attribution, sorted."""
+    return tuple(name for name in _shipped_names() if ATTRIBUTION in read_document(_shipped_path(name)))
 
 
 def find_suite(word: str) -> Path:
@@ -163,9 +180,9 @@ def find_suite(word: str) -> Path:
     except OSError:  # a name longer than any file system takes
         pass
     named = path.parts[1:] if path.parts[:1] == ("suites",) else path.parts
-    if len(named) == 1 and named[0].removesuffix(".toml") in shipped_suites():
-        return data_path("suites", f"{named[0].removesuffix('.toml')}.toml")
-    said = did_you_mean(path.stem, shipped_suites(), "suites")
+    if len(named) == 1 and named[0].removesuffix(".toml") in _shipped_names():
+        return _shipped_path(named[0].removesuffix(".toml"))
+    said = did_you_mean(path.stem, _shipped_names(), "suites")
     raise UsageError(f"there is no suite `{word[:300]}`", hint=said or "`lingjing bench list` lists those that ship")
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.cli.arguments import parse_seeds
+from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
@@ -55,6 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
     _add_results(card)
     card.add_argument("-o", "--output", metavar="OUT.md", help="a file (default: standard output)")
     card.set_defaults(handler=_card)
+    add_plant(actions.add_parser("plant", help="make episodes with known faults", description=plant_faults.__doc__))
     listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
     parser.set_defaults(handler=handler)
@@ -75,6 +77,7 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument("--seeds", metavar="A-B", help="other seeds than the suite's, both ends included")
     play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds, to try it")
     play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of all its entrants")
+    play.add_argument("--method", metavar="NAME", nargs="+", help="these methods of attribution (`planted` alone)")
     play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
     play.add_argument("--executor", choices=("local", "ray"), help="who plays: this machine, or a Ray cluster")
     play.add_argument("--ray-address", metavar="ADDRESS", default="auto", help="the cluster (default: the one here)")
@@ -96,6 +99,7 @@ def handler(args: argparse.Namespace) -> int:
 
 def _play(args: argparse.Namespace) -> int:
     """Play what is missing, keep rows and tables in the folder, print the suite's tables."""
+    from lingjing.bench.attribution import is_attribution_suite
     from lingjing.bench.folder import open_results
     from lingjing.bench.money import check_ready, is_paid
     from lingjing.bench.planning import read_plan
@@ -106,8 +110,13 @@ def _play(args: argparse.Namespace) -> int:
     from lingjing.plugins.host import PluginHost
 
     _check_numbers(args)
+    path = find_suite(args.suite)
+    if is_attribution_suite(path):
+        return measure(path, args)
+    if args.method:
+        raise UsageError(f"--method: the suite `{args.suite}` measures no methods of attribution")
     shard = shard_of(args.shard) if args.shard else None
-    plan = read_plan(find_suite(args.suite), PluginHost(), args.policy or ())
+    plan = read_plan(path, PluginHost(), args.policy or ())
     cells = _chosen(plan, args)
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
     seeds = seeds[: args.limit] if args.limit else seeds
@@ -236,12 +245,16 @@ def _card(args: argparse.Namespace) -> int:
 
 def _list(args: argparse.Namespace) -> int:
     """Print the name of every shipped suite with its title and its size."""
-    from lingjing.bench.suite import Suite, find_suite, read_document, shipped_suites
+    from lingjing.bench.attribution import read_attribution_suite
+    from lingjing.bench.suite import Suite, attribution_suites, find_suite, read_document, shipped_suites
 
     for name in shipped_suites():
         suite = Suite.model_validate(read_document(find_suite(name)))
         who = f"{len(suite.entrants)} entrant{'s' * (len(suite.entrants) > 1)}"
         print(f"{name:<14}{suite.title} ({who}, {len(suite.seeds)} seeds)")
+    for name in attribution_suites():
+        measured, episodes = read_attribution_suite(find_suite(name))
+        print(f"{name:<14}{measured.title} ({len(episodes)} episodes)")
     return ExitCode.OK
 
 

@@ -1,0 +1,64 @@
+"""The options of the faulty policies: the planted faults."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import field_validator, model_validator
+
+from lingjing.plugins.options import Field, PluginOptions
+
+Faculty = Literal["perception", "localisation", "waypoint", "routing", "handoff", "execution"]
+Way = Literal["blind", "displaced", "mirrored", "dropped", "misaddressed", "withheld", "halted"]
+
+WAYS: dict[Faculty, tuple[Way, ...]] = {
+    "perception": ("blind",),
+    "localisation": ("displaced",),
+    "waypoint": ("displaced",),
+    "routing": ("displaced", "mirrored"),
+    "handoff": ("dropped", "misaddressed"),
+    "execution": ("withheld", "halted"),
+}
+"""How each faculty can fail, the usual way first."""
+
+
+class PlantedFault(PluginOptions):
+    """One fault: a faculty of an agent fails in a way, from a boundary on."""
+
+    agent: str = Field(description="the agent's id")
+    faculty: Faculty = Field(description="what fails")
+    boundary: int = Field(ge=0, description="the first boundary at which it fails")
+    boundaries: int = Field(0, ge=0, description="at how many boundaries it fails; 0: to the end")
+    way: Way | None = Field(None, description="how it fails; not given: the faculty's usual way")
+    east_m: float = Field(300.0, ge=-10_000, le=10_000, description="how far off to the east, for `displaced`")
+    north_m: float = Field(0.0, ge=-10_000, le=10_000, description="how far off to the north, for `displaced`")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.way is not None and self.way not in WAYS[self.faculty]:
+            known = ", ".join(WAYS[self.faculty])
+            raise ValueError(f"{self.faculty} cannot be `{self.way}`; its ways are {known}")
+        return self
+
+    @property
+    def chosen(self) -> Way:
+        """How it fails."""
+        return self.way or WAYS[self.faculty][0]
+
+    def acts(self, agent: str, boundary: int) -> bool:
+        """Whether it makes this agent fail at this boundary."""
+        end = self.boundary + self.boundaries if self.boundaries else boundary + 1
+        return agent == self.agent and self.boundary <= boundary < end
+
+
+class FaultyOptions(PluginOptions):
+    """What a faulty policy is told."""
+
+    faults: tuple[PlantedFault, ...] = Field((), description="the planted faults as a JSON list; none: no fault")
+
+    @field_validator("faults")
+    @classmethod
+    def _one_each(cls, faults: tuple[PlantedFault, ...]) -> tuple[PlantedFault, ...]:
+        if len({(one.agent, one.faculty) for one in faults}) < len(faults):
+            raise ValueError("an agent's faculty fails in one way: two faults name the same agent and faculty")
+        return faults

@@ -1,0 +1,76 @@
+"""`lingjing bench plant`, and `lingjing bench SUITE` for a suite that measures methods of attribution."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from lingjing.cli.arguments import parse_seeds
+from lingjing.cli.files import write_whole
+from lingjing.cli.parser import ArgumentParser
+from lingjing.errors import ExitCode, UsageError
+
+
+def add_plant(plant: ArgumentParser) -> None:
+    """Declare the options of `plant`."""
+    plant.add_argument("-o", "--output", metavar="OUT.jsonl", type=Path, required=True, help="the file of episodes")
+    plant.add_argument("--columns", metavar="NAME", nargs="+", help="missions in modes, as ssr-star (default: all)")
+    plant.add_argument("--policies", nargs="+", choices=("oracle", "heuristic"), default=["oracle", "heuristic"])
+    plant.add_argument("--seeds", metavar="A-B", default="1-6", help="seeds in which faults are tried (default 1-6)")
+    plant.add_argument("--most", metavar="N", type=int, default=3, help="episodes of one fault a seed (default 3)")
+    plant.add_argument("--tries", metavar="N", type=int, default=6, help="faults tried a seed (default 6)")
+    plant.add_argument("--plays", metavar="N", type=int, help="episodes played at most; what was tried is kept")
+    plant.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
+    plant.set_defaults(handler=plant_faults)
+
+
+def plant_faults(args: argparse.Namespace) -> int:
+    """Make the file of episodes with planted faults; what was tried is kept beside it, so that it can go on."""
+    from lingjing.bench.columns import columns, shipped
+    from lingjing.bench.executors import LocalExecutor
+    from lingjing.bench.planted import encode_planted
+    from lingjing.bench.planting import Planting, PlantingPlan
+
+    if min(args.most, args.tries, args.jobs) < 1 or (args.plays is not None and args.plays < 0):
+        raise UsageError("--most, --tries and -j are 1 or more, --plays 0 or more")
+    known = {column.name: column for column in columns(shipped())}
+    unknown = [name for name in args.columns or () if name not in known]
+    if unknown:
+        raise UsageError(f"--columns {unknown[0]}: no such column", hint=f"there are {', '.join(known)}")
+    wanted = [known[name] for name in args.columns or known]
+    found = []
+    for policy in args.policies:
+        plan = PlantingPlan(policy, parse_seeds(args.seeds), args.most, args.tries, plays=args.plays)
+        folder = args.output.with_name(f"{args.output.name}.tried") / policy
+        found += Planting(plan, folder, LocalExecutor(args.jobs), _say).run(wanted)
+        write_whole(str(args.output), encode_planted(found).decode())
+    ones = sum(one.kind == "one" for one in found)
+    print(f"{args.output}: {ones} episodes with one fault that loses them, {len(found) - ones} decoys")
+    return ExitCode.OK
+
+
+def measure(path: Path, args: argparse.Namespace) -> int:
+    """Play a suite's episodes with planted faults, ask its methods of them, print tables."""
+    from lingjing.bench.attribution import AttributionRun, attribution_tables, find_method, read_attribution_suite
+    from lingjing.bench.executors import LocalExecutor
+    from lingjing.bench.exports import EXPORTS
+    from lingjing.play.folders import RUNS
+
+    suite, episodes = read_attribution_suite(path)
+    chosen = [one for one in episodes if one.mission in (args.missions or (one.mission,))]
+    chosen = [one for one in chosen if one.mode in (args.modes or (one.mode,))][: args.limit]
+    names: Sequence[str] = args.method or suite.methods
+    methods = {name: find_method(name) for name in names}
+    if args.check or not chosen:
+        _say(f"{path}: {len(chosen)} episodes with planted faults, methods: {', '.join(names)}")
+        return ExitCode.OK
+    run = AttributionRun(args.output or RUNS / "bench" / suite.name, methods, LocalExecutor(args.jobs), _say)
+    tables = attribution_tables(run.run(chosen), suite.title or suite.name)
+    sys.stdout.write("\n".join(map(EXPORTS["markdown"], tables)))
+    return ExitCode.OK
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,237 @@
+"""Episodes with planted faults: their file, what is counted of a method's answers, and what methods get to see."""
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench.attribution import (
+    METHODS,
+    AttributionMethod,
+    AttributionRow,
+    AttributionRun,
+    NamedFault,
+    attribution_tables,
+    find_method,
+    read_attribution_suite,
+)
+from lingjing.bench.columns import columns, shipped
+from lingjing.bench.executors import LocalExecutor
+from lingjing.bench.planted import FACULTIES, FaultLabel, PlantedEpisode, encode_planted, read_planted
+from lingjing.bench.planting import Planting, PlantingPlan, first_change, occasions
+from lingjing.bench.suite import attribution_suites, find_suite, shipped_suites
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.play.episode import run
+from lingjing.play.parallel import EpisodeTask
+from lingjing.play.report import EpisodeReport
+from lingjing.trace.reader import Trace, read_trace
+
+SHIPPED = find_suite("planted")
+FAULT = FaultLabel(agent="scout[1]", faculty="perception", boundary=7, way="blind")
+OTHER = FaultLabel(agent="skipper", faculty="execution", boundary=3, way="withheld")
+
+
+def episode(kind: str = "one", *faults: FaultLabel, seed: int = 1) -> PlantedEpisode:
+    return PlantedEpisode(
+        kind=kind, mission="ssr", mode="star", seed=seed, base="oracle", faults=faults, without="a", digest="b",
+        reason="budget", ticks=60,
+    )  # fmt: skip
+
+
+def answer(planted: PlantedEpisode, *named: NamedFault, method: str = "m", **more: object) -> AttributionRow:
+    return AttributionRow(method=method, episode=planted, named=named, **more)
+
+
+def named(agent: str, faculty: str, boundary: int | None = None) -> NamedFault:
+    return NamedFault(agent=agent, faculty=faculty, boundary=boundary)
+
+
+# -- the file
+
+
+def test_the_file_reads_back_in_one_order(tmp_path: Path) -> None:
+    some = [episode("one", FAULT, seed=2), episode("none"), episode("two", FAULT, OTHER)]
+    path = tmp_path / "planted.jsonl"
+    path.write_bytes(encode_planted(some))
+    assert set(read_planted(path)) == set(some)
+    assert encode_planted(reversed(some)) == path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(b"lingjing-planted/1", b"lingjing-planted/9"))
+    with pytest.raises(UsageError, match="of the format lingjing-planted/9"):
+        read_planted(path)
+    path.write_bytes(b"")
+    with pytest.raises(UsageError, match="no file of planted faults"):
+        read_planted(path)
+
+
+def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
+    suite, episodes = read_attribution_suite(SHIPPED)
+    assert suite.name == "planted"
+    assert len({one.name for one in episodes}) == len(episodes)
+    known = {(column.mission, column.mode) for column in columns(shipped())}
+    for one in episodes:
+        assert (one.mission, one.mode) in known
+        assert len(one.faults) == {"one": 1, "two": 2, "harmless": 1, "none": 0}[one.kind]
+        assert (one.reason == "success") == (one.kind in ("harmless", "none"))
+        assert (one.digest == one.without) == (one.kind == "none")
+        assert all(fault.faculty in FACULTIES for fault in one.faults)
+        assert one.options().policy == f"faulty-{one.base}"
+    assert encode_planted(episodes) == (SHIPPED.parent / suite.planted).read_bytes()
+
+
+def test_it_is_no_suite_of_the_usual_form(capsys: pytest.CaptureFixture[str]) -> None:
+    assert attribution_suites() == ("planted",)
+    assert "planted" not in shipped_suites()
+    assert main(["bench", "list"]) == ExitCode.OK
+    assert "Attribution of planted faults" in capsys.readouterr().out
+    assert main(["bench", "planted", "--check", "--missions", "ssr"]) == ExitCode.OK
+    assert "methods: families" in capsys.readouterr().err
+    assert main(["bench", "reference", "--check", "--method", "families"]) == ExitCode.USAGE
+    assert "measures no methods" in capsys.readouterr().err
+
+
+# -- what is counted
+
+
+def test_agent_and_faculty_must_both_be_right() -> None:
+    one = episode("one", FAULT)
+    assert answer(one, named("scout[1]", "perception", 8)).names_first
+    assert not answer(one, named("scout[2]", "perception", 7)).names_first
+    assert not answer(one, named("scout[1]", "localisation", 7)).names_first
+    assert not answer(one).names_first
+    late = answer(one, named("skipper", "execution", 7), named("scout[1]", "perception", 7))
+    assert (late.names_first, late.names_all, late.boundary_off) == (False, True, None)
+    assert answer(one, named("scout[1]", "perception", 5)).boundary_off == 2
+    assert answer(one, named("scout[1]", "perception")).boundary_off is None
+    both = episode("two", FAULT, OTHER)
+    assert answer(both, named("skipper", "execution"), named("scout[1]", "perception")).names_all
+    assert not answer(both, named("skipper", "execution")).names_all
+
+
+def test_the_table_by_hand() -> None:
+    rows = [
+        answer(episode("one", FAULT, seed=1), named("scout[1]", "perception", 8)),
+        answer(episode("one", FAULT, seed=2), named("scout[1]", "perception", 9)),
+        answer(episode("one", FAULT, seed=3)),
+        answer(episode("one", OTHER, seed=4), standing="failed", detail="ValueError: no"),
+        answer(episode("one", OTHER, seed=5), standing="differs"),
+        answer(episode("two", FAULT, OTHER), named("scout[1]", "perception"), named("skipper", "execution")),
+        answer(episode("harmless", FAULT, seed=6), named("scout[1]", "perception")),
+        answer(episode("none", seed=7)),
+    ]
+    whole, by_faculty, by_mission = attribution_tables(rows, "T")
+    (line,) = whole.lines
+    assert [cell.text.partition(" ")[0] for cell in line.cells] == ["2/4", "2/4", "1/4", "1/1", "0/1", "1/1"]
+    assert line.cells[0].text == "2/4 (50.0, 15.0 to 85.0)"  # Wilson's interval of 2 of 4
+    assert len(whole.notes) == 2
+    assert [(found.label, found.cells[0].value) for found in by_faculty.lines] == [
+        (("perception",), pytest.approx(200 / 3)), (("execution",), 0.0),
+    ]  # fmt: skip
+    assert [(found.label, found.cells[0].value) for found in by_mission.lines] == [(("ssr", "oracle"), 50.0)]
+    assert math.isnan(attribution_tables(rows[:1], "T")[0].lines[0].cells[3].value)
+
+
+# -- methods and episodes
+
+
+class Stored:
+    """Plays nothing: each episode is the same stored trace."""
+
+    jobs = 1
+
+    def __init__(self, report: EpisodeReport) -> None:
+        self.report, self.played = report, 0
+
+    def play(self, tasks: Iterable[EpisodeTask]) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+        for task in tasks:
+            self.played += 1
+            yield task, self.report
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> EpisodeReport:
+    """A little harbour in which the skipper's commands are not sent from the third boundary on."""
+    fault = {"agent": "skipper[1]", "faculty": "execution", "boundary": 2}
+    return run(
+        Path(__file__).parents[1] / "causal" / "shrink" / "harbour.ljs", policy="faulty-oracle", seed=3,
+        settings={"people": 1.0, "boats": 1.0}, policy_args={"faults": [fault]}, overview=False,
+        out=tmp_path_factory.mktemp("harbour") / "episode",
+    )  # fmt: skip
+
+
+def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: Path) -> None:
+    seen: dict[str, object] = {}
+
+    def looks(name: str) -> AttributionMethod:
+        def ask(trace: Trace) -> list[NamedFault]:
+            seen[name] = trace.header.bindings[0].arguments
+            return [named("skipper[1]", "execution", 2)]
+
+        return AttributionMethod(ask, redrives=name == "again")
+
+    def raises(trace: Trace) -> list[NamedFault]:
+        raise RuntimeError("no idea")
+
+    methods = {"reads": looks("reads"), "again": looks("again"), "raises": AttributionMethod(raises)}
+    one = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
+    other = msgspec.structs.replace(one, seed=2, digest="another")
+    executor = Stored(report)
+    rows = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
+    assert seen["reads"] == {}
+    assert "execution" in str(seen["again"])
+    assert [row.standing for row in rows] == ["answered", "answered", "failed", *["differs"] * 3]
+    assert rows[2].detail == "RuntimeError: no idea"
+    assert executor.played == 2
+    again = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
+    assert again == rows
+    assert executor.played == 2  # answers are kept
+
+
+def test_a_method_in_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text("def first(trace):\n    return [('a', 'handoff', 4), ('b', 'routing', None)]\n")
+    method = find_method(f"{path}:first")
+    assert tuple(method.ask(None)) == (named("a", "handoff", 4), named("b", "routing"))  # type: ignore[arg-type]
+    for wrong in ("nothing", f"{path}:second", str(tmp_path / "not.py:first")):
+        with pytest.raises(UsageError):
+            find_method(wrong)
+    assert "families" in METHODS
+
+
+@pytest.mark.slow
+def test_occasions_are_where_faculties_were_used(tmp_path: Path) -> None:
+    place = tmp_path / "whole"
+    harbour = Path(__file__).parents[1] / "causal" / "shrink" / "harbour.ljs"
+    settings = {"people": 1.0, "boats": 1.0}
+    whole = read_trace(run(harbour, policy="faulty-oracle", seed=3, settings=settings, out=place, overview=False).trace)
+    used = occasions(whole)
+    assert {(one.faculty, one.way) for one in used} >= {("waypoint", "displaced"), ("execution", "withheld")}
+    first = next(one for one in used if one.faculty == "execution")
+    lost = run(
+        harbour, policy="faulty-oracle", seed=3, settings=settings, out=tmp_path / "lost", overview=False,
+        policy_args={"faults": [msgspec.to_builtins(first)]},
+    )  # fmt: skip
+    assert not lost.success
+    assert first_change(whole, read_trace(lost.trace)) == (first.boundary, (first.agent,))
+    assert first_change(whole, whole) == (None, ())
+
+
+def test_what_was_not_played_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / "tried.jsonl").write_bytes(b'{"cut')
+    plan = PlantingPlan("oracle", [1], plays=0)
+    column = next(one for one in columns(shipped()) if one.name == "ssr-star")
+    assert Planting(plan, tmp_path, LocalExecutor(), lambda line: None).run([column]) == []
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("planted", read_planted(SHIPPED.with_name("planted.jsonl")), ids=lambda one: one.name)
+def test_each_shipped_episode_is_lost_with_its_fault_and_won_without(planted: PlantedEpisode, tmp_path: Path) -> None:
+    options = msgspec.structs.asdict(planted.options())
+    given = run(options.pop("mission"), out=tmp_path / "given", **options)
+    assert (given.digest, given.reason, given.ticks) == (planted.digest, planted.reason, planted.ticks)
+    options = {**msgspec.structs.asdict(planted.options()), "policy_args": {"faults": []}}
+    without = run(options.pop("mission"), out=tmp_path / "without", **options)
+    assert without.success
+    assert without.digest == planted.without
