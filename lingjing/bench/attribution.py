@@ -1,10 +1,10 @@
 """How well methods of attribution name faults that were planted: `AttributionSuite`, `AttributionRun`, tables.
 
 A method gets the trace of an episode and names what made it fail: a sequence of `NamedFault`, the most likely first,
-empty if nothing did. `families` is what the rules of `lingjing.analysis.families` say; others are functions in files
-(`FILE.py:FUNCTION`), which may return plain (agent, faculty, boundary). The header of such a trace holds the faulty
-policy's options, which name the faults. They are taken out of it, except for a method that says by `redrives` that it
-runs policies again.
+empty if nothing did. `families` is what the rules of `lingjing.analysis.families` say, `blame` what branches of the
+episode show (`lingjing.causal.blame`); others are functions in files (`FILE.py:FUNCTION`), which may return plain
+(agent, faculty, boundary). The header of such a trace holds the faulty policy's options, which name the faults. They
+are taken out of it, except for a method that says by `redrives` that it runs policies again.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 import msgspec
 from pydantic import Field, ValidationError
@@ -27,6 +27,9 @@ from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, Result
 from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask
 from lingjing.trace.reader import Trace, read_trace
+
+BRANCHES = 60
+"""Branches that `blame` may play for an episode here; placebos are left to `lingjing blame` itself."""
 
 
 class NamedFault(msgspec.Struct, frozen=True, kw_only=True):
@@ -136,8 +139,8 @@ def find_method(name: str) -> AttributionMethod:
 def _named(given: object) -> NamedFault:
     if isinstance(given, NamedFault):
         return given
-    agent, faculty, boundary = given  # type: ignore[misc]
-    return NamedFault(agent=str(agent), faculty=str(faculty), boundary=None if boundary is None else int(boundary))
+    agent, faculty, boundary = cast("tuple[str, str, int | None]", given)
+    return NamedFault(agent=str(agent), faculty=str(faculty), boundary=boundary)
 
 
 def by_families(trace: Trace) -> tuple[NamedFault, ...]:
@@ -162,17 +165,27 @@ _FACULTY_OF = {
 
 
 def _agent_of(trace: Trace, link: RecordLink) -> str:
-    """The agent that a record of a chain is about."""
-    agents = {one.id for one in trace.header.instance.agents}
-    if link.record in agents:
-        return link.record
-    if link.kind == "message":
-        envelopes = (one for record in trace.boundaries for one in record.messages)
-        return next((one.sender for one in envelopes if one.id == link.record), "")
-    return next((name for name in agents if name in (link.text.split(" ")[0], link.record.split(" ")[0])), "")
+    """The agent that a record is about: it is the record, it sent the message, or the text begins with it."""
+    agents = [one.id for one in trace.header.instance.agents]
+    envelopes = (one for record in trace.boundaries for one in record.messages if link.kind == "message")
+    sender = next((one.sender for one in envelopes if one.id == link.record), "")
+    words = (sender, link.record, link.record.partition(" ")[0], link.text.partition(" ")[0])
+    return next((word for word in words if word in agents), "")
 
 
-METHODS: dict[str, AttributionMethod] = {"families": AttributionMethod(by_families)}
+def by_blame(trace: Trace) -> tuple[NamedFault, ...]:
+    """What `lingjing blame` names: the causes of all smallest repairs, those of the best repair first."""
+    from lingjing.causal.blame import BlameOptions, blame
+
+    found = blame(trace, BlameOptions(branches=BRANCHES, placebos=0, jobs=1))
+    causes = (cause for repair in found.repairs for cause in repair.causes)
+    return tuple(NamedFault(agent=one.agent, faculty=one.faculty, boundary=one.boundary) for one in causes)
+
+
+METHODS: dict[str, AttributionMethod] = {
+    "families": AttributionMethod(by_families),
+    "blame": AttributionMethod(by_blame, redrives=True),
+}
 
 
 @dataclass
