@@ -30,7 +30,7 @@ from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT
 
-Verdict = Literal["fails", "other", "won", "no mission", "hopeless", "aborted"]
+CandidateVerdict = Literal["fails", "other", "won", "no mission", "hopeless", "aborted"]
 """What became of a candidate: it fails the same way; it fails otherwise; it is won; it is no valid mission, or what was
 kept is not as it was; it cannot be won, as a proof says or because the control lost; its episode was cut short."""
 
@@ -47,7 +47,7 @@ class TriedCandidate(msgspec.Struct, frozen=True, kw_only=True):
 
     key: str
     who: str
-    verdict: Verdict
+    verdict: CandidateVerdict
     ticks: int = 0
     digest: str = ""
 
@@ -114,14 +114,14 @@ class CandidatePlayer:
                     return number
         return None
 
-    def verdict(self, candidate: Candidate) -> Verdict:
+    def verdict(self, candidate: Candidate) -> CandidateVerdict:
         """What becomes of a candidate."""
         found = self._known(candidate, "")
         if found != "fails" or not self.control:
             return found
         return "fails" if self._known(candidate, self.control) == "won" else "hopeless"
 
-    def replayed(self, candidate: Candidate) -> Verdict:
+    def replayed(self, candidate: Candidate) -> CandidateVerdict:
         """What becomes of a candidate when it is played once more, whatever is known of it and however many episodes
         were allowed."""
         self.known.pop((candidate.key, ""), None)
@@ -132,7 +132,7 @@ class CandidatePlayer:
         """The digest of the candidate's episode; it must have been played."""
         return self.known[candidate.key, ""].digest
 
-    def _known(self, candidate: Candidate, who: str) -> Verdict:
+    def _known(self, candidate: Candidate, who: str) -> CandidateVerdict:
         if (candidate.key, who) not in self.known:
             self._try([candidate], who)
         return self.known[candidate.key, who].verdict
@@ -185,7 +185,7 @@ class CandidatePlayer:
             self._keep(TriedCandidate(key=one.key, who=who, verdict=verdict, ticks=report.ticks, digest=report.digest))
             rmtree(task.folder, ignore_errors=True)
 
-    def _judged(self, trace: Trace) -> Verdict:
+    def _judged(self, trace: Trace) -> CandidateVerdict:
         found = failure_of(trace)
         if found is None:
             return "won"
@@ -202,7 +202,7 @@ class CandidatePlayer:
         differing = {name: policy for name, policy in policies.items() if policy != first} if others else {}
         return msgspec.structs.replace(self.options, mission=mission, policy=first, policies_for=differing)
 
-    def _refused(self, candidate: Candidate) -> Verdict | None:
+    def _refused(self, candidate: Candidate) -> CandidateVerdict | None:
         """Why the candidate need not be played."""
         compiled = compile_text(candidate.text).mission
         if compiled is None:

@@ -22,6 +22,7 @@ from lingjing.mission import model
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.instance_entities import holds
+from lingjing.mission.vocabulary import EVERYONE
 
 PartKind = Literal["target", "agent", "asset", "event", "message"]
 
@@ -314,8 +315,8 @@ def _agent_as_written(one: model.Agent, mission: model.Mission, lowered: Mapping
 
 def _addressed(kind: model.MessageKind, roles: set[str]) -> model.MessageKind:
     """A kind of messages without the roles that nobody plays any more."""
-    senders = tuple(one for one in kind.senders if one in roles or one == "all")
-    recipients = tuple(one for one in kind.recipients if one in roles or one == "all")
+    senders = tuple(one for one in kind.senders if one in roles or one == EVERYONE)
+    recipients = tuple(one for one in kind.recipients if one in roles or one == EVERYONE)
     return replace(kind, senders=senders or kind.senders, recipients=recipients or kind.recipients)
 
 

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
-from lingjing.causal.candidates import BudgetUsedUpError, Candidate, CandidatePlayer, Predicate, Verdict
+from lingjing.causal.candidates import BudgetUsedUpError, Candidate, CandidatePlayer, CandidateVerdict, Predicate
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.failure import FailureSignature, Sameness, failure_of
 from lingjing.causal.reduced_mission import ReducibleMission, RemovablePart
@@ -228,7 +228,7 @@ class _Shrinking:
             )
 
 
-def _not_again(trace: Trace, player: CandidatePlayer, verdict: Verdict) -> UsageError:
+def _not_again(trace: Trace, player: CandidatePlayer, verdict: CandidateVerdict) -> UsageError:
     """Why the failure of the whole mission does not come again."""
     said = {
         "won": "is won when it is played again",

@@ -8,7 +8,7 @@
 - `scene`                                          a map → a city
 - `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
-- `bench`                                          a suite of many episodes: its rows, its tables
+- `bench` ← `attribution` (planted faults)          a suite of many episodes: its rows, its tables
 - `verify`, `replay`, `why`, `metrics`             a trace: is it what was written, does it happen again, why and what
 - `fork`, `blame`, `value` ← `branches`            a trace: what would have had to be different, what was worth saying
 - `shrink`                                         the smallest mission that fails as a trace did

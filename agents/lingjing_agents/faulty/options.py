@@ -8,10 +8,10 @@ from pydantic import field_validator, model_validator
 
 from lingjing.plugins.options import Field, PluginOptions
 
-Faculty = Literal["perception", "localisation", "waypoint", "routing", "handoff", "execution"]
-Way = Literal["blind", "displaced", "mirrored", "dropped", "misaddressed", "withheld", "halted"]
+FailingFaculty = Literal["perception", "localisation", "waypoint", "routing", "handoff", "execution"]
+WayToFail = Literal["blind", "displaced", "mirrored", "dropped", "misaddressed", "withheld", "halted"]
 
-WAYS: dict[Faculty, tuple[Way, ...]] = {
+WAYS: dict[FailingFaculty, tuple[WayToFail, ...]] = {
     "perception": ("blind",),
     "localisation": ("displaced",),
     "waypoint": ("displaced",),
@@ -26,10 +26,10 @@ class PlantedFault(PluginOptions):
     """One fault: a faculty of an agent fails in a way, from a boundary on."""
 
     agent: str = Field(description="the agent's id")
-    faculty: Faculty = Field(description="what fails")
+    faculty: FailingFaculty = Field(description="what fails")
     boundary: int = Field(ge=0, description="the first boundary at which it fails")
     boundaries: int = Field(0, ge=0, description="at how many boundaries it fails; 0: to the end")
-    way: Way | None = Field(None, description="how it fails; not given: the faculty's usual way")
+    way: WayToFail | None = Field(None, description="how it fails; not given: the faculty's usual way")
     east_m: float = Field(300.0, ge=-10_000, le=10_000, description="how far off to the east, for `displaced`")
     north_m: float = Field(0.0, ge=-10_000, le=10_000, description="how far off to the north, for `displaced`")
 
@@ -41,7 +41,7 @@ class PlantedFault(PluginOptions):
         return self
 
     @property
-    def chosen(self) -> Way:
+    def chosen(self) -> WayToFail:
         """How it fails."""
         return self.way or WAYS[self.faculty][0]
 
