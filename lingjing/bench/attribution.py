@@ -206,6 +206,8 @@ class AttributionRun:
             for number, episode in enumerate(episodes)
             if any((name, episode) not in known for name in self.methods)
         }
+        for place in places:  # what a killed command has left
+            _clear(place)
         tasks = (EpisodeTask(episode.options(), place) for place, episode in places.items())
         for task, report in self.executor.play(tasks):
             episode = places[task.folder]

@@ -178,12 +178,15 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
     one = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
     other = msgspec.structs.replace(one, seed=2, digest="another")
     executor = Stored(report)
+    left = tmp_path / "out" / "episode-0"
+    left.mkdir(parents=True)  # by a command that was killed
     rows = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
     assert seen["reads"] == {}
     assert "execution" in str(seen["again"])
     assert [row.standing for row in rows] == ["answered", "answered", "failed", *["differs"] * 3]
     assert rows[2].detail == "RuntimeError: no idea"
     assert executor.played == 2
+    assert not left.exists()
     again = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
     assert again == rows
     assert executor.played == 2  # answers are kept
