@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check bench study ray model detector pictures missions selfcheck clean
+.PHONY: help setup demo test check bench study ray model detector browser pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -15,6 +15,7 @@ help:
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make model   install a small open model and play with it, offline: minutes'
 	@echo 'make detector  play development seeds and train the detector of `learned` on their frames: an hour'
+	@echo 'make browser  install a browser (Debian'"'"'s Chromium, playwright) and try the pages in it'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
@@ -59,6 +60,11 @@ selfcheck: setup
 model: setup
 	@$(PYTHON3) tools/setup.py --model
 	@LINGJING_MODEL_PYTHON=$(CURDIR)/.venv-model/bin/python $(BIN)/python -m pytest -m model -q -s -p no:xdist agents/tests
+
+browser: setup
+	@command -v chromium >/dev/null || { apt-get update -q >/dev/null && apt-get install -y -q --no-install-recommends chromium >/dev/null; }
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt playwright
+	@$(BIN)/python -m pytest -q -p no:xdist tests/viewer/test_in_browser.py
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

@@ -1,10 +1,11 @@
 """Missions for heterogeneous unmanned systems: write one, play it, score it, see why.
 
 The tree is the pipeline: `dsl` (text → mission) → `mission` (the typed graph) → `scene` (the city) → `plugins` (the
-contract) and `engines` → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means). `play` plays
-one episode, `bench` many, `causal` runs traces again, `envs` makes learning environments of missions; `cli` is the
-command line, `lsp` the language server. Shared by all: `errors` (the exceptions), `validation` (what pydantic found, in
-words), `suggest` (did-you-mean), `data` (where shipped files are), `numerics` (what fixes the last bits of numbers),
+contract) and `engines` → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means). `viewer` shows
+an episode in a browser or as a film. `play` plays one episode, `bench` many, `causal` runs traces again, `envs` makes
+learning environments of missions; `cli` is the command line, `lsp` the language server. Shared by all: `errors` (the
+exceptions), `validation` (what pydantic found, in words), `suggest` (did-you-mean), `data` (where shipped files are),
+`numerics` (what fixes the last bits of numbers),
 `terminal` (text made safe to print). `docs/architecture.md` walks through them. The public surface is this module,
 `lingjing.plugins` and the command `lingjing`; the rest may change.
 

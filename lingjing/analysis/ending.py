@@ -77,7 +77,7 @@ def why(trace: Trace) -> EpisodeEnding:
     won = trace.outcome is not None and trace.outcome.success
     return EpisodeEnding(
         episode=_episode(trace),
-        cause=_cause(trace),
+        cause=cause(trace),
         lacking=() if won or not history else tuple(_first(_lacking(trace, history), _CLAUSES)),
         targets=tuple(_first(_targets(trace))) if history else (),
         troubles=tuple(_troubles(trace, history)),
@@ -104,7 +104,8 @@ def _episode(trace: Trace) -> str:
     return f"{instance.mission} {instance.mode} seed {instance.seed}, {policies}: {reached}{scored}"
 
 
-def _cause(trace: Trace) -> str:
+def cause(trace: Trace) -> str:
+    """What ended an episode, in one line."""
     outcome = trace.outcome
     if outcome is None:
         return "nothing that is recorded: the trace has no outcome, so its episode was killed or the file cut"

@@ -13,7 +13,7 @@ from itertools import takewhile
 
 import msgspec
 
-from lingjing.mission.instance import Entity, Vector
+from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState, BoundaryRecord, Snapshot, TaskEvent
 
@@ -60,19 +60,27 @@ class Incident(msgspec.Struct, frozen=True, kw_only=True):
 
 def incidents(trace: Trace) -> tuple[Incident, ...]:
     """All incidents of a trace, whole or cut, in order of time."""
-    instance = trace.header.instance
-    search = _Search(
-        entities={entity.id: entity for entity in instance.entities},
-        same_s=max(_SAME_S, 2.0 * instance.clock.sync_s) + _TOLERANCE_S,
-    )
+    search = incident_search(trace.header.instance)
     for record in trace.boundaries:
         search.take(record)
     return tuple(search.found)
 
 
+def incident_search(instance: Instance) -> IncidentSearch:
+    """A search that has seen no boundary yet."""
+    return IncidentSearch(
+        entities={entity.id: entity for entity in instance.entities},
+        same_s=max(_SAME_S, 2.0 * instance.clock.sync_s) + _TOLERANCE_S,
+    )
+
+
 @dataclass(slots=True)
-class _Search:
-    """What has been found up to a boundary, in order of time; `status` is everybody's at the macro-step `since_s`."""
+class IncidentSearch:
+    """Incidents, found boundary by boundary.
+
+    `found` are those up to the boundary that was taken last, in order of time; `status` is everybody's at the
+    macro-step `since_s`.
+    """
 
     entities: Mapping[str, Entity]
     same_s: float

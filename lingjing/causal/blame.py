@@ -19,14 +19,14 @@ from itertools import combinations
 import msgspec
 from msgspec.structs import replace
 
-from lingjing.causal.branch_host import BranchHost, HostProgress, check_played
+from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.placebos import Placebos, played_placebos
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.shapley import AgentFaculty, Share, shapley_shares
-from lingjing.errors import UsageError
+from lingjing.errors import InfrastructureError, UsageError
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Faculty, Substitution
 
@@ -170,7 +170,8 @@ class _Search:
     def _play(self, plans: Sequence[BranchPlan], what: str) -> tuple[BranchResult, ...]:
         results = self._host.play(plans, what)
         for one in results:
-            check_played(one)
+            if one.failed:
+                raise InfrastructureError(f"a branch was cut short: {one.failed}", hint=one.hint)
         return results
 
     def _try(self, sets: Iterable[frozenset[AgentFaculty]], what: str) -> list[bool]:

@@ -74,11 +74,6 @@ class BranchHost:
             self.close()
             raise
 
-    @property
-    def group(self) -> int:
-        """The process group of all that plays branches."""
-        return self._process.pid
-
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
         """Where each agent decided otherwise than its reference: the boundaries by (faculty, agent)."""
         self._send(DriveOn())
@@ -144,17 +139,8 @@ class BranchHost:
             if isinstance(told, DrivenTo):
                 self._progress("driving on", told.boundary, len(self.trace.boundaries) - 1)
             elif isinstance(told, HostFailed):
-                raise _error(told.exit_code, told.message, told.hint)
-
-
-def check_played(result: BranchResult) -> None:
-    """Raise the error of a branch that failed: it says nothing about anybody."""
-    if result.failed:
-        raise _error(result.exit_code, f"a branch was cut short: {result.failed}", result.hint)
-
-
-def _error(exit_code: int, message: str, hint: str) -> LingjingError:
-    return _ERRORS.get(ExitCode(exit_code), LingjingError)(message, hint=hint)
+                error = _ERRORS.get(ExitCode(told.exit_code), LingjingError)
+                raise error(told.message, hint=told.hint)
 
 
 def _gone() -> InfrastructureError:

@@ -230,11 +230,10 @@ class _Server:
         try:
             return play_branch(self._episode, plan)
         except LingjingError as error:
-            return BranchResult(failed=str(error), hint=error.hint, exit_code=error.exit_code)
+            return BranchResult(failed=str(error), hint=error.hint)
         except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
             traceback.print_exc()
-            said = f"the branch failed: {type(error).__name__}: {error}"
-            return BranchResult(failed=said, exit_code=ExitCode.BUG)
+            return BranchResult(failed=f"the branch failed: {type(error).__name__}: {error}")
 
     # -- branches
 

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lingjing.analysis.relations import RelationTracker
 from lingjing.causal.interventions import BranchPlan, InterveningPolicies, ReplacedPart, transit
 from lingjing.causal.redriven import RedrivenEpisode
-from lingjing.errors import ExitCode, UsageError
+from lingjing.errors import UsageError
 from lingjing.kernel.episode import play
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.trace.reader import Trace
@@ -30,8 +30,8 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     `differs` is the first boundary whose digest is not the trace's (None: all are equal, to the end). `swayed` is the
     first that other decisions led to, but for what was withheld (None: nobody decided otherwise). `replaced` are the
     records that the plan replaced. `drawn` pictures had to be drawn. `cpu_s` is what the branch took, its fork's
-    `fork_s` included, without the camera. `failed` says why the branch says nothing (an engine or a reference failed,
-    its trace cannot be written), and `exit_code` whose fault that is.
+    `fork_s` included, without the camera. `failed` says why the branch says nothing: an engine, the camera or a
+    reference failed.
     """
 
     success: bool = False
@@ -49,7 +49,6 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     fork_s: float = 0.0
     failed: str = ""
     hint: str = ""
-    exit_code: int = ExitCode.INFRASTRUCTURE
     path: str = ""
 
 

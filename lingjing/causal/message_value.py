@@ -17,10 +17,10 @@ from typing import Literal
 import msgspec
 
 from lingjing.analysis.messages import AdmittedMessage, admitted
-from lingjing.causal.branch_host import BranchHost, HostProgress, check_played
+from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
-from lingjing.errors import UsageError
+from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, MessageChange, Reason
@@ -121,8 +121,9 @@ def message_values(
     with BranchHost(trace, msgspec.structs.replace(options, referenced=()), progress) as host:
         null, *results = host.play([BranchPlan(at=0), *plans], "messages")
         spent = host.cpu_s
-    for one in (null, *results):
-        check_played(one)
+    failed = next((one for one in (null, *results) if one.failed), None)
+    if failed is not None:
+        raise InfrastructureError(f"a branch was cut short: {failed.failed}", hint=failed.hint)
     instance = trace.header.instance
     return EpisodeValues(
         path=str(trace.path),

@@ -7,12 +7,12 @@ import sys
 
 import msgspec
 
-from lingjing.causal.branch_host import BranchHost, check_played
+from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan, boundary_of, check
 from lingjing.causal.telling import branch_text
 from lingjing.cli.arguments import parse_amount
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
-from lingjing.errors import ExitCode, UsageError
+from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.instance import Datum
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import MessageChange, Substitution
@@ -80,7 +80,8 @@ def handler(args: argparse.Namespace) -> int:
     options = branch_options(args, trace, tuple(dict.fromkeys(agent for _, agent in pairs)))
     with BranchProgress("starting") as progress, BranchHost(trace, options, progress) as host:
         (result,) = host.play([plan])
-    check_played(result)
+    if result.failed:
+        raise InfrastructureError(f"the branch was cut short: {result.failed}", hint=result.hint)
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode({"plan": plan, "branch": result}).decode() + "\n")
     else:

@@ -45,6 +45,8 @@ VERBS = (
     CommandVerb("value", "lingjing.cli.value", "find what each message was worth by branches", computes=True),
     CommandVerb("why", "lingjing.cli.why", "say why an episode ended as it did"),
     CommandVerb("shrink", "lingjing.cli.shrink", "make the smallest mission that fails as a trace did", computes=True),
+    CommandVerb("view", "lingjing.cli.view", "show an episode in the browser, or as one HTML file", computes=True),
+    CommandVerb("film", "lingjing.cli.film", "make a film of an episode, MP4 or GIF", computes=True),
     CommandVerb("metrics", "lingjing.cli.metrics", "compute the paper's metrics of traces"),
     CommandVerb("validate", "lingjing.cli.validate", "report every error of mission files"),
     CommandVerb("explain", "lingjing.cli.explain", "say what an error code means"),

@@ -41,8 +41,9 @@ _LAYERS: tuple[Layer, ...] = get_args(Layer)
 class PlanShape:
     """A polygon with its holes, or (`width_m` > 0) a line of that width or a dot; east and north in metres.
 
-    `surface` is that of an area, `grass land` for one of the ground, or the kind of a road's lane; `top_m` is the
-    elevation of a building's top.
+    `surface` is that of an area, `grass land` for one of the ground, or the kind of a road's lane; `base_m` and `top_m`
+    are the elevations of what stands (a building, a solid), `top_m` also that of what lies flat; `heights_m` are those
+    of a line's points.
     """
 
     layer: Layer
@@ -51,6 +52,8 @@ class PlanShape:
     width_m: float = 0.0
     surface: str = ""
     top_m: float = 0.0
+    base_m: float = 0.0
+    heights_m: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,36 +176,47 @@ def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
 
 def _everywhere(city: City) -> Iterator[PlanShape]:
     for water in city.waters:
-        yield PlanShape("water", water.polygon, water.holes)
+        yield PlanShape("water", water.polygon, water.holes, top_m=water.level_m)
     for land in city.lands:
         surface = land.surface if land.surface == "sand" else f"{land.surface} land"
-        yield PlanShape("land", land.polygon, surface=surface)
+        yield PlanShape("land", land.polygon, surface=surface, top_m=land.top_m)
 
 
 def _of_tile(tile: Pieces) -> Iterator[PlanShape]:
     for area in tile.areas:
-        yield PlanShape("area", area.polygon, area.holes, surface=area.surface)
+        yield PlanShape("area", area.polygon, area.holes, surface=area.surface, top_m=area.top_m)
     for junction in tile.junctions:
-        yield PlanShape("road", junction.polygon)
+        yield PlanShape("road", junction.polygon, top_m=junction.elevation_m)
     for road in tile.roads:
         for lane in () if road.tunnel else road.lanes:
             layer: Layer = "path" if lane.kind in ("foot", "bicycle") else "road"
-            yield PlanShape(layer, _level(lane.shape), width_m=lane.width_m, surface=lane.kind)
+            yield PlanShape(
+                layer,
+                _level(lane.shape),
+                width_m=lane.width_m,
+                surface=lane.kind,
+                heights_m=_heights(lane.shape),
+            )
     for solid in tile.solids:
-        yield PlanShape("slab" if solid.top_m - solid.base_m <= SLAB_M else "solid", solid.polygon)
+        kind: Layer = "slab" if solid.top_m - solid.base_m <= SLAB_M else "solid"
+        yield PlanShape(kind, solid.polygon, top_m=solid.top_m, base_m=solid.base_m)
     for bridge in tile.bridges:
-        yield PlanShape("bridge", _level(bridge.path), width_m=bridge.width_m)
+        yield PlanShape("bridge", _level(bridge.path), width_m=bridge.width_m, heights_m=_heights(bridge.path))
     for building in sorted(tile.buildings, key=lambda one: (one.top_m, one.id)):
-        yield PlanShape("building", building.polygon, building.holes, top_m=building.top_m)
+        yield PlanShape("building", building.polygon, building.holes, top_m=building.top_m, base_m=building.base_m)
     for prop in tile.props:
         if prop.cls == "tree":
-            yield PlanShape("tree", (prop.position[:2],), width_m=_TREE_M * prop.scale)
+            yield PlanShape("tree", (prop.position[:2],), width_m=_TREE_M * prop.scale, heights_m=prop.position[2:])
     for pipe in tile.pipes:
-        yield PlanShape("pipe", _level(pipe.path), width_m=2 * pipe.radius_m)
+        yield PlanShape("pipe", _level(pipe.path), width_m=2 * pipe.radius_m, heights_m=_heights(pipe.path))
 
 
 def _level(path: Sequence[tuple[float, ...]]) -> tuple[Vector2, ...]:
     return tuple((point[0], point[1]) for point in path)
+
+
+def _heights(path: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
+    return tuple(point[2] for point in path)
 
 
 def _outline(shape: PlanShape) -> Outline:

@@ -117,17 +117,25 @@ def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> It
 
     Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
     """
-    channels = _Channels(only)
+    for stored, _ in scan_from(path, 0, DeclaredChannels(only), passed_over):
+        yield stored
+
+
+def scan_from(path: Path, begin: int, channels: DeclaredChannels, passed_over: str) -> Iterator[tuple[Stored, int]]:
+    """The messages of the chunks from byte `begin` on, as `scan`, each with the byte behind its chunk, where a later
+    call may begin. `begin` is 0 or such a byte; `channels` are those declared before, to which new ones are added."""
     with _opened(path) as file:
         bounds = UnpackLimits(path.stat().st_size)
         try:
-            for chunk, at, index in _chunks(file):
-                yield from _chunk((chunk, at), index, channels, bounds, passed_over)
+            for chunk, at, index in _chunks(file, max(begin, len(MAGIC))):
+                behind = at + _chunk_length(chunk)
+                for stored in _chunk((chunk, at), index, channels, bounds, passed_over):
+                    yield stored, behind
         except BROKEN:
             return
 
 
-class _Channels:
+class DeclaredChannels:
     """The topics of the channels that were declared so far, by number; `unwanted` are those that are left out."""
 
     def __init__(self, only: tuple[str, ...] = ("",)) -> None:
@@ -184,7 +192,7 @@ def _chunks(file: IO[bytes], begin: int = len(MAGIC)) -> Iterator[tuple[mcap.rec
 def _chunk(
     chunk: tuple[mcap.records.Chunk, int],
     index: Sequence[_ChunkIndex],
-    channels: _Channels,
+    channels: DeclaredChannels,
     bounds: UnpackLimits,
     passed_over: str,
 ) -> Iterator[Stored]:
@@ -204,7 +212,7 @@ def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
     with _opened(path) as file:
         chunk, at, _ = next(_chunks(file, chunk_at), (None, chunk_at, []))
         if chunk is not None and at == chunk_at:
-            yield from _messages(chunk, _Channels(), chunk_at, UnpackLimits(path.stat().st_size))
+            yield from _messages(chunk, DeclaredChannels(), chunk_at, UnpackLimits(path.stat().st_size))
 
 
 def ends_properly(path: Path) -> bool:
@@ -226,10 +234,17 @@ def _opened(path: Path) -> IO[bytes]:
     return file
 
 
-def _messages(chunk: mcap.records.Chunk, channels: _Channels, chunk_at: int, bounds: UnpackLimits) -> Iterator[Stored]:
+def _messages(
+    chunk: mcap.records.Chunk, channels: DeclaredChannels, chunk_at: int, bounds: UnpackLimits
+) -> Iterator[Stored]:
     for record in contents(chunk, bounds, channels.unwanted):
         if isinstance(record, mcap.records.Channel):
             channels.declare(record.id, record.topic)
         else:
             topic = channels.topics.get(record.channel, "")
             yield Stored(topic, record.channel, record.sequence, record.time_ns, record.data, chunk_at)
+
+
+def _chunk_length(chunk: mcap.records.Chunk) -> int:
+    """Bytes of a chunk record in the file: opcode, length, six fixed fields, compression, data (MCAP, op 0x06)."""
+    return 1 + 8 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)

@@ -25,6 +25,9 @@ from lingjing.trace.encoding import from_json
 from lingjing.trace.records import CUT_SHORT, FIRST_FORMAT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
+TOPICS_READ = (CAMERAS, RECORDS)
+"""What is read of a file: the rest is derived from it."""
+
 RECORD_RATIO = 200
 RECORD_BYTES = 2**24
 """What all records of a file may hold as JSON: that many bytes, and so often its own size."""
@@ -110,21 +113,11 @@ def read_trace(path: str | Path) -> Trace:
     Raises `UsageError` for a file that cannot be read, is no trace, or was cut before its header ended.
     """
     path = Path(path)
-    found = _Found(path)
+    found = FoundRecords(path)
     with collector_paused():
-        for stored in scan(path, passed_over=CAMERAS, only=(CAMERAS, RECORDS)):
+        for stored in scan(path, passed_over=CAMERAS, only=TOPICS_READ):
             found.take(stored)
-    if found.header is None:
-        raise UsageError(f"{path} holds no episode", hint="it was cut before its first record, or is another's file")
-    cut_short = found.outcome is None or found.outcome.reason in CUT_SHORT
-    return Trace(
-        path=path,
-        header=found.header,
-        boundaries=tuple(found.boundaries),
-        outcome=found.outcome,
-        complete=not cut_short and ends_properly(path),
-        places={info.id: found.located(info, time_ns) for info, time_ns in found.pictures},
-    )
+    return found.trace()
 
 
 @contextmanager
@@ -146,17 +139,39 @@ class _AnyHeader(msgspec.Struct):
     format: str = FIRST_FORMAT
 
 
-class _Found:
-    """What one pass over the file has gathered so far."""
+class FoundRecords:
+    """What has been gathered from a file so far."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.left = RECORD_BYTES + RECORD_RATIO * (path.stat().st_size if path.is_file() else 0)
+        self._taken = self._most = 0
+        self.lies_at(path)
         self.header: Header | None = None
         self.outcome: Outcome | None = None
         self.boundaries: list[BoundaryRecord] = []
         self.pictures: list[tuple[FrameInfo, int]] = []
         self.places: dict[tuple[str, int], ChannelLocation] = {}
+
+    def lies_at(self, path: Path) -> None:
+        """The file has this name now, and may hold as many records as its size allows."""
+        self.path = path
+        self._most = RECORD_BYTES + RECORD_RATIO * (path.stat().st_size if path.is_file() else 0)
+
+    def trace(self) -> Trace:
+        """The trace as far as it was read. Raises `UsageError` if there was no header."""
+        if self.header is None:
+            raise UsageError(
+                f"{self.path} holds no episode", hint="it was cut before its first record, or is another's file"
+            )
+        cut_short = self.outcome is None or self.outcome.reason in CUT_SHORT
+        return Trace(
+            path=self.path,
+            header=self.header,
+            boundaries=tuple(self.boundaries),
+            outcome=self.outcome,
+            complete=not cut_short and ends_properly(self.path),
+            places={info.id: self._located(info, time_ns) for info, time_ns in self.pictures},
+        )
 
     def take(self, stored: Stored) -> None:
         """Sort one message into its place; derived messages are passed over."""
@@ -172,7 +187,7 @@ class _Found:
         elif stored.topic == OUTCOME:
             self.outcome = self._decoded(stored, Outcome)
 
-    def located(self, info: FrameInfo, time_ns: int) -> dict[str, ChannelLocation]:
+    def _located(self, info: FrameInfo, time_ns: int) -> dict[str, ChannelLocation]:
         """Where the channels of a picture lie, by topic."""
         topics = (camera_topic(info, channel) for channel in ("", "depth", "semantic"))
         return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
@@ -188,8 +203,8 @@ class _Found:
         return self._decoded(stored, Header)
 
     def _decoded(self, stored: Stored, kind: type[Record]) -> Record:
-        self.left -= len(stored.data)
-        if self.left < 0:
+        self._taken += len(stored.data)
+        if self._taken > self._most:
             raise UsageError(f"{self.path} holds more records than a trace of its size", hint="it is another's file")
         try:
             return from_json(stored.data, kind)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import fcntl
 import importlib.util
 import os
@@ -24,7 +23,6 @@ from lingjing.cli.watch import EpisodeDisplays
 from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, window_around
 from lingjing.cli.watch.displays import SHARE, Watching
 from lingjing.cli.watch.screen import Screen
-from lingjing.cli.watch.state import Watched
 from lingjing.data import data_path
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import UsageError
@@ -34,6 +32,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, TaskEvent
+from lingjing.viewer.state import Watched
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
@@ -68,7 +67,7 @@ def boundaries(trace: Trace, until: int) -> list[Progress]:
 def watched(trace: Trace, until: int, *, truth: bool = False) -> Watched:
     state = Watched(trace.header.instance, truth=truth)
     for boundary in boundaries(trace, until):
-        state.take(boundary)
+        state.take(boundary.record, boundary.wall_s)
     return state
 
 
@@ -78,7 +77,7 @@ def test_what_happens_by_itself_names_nobody_who_is_hidden_but_to_who_may_see_th
     for truth, who in ((False, "? boat"), (True, "victim[1] boat")):
         state = Watched(trace.header.instance, truth=truth)
         (first, *_) = boundaries(trace, 0)
-        state.take(dataclasses.replace(first, record=msgspec.structs.replace(first.record, task_events=(front, come))))
+        state.take(msgspec.structs.replace(first.record, task_events=(front, come)))
         assert [line.text for line in state.events][:2] == ["weather front: rain 0.5", f"appeared late: {who}"]
 
 

@@ -18,12 +18,11 @@ from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
 
-from lingjing.cli.watch.state import TargetStatus, Watched
 from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
 from lingjing.scene.plan import PlanShape, ground_plan, is_sea
-
-Ink = tuple[int, int, int]
+from lingjing.viewer.frames import Ink
+from lingjing.viewer.state import TargetStatus, Watched
 
 LAND: Ink = (30, 32, 36)
 _GREEN: Ink = (30, 48, 33)

@@ -77,8 +77,8 @@ class Watching:
         from lingjing.analysis.played_city import credit
         from lingjing.cli.watch.chart import Chart
         from lingjing.cli.watch.screen import Screen
-        from lingjing.cli.watch.state import Watched
         from lingjing.cli.watch.terminal import AlternateScreen
+        from lingjing.viewer.state import Watched
 
         self._watched = Watched(instance, truth=truth)
         title = f"{instance.mission} · seed {instance.seed} · {instance.mode} · {policy}"
@@ -95,7 +95,7 @@ class Watching:
     def __call__(self, boundary: Progress) -> None:
         """Take this boundary in, and draw it if there is time for that."""
         began = time.perf_counter()
-        self._watched.take(boundary)
+        self._watched.take(boundary.record, boundary.wall_s)
         ends = boundary.record.done or boundary.tick >= boundary.ticks
         if boundary.tick == 0 or ends or self._spent_s <= SHARE * (began - self._started):
             self._draw()

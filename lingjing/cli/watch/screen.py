@@ -14,9 +14,10 @@ from rich.table import Table
 from rich.text import Text
 
 from lingjing.cli.progress import factor
-from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, Ink, asset_ink
-from lingjing.cli.watch.state import AgentStatus, TickerLine, Watched
+from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, asset_ink
 from lingjing.terminal import visible
+from lingjing.viewer.frames import Ink
+from lingjing.viewer.state import AgentStatus, TickerLine, Watched
 
 MAP_FROM = (56, 16)
 """Columns and rows from which on there is room for a map."""

@@ -12,7 +12,6 @@ import msgspec
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.messages import AdmittedMessage, admitted_at, categories_of
-from lingjing.kernel.episode import Progress
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt, TaskEvent
@@ -75,26 +74,20 @@ class Watched:
         """The commanded entities in declaration order."""
         return tuple(entity for entity in self.instance.entities if entity.role == "asset")
 
-    def take(self, boundary: Progress) -> None:
-        """One more boundary."""
-        record = boundary.record
-        self.tick, self.ticks, self.time_s, self.wall_s = (
-            boundary.tick,
-            boundary.ticks,
-            boundary.time_s,
-            boundary.wall_s,
-        )
+    def take(self, record: BoundaryRecord, wall_s: float = 0.0) -> None:
+        """One more boundary, `wall_s` after the episode began."""
+        self.tick, self.time_s, self.wall_s = record.tick, record.time_s, wall_s
         self.score, self.done = record.reward, record.done
         self._move(record)
         self._judge(record)
         self._act(record)
-        self.messages.extend(map(_line, admitted_at(record, categories_of(self.instance))))
-        self.events.extend(self._happened(record))
+        self.messages.extend(map(message_line, admitted_at(record, categories_of(self.instance))))
+        self.events.extend(self.happened(record))
 
     def seen_targets(self) -> Iterable[tuple[Entity, Vector2, TargetStatus]]:
         """The targets that a watcher may see, where they are, and as what."""
         for entity in self.instance.entities:
-            sight = self._sight(entity)
+            sight = self.sight(entity)
             if entity.role == "target" and sight is not None:
                 state = self.states.get(entity.id)
                 place = state.position if state else entity.position
@@ -108,9 +101,18 @@ class Watched:
             for stage in self.instance.stages
         ]
 
-    # -- parts
+    def happened(self, record: BoundaryRecord) -> Iterable[TickerLine]:
+        """What engines and the kernel say happened at the boundary that was taken last."""
+        for task in record.task_events:
+            yield TickerLine(record.tick, self._told(task).line)
+        for event in record.events:
+            shown = [name for name in event.bindings if name in self.states or name in self.agents]
+            yield TickerLine(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
+        for change in record.stages:
+            yield TickerLine(record.tick, f"stage {change.stage} {change.subject}".rstrip() + " done", good=True)
 
-    def _sight(self, entity: Entity) -> TargetStatus | None:
+    def sight(self, entity: Entity) -> TargetStatus | None:
+        """What a watcher may know a target as; None for one that is hidden and not found."""
         if entity.id in self.completed:
             return "completed"
         if entity.id in self.found:
@@ -118,6 +120,8 @@ class Watched:
         if "position" not in entity.hidden:
             return "known"
         return "truth" if self.truth else None
+
+    # -- parts
 
     def _move(self, record: BoundaryRecord) -> None:
         for snapshot in record.snapshots:
@@ -142,12 +146,12 @@ class Watched:
         for made in record.decisions:
             agent = self.agents.get(made.agent)
             if agent is not None and made.decision.command is not None:
-                agent.command, agent.status, agent.refused = _command(made.decision.command), "asked", False
+                agent.command, agent.status, agent.refused = command_words(made.decision.command), "asked", False
         for receipt in record.receipts:
             agent = self.agents.get(receipt.sender)
             if agent is not None and (receipt.request.startswith("c") or receipt.status == "substituted"):
                 agent.status, agent.refused = (
-                    _status(receipt),
+                    status_words(receipt),
                     receipt.status in ("rejected", "timed_out", "substituted"),
                 )
 
@@ -155,21 +159,12 @@ class Watched:
         """The event, `?` for those who come or go by themselves, hidden and not found."""
         if not task.name or not task.entities:
             return task
-        seen = {entity.id for entity in self.instance.entities if self._sight(entity) is not None}
+        seen = {entity.id for entity in self.instance.entities if self.sight(entity) is not None}
         return msgspec.structs.replace(task, entities=tuple(one if one in seen else "?" for one in task.entities))
 
-    def _happened(self, record: BoundaryRecord) -> Iterable[TickerLine]:
-        for task in record.task_events:
-            yield TickerLine(record.tick, self._told(task).line)
-        for event in record.events:
-            shown = [name for name in event.bindings if name in self.states or name in self.agents]
-            yield TickerLine(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
-        for change in record.stages:
-            yield TickerLine(record.tick, f"stage {change.stage} {change.subject}".rstrip() + " done", good=True)
 
-
-def _command(action: Action) -> str:
-    """`uav[2].setDestination 120, -40, 60`."""
+def command_words(action: Action) -> str:
+    """A command in words: `uav[2].setDestination 120, -40, 60`."""
     verb = f"{action.resource}.{action.verb}" if action.resource else action.verb
     values = ", ".join(_value(value) for value in action.arguments.values() if value is not None)
     return f"{verb} {values}".rstrip()
@@ -185,19 +180,20 @@ def _short(value: object) -> str:
     return f"{value:.2g}" if isinstance(value, float) else str(value)
 
 
-def _status(receipt: Receipt) -> str:
+def status_words(receipt: Receipt) -> str:
+    """A receipt in words: `running 40%`, `rejected: busy`."""
     progress = f" {receipt.progress:.0%}" if receipt.progress is not None and receipt.status == "running" else ""
     return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
 
 
-def _line(said: AdmittedMessage) -> TickerLine:
+def message_line(said: AdmittedMessage) -> TickerLine:
     """One line a message, its recipients together; a report for nobody is adjudicated all the same."""
     to = said.recipients[0] if len(said.recipients) == 1 else f"{len(said.recipients)} agents"
     who = f"{said.sender} → {to}" if said.recipients else said.sender
-    return TickerLine(said.tick, f"{who}: {said.kind} {_body(said.body)}".rstrip())
+    return TickerLine(said.tick, f"{who}: {said.kind} {spoken(said.body)}".rstrip())
 
 
-def _body(body: Mapping[str, Datum]) -> str:
+def spoken(body: Mapping[str, Datum]) -> str:
     """What a message says, without the frames and boxes that only machines read."""
-    spoken = (value for name, value in body.items() if name not in ("frame", "box") and value not in (None, "", ()))
-    return " ".join(_value(value) for value in spoken)
+    words = (value for name, value in body.items() if name not in ("frame", "box") and value not in (None, "", ()))
+    return " ".join(_value(value) for value in words)

@@ -1,0 +1,33 @@
+"""`lingjing film TRACE -o episode.mp4`: an episode as a film of 20 seconds, or as a GIF."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lingjing.cli.process import say
+from lingjing.errors import ExitCode
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("film", help="make a film of an episode", description=__doc__)
+    parser.add_argument("trace", metavar="TRACE", help="a trace.mcap or trace.mcap.part")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", default="episode.mp4", help="an .mp4 or .gif (default episode.mp4)"
+    )
+    parser.add_argument(
+        "--truth", action="store_true", help="show hidden targets, true boxes and the whole explanation"
+    )
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Write the film."""
+    from lingjing.trace.reader import read_trace
+    from lingjing.viewer.film import make_film
+
+    path = Path(args.output)
+    make_film(read_trace(args.trace), path, truth=args.truth)
+    say(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
+    return ExitCode.OK

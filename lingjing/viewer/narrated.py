@@ -1,0 +1,90 @@
+"""A trace as what a page is told: head, steps, details, ending."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import msgspec
+
+from lingjing.analysis.ending import cause, why
+from lingjing.analysis.played_city import city_of, credit
+from lingjing.mission.geometry2d import Extent, Vector2
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import BoundaryRecord
+from lingjing.viewer.ground import PageGround, ground_of
+from lingjing.viewer.head import OVERHEAD_M, EndingCard, EpisodeHead, ending_of, head_of
+from lingjing.viewer.steps import StepDetail, StepMaker, ViewStep
+
+CHUNK = 50
+"""So many details travel together."""
+
+
+class Telling(msgspec.Struct, frozen=True):
+    """What a page asks for first. `live` says that more steps will come."""
+
+    head: EpisodeHead
+    steps: list[ViewStep]
+    ending: EndingCard | None
+    live: bool
+    notes: list[str]
+
+
+@dataclass
+class Narration:
+    """The steps of one trace so far."""
+
+    trace: Trace
+    truth: bool
+    steps: list[ViewStep] = field(default_factory=list)
+    details: list[StepDetail] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        instance = self.trace.header.instance
+        self._maker = StepMaker(instance, max(len(self.trace.boundaries), 1), truth=self.truth)
+        self.take(self.trace.boundaries)
+
+    def take(self, records: tuple[BoundaryRecord, ...]) -> None:
+        """More boundaries, in order."""
+        for record in records:
+            step, detail = self._maker.step(record)
+            self.steps.append(step)
+            self.details.append(detail)
+
+    @property
+    def head(self) -> EpisodeHead:
+        """The head, framed around everything that the steps show."""
+        header = self.trace.header
+        places: list[Vector2] = [
+            (sample[1], sample[2])
+            for step in self.steps
+            for samples in step.moves.values()
+            for sample in samples
+            if sample[3] < OVERHEAD_M
+        ]
+        return head_of(header, credit(header.attribution), truth=self.truth, places=places)
+
+    def ending(self) -> EndingCard:
+        """How it ended; with the whole explanation where the truth may be shown."""
+        words = why(self.trace).text if self.truth else ""
+        return ending_of(self.trace.outcome, cause(self.trace), words)
+
+    def ground(self) -> PageGround:
+        """The city in and around what was played in."""
+        return played_ground(self.trace, self.head.frame)
+
+    def telling(self, *, live: bool = False, notes: list[str] | None = None) -> Telling:
+        """Everything but details, ground and pictures."""
+        return Telling(self.head, self.steps, None if live else self.ending(), live, notes or [])
+
+
+def played_ground(trace: Trace, frame: Extent) -> PageGround:
+    """The city of a trace in and around an extent."""
+    return ground_of(city_of(trace), frame)
+
+
+def packed(value: object) -> bytes:
+    """JSON that is safe inside of a page as well: `<`, `>`, `&` and the line separators of JavaScript are escaped."""
+    text = msgspec.json.encode(value)
+    for mark in (b"<", b">", b"&"):
+        text = text.replace(mark, b"\\u%04x" % ord(mark))
+    return text.replace("\u2028".encode(), b"\\u2028").replace("\u2029".encode(), b"\\u2029")

@@ -1,0 +1,71 @@
+"""`lingjing view`: one file, or a server until an interrupt."""
+
+from __future__ import annotations
+
+import http.client
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.trace import synthetic
+
+VIEW = (sys.executable, "-m", "lingjing.cli.main", "view")
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("episode") / "trace.mcap"
+    synthetic.write_episode(target, ticks=8)
+    return target
+
+
+def view(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*VIEW, *map(str, arguments)], capture_output=True, text=True, timeout=600)
+
+
+def test_one_file_is_written_whole(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "episode.html"
+    done = view(path, "-o", out)
+    assert (done.returncode, done.stdout) == (0, "") and f"wrote {out}" in done.stderr
+    assert out.read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert view(path, "-o", "-", "--pictures", "0").stdout.startswith("<!doctype html>")
+
+
+def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
+    for arguments, said in (
+        ((path, "--port", "70000"), "--port 70000: a whole number from 0 to 65535"),
+        ((path, "--pictures", "-1"), "--pictures"),
+        ((tmp_path / "none.mcap",), "cannot read the trace"),
+        ((path, "-o", tmp_path), "is a folder"),
+        ((path, "-o", tmp_path / "no" / "x.html"), "cannot write"),
+    ):
+        done = view(*arguments)
+        assert done.returncode == 2 and said in done.stderr, done.stderr
+        assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_the_server_answers_until_it_is_ended(path: Path, end: signal.Signals) -> None:
+    process = subprocess.Popen(
+        [*VIEW, str(path), "--no-open"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.default_int_handler
+        ),  # a shell's background job ignores it
+    )
+    assert process.stdout is not None and process.stderr is not None
+    url = process.stdout.readline().strip()
+    host, _, rest = url.removeprefix("http://").partition("/")
+    connection = http.client.HTTPConnection(host, timeout=300)
+    connection.request("GET", f"/{rest}")
+    assert connection.getresponse().read().startswith(b"<!doctype html>")
+    process.stderr.readline()
+    process.send_signal(end)
+    _, errors = process.communicate(timeout=600)
+    assert "Traceback" not in errors
+    assert process.returncode == 0

@@ -1,0 +1,51 @@
+"""A trace that is still written is read as far as it goes, each boundary once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.trace.following import TraceFollower
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.writer import TraceWriter, part_path
+from tests.trace import synthetic
+
+
+def test_boundaries_come_one_by_one_and_the_outcome_at_the_end(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    follower = TraceFollower(path)
+    assert follower.more() == () and follower.trace is None
+    writer = TraceWriter(path, trace.header)
+    assert follower.more() == () and follower.trace is not None
+    for record in trace.boundaries:
+        writer.boundary(record)
+        assert follower.more() == (record,)
+        assert follower.more() == ()
+    assert follower.trace.outcome is None and len(follower.trace.boundaries) == len(trace.boundaries)
+    writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+    assert follower.more() == ()
+    assert follower.trace.outcome is not None and follower.trace.complete and follower.trace.path == path
+    assert follower.trace.boundaries == read_trace(path).boundaries
+
+
+def test_a_file_that_grows_byte_by_byte_gives_the_same(episode_path: Path, trace: Trace, tmp_path: Path) -> None:
+    data = episode_path.read_bytes()
+    follower, found = TraceFollower(tmp_path / "trace.mcap"), []
+    part = part_path(tmp_path / "trace.mcap")
+    step = max(1, len(data) // 97)  # ends in the middle of chunks, indexes and seals
+    for end in (*range(0, len(data), step), len(data)):
+        part.write_bytes(data[:end])
+        found += follower.more()
+    assert found == list(trace.boundaries)
+    assert follower.trace is not None and follower.trace.outcome == trace.outcome
+    assert follower.trace.places == trace.places
+    name = next(iter(trace.frames))
+    assert follower.trace.jpeg(name) == trace.jpeg(name)
+
+
+def test_what_is_no_trace_is_told(tmp_path: Path) -> None:
+    (tmp_path / "trace.mcap.part").write_bytes(b"this is no trace at all")
+    with pytest.raises(UsageError, match="not a trace"):
+        TraceFollower(tmp_path / "trace.mcap").more()

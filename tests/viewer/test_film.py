@@ -1,0 +1,106 @@
+"""A film: the moments it stands still at, its frames whatever an episode says, and the files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from lingjing.errors import UsageError
+from lingjing.trace.reader import Trace
+from lingjing.viewer.film import ENDING_S, SECONDS, TITLE_S, film_frames, make_film
+from lingjing.viewer.frames import HEIGHT, MAP, SHOT, WIDTH, FilmFrames
+from lingjing.viewer.ground import PageGround
+from lingjing.viewer.moments import MOST, Moment, moments, schedule
+from lingjing.viewer.narrated import Narration
+
+
+def test_moments_are_those_of_the_events_in_order_of_time(trace: Trace) -> None:
+    steps = Narration(trace, truth=False).steps
+    found = moments(steps, trace, truth=False)
+    assert 0 < len(found) <= MOST and list(found) == sorted(found, key=lambda one: one.place)
+    for one in found:
+        assert any(event.kind != "plain" and event.text in one.text for event in steps[one.place].events)
+    gains = [n for n, step in enumerate(steps) if n and step.score > steps[n - 1].score]
+    assert set(gains) <= {one.place for one in found}
+    assert [one.place for one in moments(steps, trace, truth=False, most=1)] == gains[:1]
+
+
+def test_a_film_stands_still_at_its_moments_and_shows_every_boundary() -> None:
+    told = (Moment(3, "good", "a"), Moment(9, "bad", "b"))
+    places = schedule(11, told, 10.0, 24)
+    assert len(places) == 240 and places[0] == 0.0 and places[-1] == 10.0
+    assert places == sorted(places)
+    for one in told:
+        assert 27 <= sum(place == one.place for place in places) <= 31  # 1.2 s
+    crowd = tuple(Moment(n, "good", "x") for n in range(100))
+    assert schedule(100, crowd, 10.0, 24)[-1] == 99.0
+    assert set(schedule(1, (), 5.0, 8)) == {0.0}
+
+
+def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
+    told = Narration(trace, truth=True)
+    drawn = FilmFrames(trace, told.head, told.steps, PageGround(known=False))
+    first, last = drawn.played(0.0, None), drawn.played(len(told.steps) - 1.0, Moment(0, "good", "won"))
+    assert first.size == last.size == (WIDTH, HEIGHT)
+    before, after = np.asarray(first), np.asarray(last)
+    for left, top, right, bottom in (SHOT, MAP):
+        assert (before[top:bottom, left:right] != after[top:bottom, left:right]).any()
+    (left, top), (right, bottom) = SHOT[:2], SHOT[2:]
+    assert after[top:bottom, left:right].reshape(-1, 3).std(axis=0).min() > 1.0
+
+
+def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Callable[..., Trace]) -> None:
+    evil = "\u202e" + "<script>" * 400 + "名前" * 100
+    instance = msgspec.structs.replace(trace.header.instance, title=evil, goal=evil)
+    header = msgspec.structs.replace(trace.header, instance=instance, attribution=evil)
+    for records in ([], list(trace.boundaries[:1]), list(trace.boundaries[:3])):
+        lost = Trace(trace.path, header, tuple(records), None, False, {})
+        told = Narration(lost, truth=True)
+        drawn = FilmFrames(lost, told.head, told.steps, PageGround(known=False))
+        frames = [drawn.title(), drawn.ended(told.ending())]
+        frames += [drawn.played(0.0, Moment(0, "bad", evil))] if records else []
+        assert {frame.size for frame in frames} == {(WIDTH, HEIGHT)}
+
+
+def test_a_gif_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
+    make_film(trace, tmp_path / "episode.gif", truth=False)
+    with Image.open(tmp_path / "episode.gif") as film:
+        total = 0
+        for number in range(film.n_frames):  # type: ignore[attr-defined]
+            film.seek(number)
+            total += film.info["duration"]
+    assert abs(total / 1000 - SECONDS) < 0.5
+    assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
+
+
+def test_an_mp4_is_h264_and_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="PyAV is not installed: pip install 'lingjing[film]'")
+    short = Trace(trace.path, trace.header, trace.boundaries[:2], None, False, trace.places)
+    make_film(short, tmp_path / "episode.mp4", truth=False)
+    with av.open(str(tmp_path / "episode.mp4")) as film:
+        (stream,) = film.streams.video
+        assert (stream.codec_context.name, stream.codec_context.width) == ("h264", WIDTH)
+        assert sum(1 for _ in film.decode(video=0)) == round(SECONDS * 24)
+
+
+def test_what_cannot_be_made_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(UsageError, match="a film is an"):
+        make_film(trace, tmp_path / "episode.avi", truth=False)
+    short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, {})
+    with pytest.raises(UsageError, match="cannot write"):
+        make_film(short, tmp_path / "no" / "episode.gif", truth=False)
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    with pytest.raises(UsageError, match="an MP4 needs PyAV"):
+        make_film(short, tmp_path / "episode.mp4", truth=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_title_and_ending_frame_the_film(trace: Trace) -> None:
+    short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, {})
+    frames = list(film_frames(short, 2, truth=False))
+    assert len(frames) == round(TITLE_S * 2) + round((SECONDS - TITLE_S - ENDING_S) * 2) + round(ENDING_S * 2)

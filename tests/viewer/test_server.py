@@ -1,0 +1,112 @@
+"""The server: for this machine, with the token, for the names of this machine only."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import zlib
+from collections.abc import Iterator
+from urllib.parse import quote
+
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.trace.reader import Trace
+from lingjing.viewer.narrated import CHUNK
+from lingjing.viewer.page import policy
+from lingjing.viewer.served import ServedTrace
+from lingjing.viewer.server import ViewServer
+
+
+@pytest.fixture(scope="module")
+def server(trace: Trace) -> Iterator[ViewServer]:
+    made = ViewServer(ServedTrace(trace, truth=False))
+    yield made
+    made.close()
+
+
+def port_of(server: ViewServer) -> int:
+    return int(server.url.split(":")[2].split("/")[0])
+
+
+def ask(
+    server: ViewServer, path: str, *, token: str | None = None, **headers: str
+) -> tuple[int, dict[str, str], bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=300)
+    mark = "&" if "?" in path else "?"
+    connection.request("GET", f"{path}{mark}token={server.token if token is None else token}", headers=headers)
+    answer = connection.getresponse()
+    found = answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+    connection.close()
+    return found
+
+
+def test_the_page_and_its_data_are_served(server: ViewServer, trace: Trace) -> None:
+    status, headers, body = ask(server, "/")
+    assert status == 200 and body.startswith(b"<!doctype html>")
+    assert headers["content-security-policy"] == policy(served=True)
+    assert headers["x-content-type-options"] == "nosniff" and headers["referrer-policy"] == "no-referrer"
+    assert (
+        "access-control-allow-origin" not in headers and "frame-ancestors 'none'" in headers["content-security-policy"]
+    )
+    status, headers, body = ask(server, "/telling", **{"Accept-Encoding": "gzip, deflate"})
+    assert headers["content-encoding"] == "deflate"
+    told = json.loads(zlib.decompress(body))
+    assert len(told["steps"]) == len(trace.boundaries) and told["live"] is False
+    assert json.loads(ask(server, "/ground")[2])["known"] in (True, False)
+    assert len(json.loads(ask(server, "/details?chunk=0")[2])) == min(CHUNK, len(trace.boundaries))
+    name = next(iter(trace.frames))
+    status, headers, body = ask(server, f"/picture?id={quote(name)}")
+    assert (status, headers["content-type"], body) == (200, "image/jpeg", trace.jpeg(name))
+
+
+@pytest.mark.parametrize("path", ["/", "/telling", "/ground", "/details?chunk=0", "/picture?id=x", "/follow", "/no"])
+def test_nothing_is_told_without_the_token(server: ViewServer, path: str) -> None:
+    for token in ("", "x", server.token[:-1], server.token + "x", "é"):
+        status, _, body = ask(server, path, token=quote(token))
+        assert status == 403 and len(body) < 200 and server.token.encode() not in body
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:80", "127.0.0.1.evil.example", ""])
+def test_a_name_that_only_resolves_to_this_machine_gets_no_answer(server: ViewServer, host: str) -> None:
+    assert ask(server, "/telling", Host=host)[0] == 421
+    assert ask(server, "/telling", Host=f"localhost:{port_of(server)}")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["/picture?id=none", "/picture", "/details?chunk=99", "/details?chunk=-1x9", "/../etc/passwd"]
+)
+def test_what_is_not_there_is_said(server: ViewServer, path: str) -> None:
+    status, headers, body = ask(server, path)
+    if path == "/details?chunk=-1x9":
+        assert status == 200  # no number: the first
+    else:
+        assert status == 404 and body and headers["content-type"].startswith("text/plain")
+
+
+def test_only_get_is_answered_and_nonsense_does_no_harm(server: ViewServer) -> None:
+    for data in (b"POST / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\xff\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b""):
+        with socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) as connection:
+            connection.sendall(data)
+            connection.shutdown(socket.SHUT_WR)
+            answer = connection.makefile("rb").read()
+        assert b" 200 " not in answer.split(b"\r\n")[0]
+    assert ask(server, "/")[0] == 200
+
+
+def test_a_reader_that_reads_nothing_keeps_nobody_waiting(server: ViewServer) -> None:
+    idle = [socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) for _ in range(8)]
+    for connection in idle:
+        connection.sendall(
+            f"GET /telling?token={server.token} HTTP/1.1\r\nHost: 127.0.0.1:{port_of(server)}\r\n\r\n".encode()
+        )
+    assert ask(server, "/details?chunk=0")[0] == 200
+    for connection in idle:
+        connection.close()
+
+
+def test_it_listens_on_the_loopback_address_and_a_taken_port_is_told(server: ViewServer, trace: Trace) -> None:
+    assert server.url.startswith("http://127.0.0.1:") and len(server.token) >= 32
+    with pytest.raises(UsageError, match=f"cannot listen on port {port_of(server)}"):
+        ViewServer(ServedTrace(trace, truth=False), port_of(server))

@@ -1,0 +1,129 @@
+"""What a page is told of an episode: nothing hidden unless the truth is asked for, and no text that does harm."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import msgspec
+
+from lingjing.mission.instance import Instance
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Snapshot
+from lingjing.viewer.narrated import Narration, packed
+from lingjing.viewer.steps import LONGEST_TEXT, clipped
+
+
+def hidden(instance: Instance) -> set[str]:
+    return {one.id for one in instance.entities if one.role == "target" and "position" in one.hidden}
+
+
+def moved(snapshot: Snapshot, names: set[str]) -> Snapshot:
+    """The same macro-step with the named entities somewhere else."""
+    states = tuple(
+        msgspec.structs.replace(one, position=(one.position[0] + 37.0, one.position[1] - 41.0, one.position[2]))
+        if one.id in names
+        else one
+        for one in snapshot.states
+    )
+    return msgspec.structs.replace(snapshot, states=states)
+
+
+def test_what_is_hidden_and_not_found_changes_nothing_that_a_page_is_told(
+    trace: Trace, written: Callable[..., Trace]
+) -> None:
+    names = hidden(trace.header.instance)
+    first = min(record.tick for record in trace.boundaries if record.events)
+    until = [record for record in trace.boundaries if record.tick < first]
+    assert names and len(until) > 2
+    other = [
+        msgspec.structs.replace(
+            record,
+            snapshots=tuple(moved(one, names) for one in record.snapshots),
+            frames=tuple(msgspec.structs.replace(frame, boxes=()) for frame in record.frames),
+        )
+        for record in until
+    ]
+    instance = trace.header.instance
+    entities = tuple(
+        msgspec.structs.replace(one, position=(1.0, 2.0, 3.0)) if one.id in names else one for one in instance.entities
+    )
+    header = msgspec.structs.replace(trace.header, instance=msgspec.structs.replace(instance, entities=entities))
+    whole = written(other, header, finish=False)
+    told, told_other = (Narration(one, truth=False) for one in (shortened(trace, until), whole))
+    assert packed(told.steps) == packed(told_other.steps)
+    assert packed(told.details) == packed(told_other.details)
+    assert packed(told.head) == packed(told_other.head)
+    shown, shown_other = (Narration(one, truth=True) for one in (shortened(trace, until), whole))
+    assert packed(shown.steps) != packed(shown_other.steps)
+
+
+def shortened(trace: Trace, records: list[BoundaryRecord]) -> Trace:
+    return Trace(trace.path, trace.header, tuple(records), None, False, trace.places)
+
+
+def test_a_target_appears_when_it_is_found(trace: Trace) -> None:
+    first = min(record.tick for record in trace.boundaries if record.events)
+    steps = Narration(trace, truth=False).steps
+    names = hidden(trace.header.instance)
+    cards = {card.id: step.tick for step in steps for card in step.cards}
+    assert names <= set(cards)
+    assert min(cards[name] for name in names) == first
+    told = Narration(trace, truth=True).steps
+    assert {card.id for card in told[0].cards} >= names
+    assert {told[0].sights[name] for name in names} == {"truth"}
+
+
+def test_true_boxes_and_the_explanation_need_the_truth(trace: Trace) -> None:
+    plain, full = (Narration(trace, truth=truth) for truth in (False, True))
+    assert any(frame.boxes for frame in trace.frames.values())
+    assert not any(picture.truth for step in plain.steps for picture in step.pictures)
+    assert any(picture.truth for step in full.steps for picture in step.pictures)
+    assert plain.ending().why == "" and "ended by" in full.ending().why
+    assert plain.ending().line == full.ending().line != ""
+
+
+def test_reported_boxes_and_what_they_matched_are_told(trace: Trace) -> None:
+    steps = Narration(trace, truth=False).steps
+    reports = {report.id: report for step in steps for report in step.reports}
+    matched = {report: target for step in steps for report, target in step.matched.items()}
+    assert matched and set(matched) <= set(reports)
+    assert {reports[name].frame for name in matched} <= set(trace.frames)
+    assert set(matched.values()) <= hidden(trace.header.instance)
+
+
+def test_an_entity_that_stands_still_is_told_once(trace: Trace) -> None:
+    steps = Narration(trace, truth=True).steps
+    record = trace.boundaries[-1]
+    for state in record.snapshots[-1].states:
+        told = [sample for step in steps for sample in step.moves.get(state.id, ())]
+        times = [sample[0] for sample in told]
+        assert times == sorted(times)
+        assert abs(told[-1][1] - state.position[0]) < 0.3
+        assert abs(told[-1][2] - state.position[1]) < 0.3
+
+
+def test_texts_are_cut_and_lose_what_reorders_them() -> None:
+    assert clipped("plain") == "plain"
+    long = clipped("x" * 10_000)
+    assert long.startswith("x" * LONGEST_TEXT) and long.endswith("(6000 characters more)")
+    assert "\u202e" not in clipped("abc\u202ecba") and "\x1b" not in clipped("\x1b[31m")
+
+
+def test_packed_json_holds_nothing_that_ends_a_script(trace: Trace, written: Callable[..., Trace]) -> None:
+    evil = "</script><script>alert(1)</script><!-- & \u2028"
+    record = trace.boundaries[1]
+    made = DecisionRecord(agent=record.decisions[0].agent, decision=Decision(thought=evil))
+    told = Narration(
+        written([trace.boundaries[0], msgspec.structs.replace(record, decisions=(made,))], trace.header, finish=False),
+        truth=False,
+    )
+    data = packed(told.details)
+    assert not set(b"<>&") & set(data) and "\u2028".encode() not in data
+    thoughts = [
+        note["thought"]
+        for detail in json.loads(data)
+        for note in detail.get("agents", {}).values()
+        if "thought" in note
+    ]
+    assert thoughts and thoughts[0].startswith("</script><script>alert(1)</script><!-- & ")
