@@ -15,14 +15,21 @@ from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap
 
 
-def ground(*walls: tuple[float, float, float, float]) -> ObstacleMap:
-    """60 m by 60 m with the south-west corner at (0, 0); walls are (west, south, east, north)."""
-    ys, xs = np.meshgrid((np.arange(120) + 0.5) * 0.5, (np.arange(120) + 0.5) * 0.5, indexing="ij")
-    clear = np.full((120, 120), 1.6, np.float32)
+def ground(*walls: tuple[float, float, float, float], side_m: int = 60) -> ObstacleMap:
+    """A square with the south-west corner at (0, 0); walls are (west, south, east, north)."""
+    cells = 2 * side_m
+    ys, xs = np.meshgrid((np.arange(cells) + 0.5) * 0.5, (np.arange(cells) + 0.5) * 0.5, indexing="ij")
+    clear = np.full((cells, cells), 1.6, np.float32)
     for west, south, east, north in walls:
         dx, dy = np.maximum(np.maximum(west - xs, xs - east), 0), np.maximum(np.maximum(south - ys, ys - north), 0)
         clear = np.minimum(clear, np.hypot(dx, dy).astype(np.float32))
     return ObstacleMap(0.0, 0.0, 0.5, 1.6, clear)
+
+
+def test_a_way_is_found_however_much_of_the_map_leads_nowhere():
+    """More than 60,000 cells lie before the wall, and its one gap is at the far end."""
+    points = find_path(ground((0.0, 150.0, 154.0, 151.0), side_m=160), (2.0, 2.0), (2.0, 158.0), 1.0)
+    assert points and math.dist(points[-1], (2.0, 158.0)) <= 1.0
 
 
 def test_a_free_way_is_one_straight_leg_to_within_reach():

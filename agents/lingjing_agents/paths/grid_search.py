@@ -13,24 +13,23 @@ GridCell = tuple[int, int]
 NEIGHBOURS = tuple((i, j, math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 """Steps to the eight neighbours of a cell and their lengths, in cells."""
 
-MOST_CELLS = 60_000
-"""So many cells are looked at before there is no path."""
-
 
 def cheapest_path(
     start: GridCell,
     steps: Callable[[GridCell], Iterable[tuple[GridCell, float]]],
     left: Callable[[GridCell], float],
     arrived: Callable[[GridCell], bool],
+    *,
+    most_cells: float = math.inf,
 ) -> list[GridCell]:
-    """The cells of the cheapest path from `start` to one that has `arrived`, without `start`; empty if there is none or
-    none is needed.
+    """The cells of the cheapest path from `start` to one that has `arrived`, without `start`; empty if there is none
+    among the `most_cells` cells that are looked at first, or none is needed.
 
     `steps` are the neighbours of a cell and what it costs to go there, `left` a lower bound of the cost from a cell.
     """
     cost, before = {start: 0.0}, dict[GridCell, GridCell]()
     queue, done = [(left(start), start)], set[GridCell]()
-    while queue and len(done) < MOST_CELLS:
+    while queue and len(done) < most_cells:
         _, cell = heapq.heappop(queue)
         if cell in done:
             continue

@@ -15,6 +15,8 @@ from lingjing_agents.paths.grid_search import NEIGHBOURS, GridCell, cheapest_pat
 
 CELL_M = 1.5
 SIDES = 5
+MOST_CELLS = 60_000
+"""So many cells are looked at before there is no path."""
 NEAR_COST = 2.0
 """What a step beside something closed costs more, in cells: keeps the way off walls where there is room."""
 
@@ -95,7 +97,7 @@ class ObstacleGrid:
         def left(cell: GridCell) -> float:
             return math.hypot(cell[0] - gx, cell[1] - gy)
 
-        cells = cheapest_path(_cell(here), self._steps, left, lambda cell: left(cell) <= reach)
+        cells = cheapest_path(_cell(here), self._steps, left, lambda cell: left(cell) <= reach, most_cells=MOST_CELLS)
         places = [_centre(cell) for cell in cells]
         if places and math.dist(places[-1], goal) <= 2 * CELL_M and self.clear(places[-1], goal):
             places.append(goal)
