@@ -141,8 +141,9 @@ class EntityChecker(DeclarationChecker):
                 own.extend(lowered(entry, hidden=bool(known.taint), state=known.state))
         anew = reshaped(set(entries))
         given = {prop.name for prop in own} | ({"look"} if anew else set())
+        hidden = self._hidden_attributes(node, decl)
         inherited = tuple(
-            msgspec.structs.replace(prop, hidden=True) if self._is_hidden(node, prop.name, decl) else prop
+            msgspec.structs.replace(prop, hidden=True) if hidden and prop.name.startswith(hidden) else prop
             for prop in decl.properties
             if prop.name not in given
         )
@@ -232,13 +233,10 @@ class EntityChecker(DeclarationChecker):
                     keys[name] = PropertyKey(name, attribute.type, ANY_RELATION, hideable=True, public=False)
         return keys
 
-    def _is_hidden(self, node: s.EntityBlock, lowered_name: str, decl: TypeDecl) -> bool:
+    def _hidden_attributes(self, node: s.EntityBlock, decl: TypeDecl) -> tuple[str, ...]:
+        """Attributes of the type that the block hides; the names of what they are lowered to begin with theirs."""
         attributes = self.scope.groups[node.name.text].attributes
-        return any(
-            attribute.taint and lowered_name.startswith(name)
-            for name, attribute in attributes.items()
-            if name in decl.attributes
-        )
+        return tuple(name for name, attribute in attributes.items() if attribute.taint and name in decl.attributes)
 
     def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, PropertyEntry]) -> None:
         """An asset's band bounds its commands, and a receipt says where it clipped one: so the band is public."""
