@@ -54,7 +54,8 @@ def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
     assert [shape.surface for shape in shapes[2:5]] == ["park", "residential", "foot"]
     assert len(ground_plan(city)) == len(shapes) + 1
     assert shapes[0].holes == (SQUARE,) and is_sea(shapes)
-    assert shapes[5] == PlanShape("road", ((0.0, 0.0), (10.0, 0.0)), width_m=3.5, surface="car")
+    line = ((0.0, 0.0), (10.0, 0.0))
+    assert shapes[5] == PlanShape("road", line, width_m=3.5, surface="car", heights_m=(0.0, 1.0))
     assert not is_sea(ground_plan(a_city(), (0.0, 0.0, 1.0, 1.0)))
 
 
