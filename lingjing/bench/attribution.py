@@ -3,16 +3,18 @@
 A method gets the trace of an episode and names what made it fail: a sequence of `NamedFault`, the most likely first,
 empty if nothing did. `families` is what the rules of `lingjing.analysis.families` say, `blame` what branches of the
 episode show (`lingjing.causal.blame`); others are functions in files (`FILE.py:FUNCTION`), which may return plain
-(agent, faculty, boundary). The header of such a trace holds the faulty policy's options, which name the faults. They
-are taken out of it, except for a method that says by `redrives` that it runs policies again.
+(agent, faculty, boundary). The header of such a trace holds the faulty policy's options, which name the faults. A
+method gets a copy without them, which lies apart from the answers and the episodes; one that says by `redrives` that it
+runs policies again gets the trace itself, for without their options it could not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal, cast
 
 import msgspec
@@ -26,6 +28,7 @@ from lingjing.bench.suite import ATTRIBUTION, NameOrFile, ShortText, SuitePart, 
 from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, ResultTable
 from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask
+from lingjing.trace.copying import copy_trace
 from lingjing.trace.reader import Trace, read_trace
 
 BRANCHES = 60
@@ -223,7 +226,9 @@ class AttributionRun:
     def _asked(self, name: str, method: AttributionMethod, episode: PlantedEpisode, path: Path) -> AttributionRow:
         try:
             trace = read_trace(path)
-            answer = tuple(method.ask(trace if method.redrives else without_labels(trace)))
+            with TemporaryDirectory(prefix="lingjing-attribution-") as apart:
+                given = trace if method.redrives else without_labels(trace, Path(apart) / "trace.mcap")
+                answer = tuple(method.ask(given))
         except Exception as error:  # noqa: BLE001 - a method of somebody's own: whatever it raises is its answer
             detail = f"{type(error).__name__}: {error}"
             return AttributionRow(method=name, episode=episode, standing="failed", detail=detail)
@@ -247,10 +252,10 @@ class AttributionRun:
         return self.folder / "answers.jsonl"
 
 
-def without_labels(trace: Trace) -> Trace:
-    """The trace without the options of its policies, which name the planted faults."""
+def without_labels(trace: Trace, path: Path) -> Trace:
+    """A copy of the trace, at `path`, without the options of its policies, which name the planted faults."""
     bindings = tuple(msgspec.structs.replace(one, arguments={}) for one in trace.header.bindings)
-    return replace(trace, header=msgspec.structs.replace(trace.header, bindings=bindings))
+    return copy_trace(trace, msgspec.structs.replace(trace.header, bindings=bindings), path)
 
 
 def _differs(name: str, episode: PlantedEpisode) -> AttributionRow:

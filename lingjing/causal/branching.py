@@ -17,6 +17,7 @@ from lingjing.causal.redriven import RedrivenEpisode
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import play
 from lingjing.kernel.world.contract import StoredFrame
+from lingjing.trace.copying import picture_parts
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, FORMAT, BoundaryRecord, BranchOrigin, Header, Outcome, Reason
 from lingjing.trace.writer import PictureParts, TraceWriter
@@ -132,7 +133,7 @@ class _BranchTrace:
         self.writer = TraceWriter(folder / TRACE_NAME, _header(trace, plan, reference))
         self._relations = RelationTracker(trace.header.instance)
         for record in trace.boundaries[: plan.at + 1]:
-            self.add(record, [_recorded(trace, frame.id) for frame in record.frames])
+            self.add(record, [picture_parts(trace, frame.id) for frame in record.frames])
 
     def add(self, record: BoundaryRecord, pictures: Sequence[PictureParts]) -> None:
         """One boundary."""
@@ -157,11 +158,6 @@ def _header(trace: Trace, plan: BranchPlan, reference: str) -> Header:
             reference=reference if plan.substitutions else "",
         ),
     )
-
-
-def _recorded(trace: Trace, frame: str) -> PictureParts:
-    picture = trace.picture(frame)
-    return picture.info, trace.jpeg(frame), picture.depth, picture.semantic
 
 
 def cpu_of(pid: int) -> float:

@@ -17,6 +17,7 @@ In the order in which an episode meets them:
 - `signals`    signals wait while a boundary is written
 - `calls`      what is kept of questions to chat models; `call_store` the SQLite file beside the trace that holds them
 - `reader`     `read_trace`: the records back, pictures on demand
+- `copying`    a trace under another header, its pictures byte for byte
 - `following` `TraceFollower`: a trace that is still written, read as it grows
 - `seal_difference` which record is not as it was sealed
 - `seal_check` the bytes against the seals

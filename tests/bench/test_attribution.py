@@ -28,6 +28,7 @@ from lingjing.play.episode import run
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.verification import verify_file
 
 SHIPPED = find_suite("planted")
 FAULT = FaultLabel(agent="scout[1]", faculty="perception", boundary=7, way="blind")
@@ -163,10 +164,16 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> EpisodeReport:
 
 def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: Path) -> None:
     seen: dict[str, object] = {}
+    beside: dict[str, set[str]] = {}
+    whole = read_trace(report.trace)
 
     def looks(name: str) -> AttributionMethod:
         def ask(trace: Trace) -> list[NamedFault]:
             seen[name] = trace.header.bindings[0].arguments
+            assert read_trace(trace.path).header == trace.header
+            assert [one.digest for one in trace.boundaries] == [one.digest for one in whole.boundaries]
+            assert verify_file(trace.path).state == "ok"
+            beside[name] = {path.name for path in trace.path.parent.iterdir()}
             return [named("skipper[1]", "execution", 2)]
 
         return AttributionMethod(ask, redrives=name == "again")
@@ -182,6 +189,7 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
     left.mkdir(parents=True)  # by a command that was killed
     rows = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
     assert seen["reads"] == {}
+    assert beside["reads"] == {"trace.mcap"}
     assert "execution" in str(seen["again"])
     assert [row.standing for row in rows] == ["answered", "answered", "failed", *["differs"] * 3]
     assert rows[2].detail == "RuntimeError: no idea"
