@@ -40,6 +40,7 @@ from lingjing.errors import (
 from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.play.descendants import adopt, adopting, be_told_of_the_end_of, end_children
 from lingjing.play.folders import release_if_empty
+from lingjing.play.raw_output import RawOutput
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.trace.signals import STOP, deferring_signals
 
@@ -261,13 +262,16 @@ class _Child:
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
         self._pulse = _Pulse()
+        self._raw = RawOutput()
         self._pid = os.fork()
         if self._pid == 0:
             signal.pthread_sigmask(signal.SIG_BLOCK, {_INTERRUPT})  # before there are threads, which take it over
             os.close(reading)
+            self._raw.lead_here()
             self._pulse.beat()
             _serve(parent, writing, tuple(seeds), claim, play)
         os.close(writing)
+        self._raw.begin()
         self._pidfd = os.pidfd_open(self._pid)
         self._pipe = reading
         self._until: OwnDeadline | None = None
@@ -291,6 +295,8 @@ class _Child:
         finally:
             self.interrupts.tell = lambda: None
             self._kill_unless_it_ends()
+            self._raw.pass_on()
+            self._raw.close()
             os.close(self._pipe)
             os.close(self._pidfd)
 
@@ -312,9 +318,12 @@ class _Child:
         poller = select.poll()
         poller.register(self._pipe, select.POLLIN)
         poller.register(self._pidfd, select.POLLIN)
+        if self._raw.descriptor is not None:
+            poller.register(self._raw.descriptor, select.POLLIN)
         if self._until is not None and self._until.left_s() <= 0.0:
             return False
         poller.poll(1000)  # a signal between the line above and this one is met within a second
+        self._raw.pass_on()
         if self._pulse.has_stopped(self._pid):
             self._is_held = True
             signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
@@ -339,7 +348,7 @@ class _Child:
         """Its pipe is closed: it is at its end, or can tell of nothing any more."""
         deadline = OwnDeadline(self._pid, GRACE_S if self.began is None else MUTE_S, watched=True)
         while not (has_ended := self._has_ended(_PATIENCE_S)) and deadline.left_s() > 0.0:
-            pass
+            self._raw.pass_on()  # it may be waiting for that
         self._is_mute = not has_ended
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)

@@ -27,7 +27,7 @@ EVIL = [
 LINE = "".join(EVIL) + "DONE"
 
 POLICY = f"""
-import logging, sys, warnings
+import logging, os, subprocess, sys, warnings
 from lingjing.plugins.policy import Action, Decision, Outgoing
 
 EVIL = {LINE!r}
@@ -43,6 +43,9 @@ class Evil:
         logging.getLogger("evil").error("log " + EVIL)
         warnings.warn("warn " + EVIL)
         sys.__stderr__.write("original " + EVIL + "\\n")
+        os.write(1, ("first " + EVIL + "\\n").encode())
+        os.write(2, ("second " + EVIL + "\\n").encode())
+        subprocess.run(["printf", "%s\\n", "started " + EVIL], check=True)
         if observation.tick == 1:
             raise ValueError("raised " + EVIL)
         kinds = [message.kind for message in self.brief.messages]
@@ -168,7 +171,7 @@ def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path)
     (here / "short.ljs").write_text(mission)
     shown = on_terminal("run", "short.ljs", "--policy", "./evil.py:Evil", option, cwd=here)
     assert harmless(shown), shown
-    for said in ("reset", "stdout", "stderr", "log", "warn", "original"):
+    for said in ("reset", "stdout", "stderr", "log", "warn", "original", "first", "second", "started"):
         assert f"{said} \\x1b]0;EVIL\\x07" in shown.replace("\n", ""), said
     assert "raised \\x1b" in shown.replace("\n", "")
     piped = subprocess.run(

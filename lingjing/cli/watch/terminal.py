@@ -39,9 +39,10 @@ class AlternateScreen:
         _flush()
         self._aside: IO[bytes] = tempfile.TemporaryFile()
         self._kept = {number: os.dup(number) for number in _on_terminal()}
+        self._screen = self._kept[_standard_error()]
         for number in self._kept:
             os.dup2(self._aside.fileno(), number)
-        self._out: IO[str] = open(self._kept[2], "w", encoding="utf-8", closefd=False)
+        self._out: IO[str] = open(self._screen, "w", encoding="utf-8", closefd=False)
         self._console: Console = VisibleConsole(file=self._out, force_terminal=True)
         self._before = self._listen()
         self._console.set_alt_screen(True)
@@ -70,7 +71,7 @@ class AlternateScreen:
     def draw(self, renderable: RenderableType) -> None:
         """Fill the screen, as large as the terminal is now."""
         self._drawing = True
-        self._console.size = os.get_terminal_size(self._kept[2])
+        self._console.size = os.get_terminal_size(self._screen)
         self._console.update_screen(renderable)
         self._drawing = False
         if self._late:
@@ -101,11 +102,20 @@ class AlternateScreen:
 
 
 def _on_terminal() -> set[int]:
-    """The descriptors of the standard streams that lead to a terminal; that of standard error always."""
-    numbers = {1, 2}
+    """The descriptors that lead to the terminal, those of our streams and the standard ones; what is written to
+    descriptor 2 gets there in any case (`lingjing.play.raw_output`), and so to its copies."""
+    numbers = {1, 2, _standard_error()}
     with suppress(OSError, ValueError, AttributeError):  # a stream without a descriptor
         numbers.add(sys.stdout.fileno())
-    return {number for number in numbers if number == 2 or os.isatty(number)}
+    return {number for number in numbers if os.isatty(number) or os.path.sameopenfile(number, 2)}
+
+
+def _standard_error() -> int:
+    """The descriptor that `sys.stderr` writes to."""
+    try:
+        return sys.stderr.fileno()
+    except (OSError, ValueError, AttributeError):
+        return 2
 
 
 def _flush() -> None:
