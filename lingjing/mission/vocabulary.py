@@ -18,3 +18,6 @@ PHOTO = "takePhoto"
 
 UNLOCK = "unlock."
 """What the kernel's own command for an interaction begins with: `unlock.rescue`."""
+
+MOTION = ("speed", "cruise", "acceleration", "braking", "drift")
+"""Properties that show in how a body moves, so in where it is and in when its commands end."""

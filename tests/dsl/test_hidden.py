@@ -94,6 +94,24 @@ def test_a_band_is_told_by_receipts(small: str) -> None:
     assert leak.code == "LJ0401" and leak.message.endswith("`uav.band` → the receipts of commands")
 
 
+def test_how_fast_an_asset_is_shows_in_its_receipts(small: str) -> None:
+    hidden = small.replace("heading = 30 deg, speed <= 3 m/s", "heading = 30 deg, hidden speed = 3 m/s")
+    (leak,) = compile_text(hidden).diagnostics
+    assert leak.code == "LJ0401" and leak.message.endswith("`boat.speed` → the receipts of commands")
+    assert compile_text(hidden.replace("3 m/s }", "3 m/s, actions {} }")).diagnostics == ()
+
+
+def test_a_drift_shows_where_the_place_is_observed(small: str) -> None:
+    raft = "  target raft : person_in_water { position = (1 m, 2 m), hidden drift = 0.3 m/s }\n"
+    text = small.replace("  asset boat", raft + "  asset boat")
+    for channel in ("raft.*", "raft.position", "raft.velocity"):
+        (leak,) = compile_text(text.replace("observes cells }", f"observes {channel} }}")).diagnostics
+        assert leak.code == "LJ0401" and leak.message.endswith(f"`raft.drift` → the observation `{channel}`")
+    assert compile_text(text.replace("observes cells }", "observes raft.status }")).diagnostics == ()
+    unplaced = text.replace("position = (1 m, 2 m), hidden drift", "hidden position = (1 m, 2 m), hidden drift")
+    assert compile_text(unplaced.replace("observes cells }", "observes raft.* }")).diagnostics == ()
+
+
 def test_a_region_around_a_hidden_place_leaks_through_its_grid(small: str) -> None:
     text = small.replace("region search = ", "region near = circle(victim[1], 50 m)\n  region search = ")
     assert compile_text(text).diagnostics == ()

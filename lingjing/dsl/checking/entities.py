@@ -21,6 +21,7 @@ from lingjing.mission import model
 from lingjing.mission.functions import DEGREES, NUMBER, POSITION, Type
 from lingjing.mission.instance_entities import place_fault
 from lingjing.mission.units import NONE
+from lingjing.mission.vocabulary import MOTION
 
 
 class EntityChecker(DeclarationChecker):
@@ -130,7 +131,8 @@ class EntityChecker(DeclarationChecker):
             return None
         self._needs_position(node, decl)
         self._possible_places(entries.get("position"), decl.engine)
-        self._told_by_receipts(node, entries)
+        if verbs:
+            self._told_by_receipts(node, entries)
         for entry in entries.values():
             self.blocks.check_state(entry.node, entry.value.type)
         labels = self._labels(entries, count, node)
@@ -239,11 +241,12 @@ class EntityChecker(DeclarationChecker):
         return tuple(name for name, attribute in attributes.items() if attribute.taint and name in decl.attributes)
 
     def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, PropertyEntry]) -> None:
-        """An asset's band bounds its commands, and a receipt says where it clipped one: so the band is public."""
-        entry = entries.get("band")
-        known = self.scope.groups[node.name.text].attributes.get("band")
-        if node.keyword == "asset" and entry is not None and known is not None:
-            self.blocks.leak(known.taint, entry.node.value, "the receipts of commands")
+        """An asset's band bounds its commands, its speed says how long they take, and receipts say where one was
+        clipped and when it ended: so these are public."""
+        for name in ("band", *MOTION) if node.keyword == "asset" else ():
+            entry, known = entries.get(name), self.scope.groups[node.name.text].attributes.get(name)
+            if known is not None:
+                self.blocks.leak(known.taint, entry.node.value if entry else node.name, "the receipts of commands")
 
     def _needs_position(self, node: s.EntityBlock, decl: TypeDecl) -> None:
         items = node.block.items if node.block else ()
