@@ -88,6 +88,16 @@ def fault(polygon: Sequence[Vector2]) -> str:
     return ""
 
 
+def left_of(line: Sequence[Vector2], reach: float) -> Polygon:
+    """What lies to the left of a line, up to `reach` metres from it; its ends run on straight as far."""
+    first, last = _beyond(line[1], line[0], reach), _beyond(line[-2], line[-1], reach)
+    dx, dy = last[0] - first[0], last[1] - first[1]
+    length = math.hypot(dx, dy)
+    left = (-dy / length * reach, dx / length * reach)
+    outline = (first, *line, last, (last[0] + left[0], last[1] + left[1]), (first[0] + left[0], first[1] + left[1]))
+    return tuple((round(x, 3), round(y, 3)) for x, y in outline)
+
+
 def contains(polygon: Sequence[Vector2], east: float, north: float) -> bool:
     """Whether the point lies in the polygon or on its edge (even-odd rule)."""
     inside = False
@@ -211,6 +221,12 @@ def _half_plane(outline: Sequence[Vector2], axis: int, limit: float, sign: float
             cut[axis] = limit
             kept.append((cut[0], cut[1]))
     return kept
+
+
+def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
+    dx, dy = at[0] - before[0], at[1] - before[1]
+    length = math.hypot(dx, dy) or 1.0
+    return at[0] + dx / length * reach, at[1] + dy / length * reach
 
 
 def _crossing(outline: Polygon) -> tuple[int, int] | None:

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from lingjing.errors import Fault, UsageError
+from lingjing.mission.geometry2d import Polygon, left_of
 from lingjing.mission.instance import Option, SceneSpec
 
 FILE = "kinds.json"
@@ -69,7 +70,9 @@ class SceneKind(_Record, frozen=True, kw_only=True):
     `extent_m` is the width of a scene without the option `extent`, `outskirts_m` how far its city reaches beyond its
     extent on each side, `wider_by` the options with which it may reach farther. `shore` says whether the sea lies
     beside dry ground at elevation 0: always (`own`), where the option `shore` gives it (`given`), or never (`none`).
-    `lacks` are the surfaces that it has not, `unless` the options that bring one nevertheless. `aside_m` is how far it
+    `lacks` are the surfaces that it has not, `unless` the options that bring one nevertheless. `level` are those whose
+    elevation is known: water lies at the datum, a road on the ground at 0 or, where the option `bridge` names one, up
+    to its `deck`. `land` are outlines of dry land that every city of the kind has. `aside_m` is how far it
     may move what stands on no declared surface. Exactly one of the options `one_of` must be given, as `one_of_hint`
     says.
     """
@@ -84,6 +87,8 @@ class SceneKind(_Record, frozen=True, kw_only=True):
     shore: Literal["own", "given", "none"] = "none"
     lacks: tuple[Surface, ...] = ()
     unless: dict[str, str] = {}
+    level: tuple[Surface, ...] = ()
+    land: tuple[Polygon, ...] = ()
     aside_m: Annotated[float, msgspec.Meta(ge=0)] = 250.0
     one_of: tuple[str, ...] = ()
     one_of_hint: str = ""
@@ -99,14 +104,18 @@ class SceneKind(_Record, frozen=True, kw_only=True):
 
 
 class EngineKind(_Record, frozen=True, kw_only=True):
-    """A kind of engine. `acts`: its entities can perform interactions. `landbound`: its bodies are never under the
-    ground or the sea. `anywhere`: they may begin outside of the scene, which they cross at once. `orbits`: elements
-    place them. `standard_properties`: speeds, endurances and loads mean what the language says.
+    """A kind of engine.
+
+    `acts`: its entities can perform interactions. `landbound`: its bodies are never under the ground or the sea.
+    `stands_on` is the surface that they are always on. `anywhere`: they may begin outside of the scene, which they
+    cross at once. `orbits`: elements place them. `standard_properties`: speeds, endurances and loads mean what the
+    language says.
     """
 
     name: str
     acts: bool = True
     landbound: bool = False
+    stands_on: Surface | Literal[""] = ""
     anywhere: bool = False
     orbits: bool = False
     standard_properties: bool = False
@@ -229,6 +238,31 @@ def lacks(spec: SceneSpec, surface: str) -> bool:
     """Whether nothing in a scene is such a surface (`on = bridge`); False where only the scene can tell."""
     kind = scene_kind(spec.kind)
     return kind is not None and surface in kind.lacks and kind.unless.get(surface) not in spec.options
+
+
+def spoken(surface: str) -> str:
+    """A surface in a sentence: a road, the ground, the water."""
+    return f"the {surface}" if surface in ("ground", "water") else f"a {surface}"
+
+
+def levels_m(spec: SceneSpec, surface: str) -> tuple[float, float] | None:
+    """The lowest and the highest elevation of a surface; None where only the scene can tell."""
+    kind = scene_kind(spec.kind)
+    if kind is None or surface not in kind.level:
+        return None
+    if surface == "water":
+        return spec.datum_m, spec.datum_m
+    deck = spec.options.get("deck_m", sum(kind.default("deck"))) if spec.options.get("bridge") else 0.0
+    return 0.0, float(deck) if isinstance(deck, int | float) else 0.0
+
+
+def land(spec: SceneSpec) -> tuple[Polygon, ...]:
+    """Outlines of dry land that the text alone tells of, metres from the scene's origin."""
+    kind = scene_kind(spec.kind)
+    shore = spec.options.get("shore") if has_shore(spec) else None
+    if kind is None or not shore or _coordinates(shore, 2) is None:
+        return kind.land if kind else ()
+    return *kind.land, left_of(shore, LINE_MOST_M)  # type: ignore[arg-type]
 
 
 def extent_m(spec: SceneSpec) -> float | None:

@@ -20,15 +20,13 @@ from lingjing.mission.feasibility.spread import places
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.instantiate import instantiate, parameters
-from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults
+from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults, spoken
 
 MEMBERS_MOST = 2_000
 """A mission with more entities or agents is not tried: compiling it must stay fast."""
 
 COMBINATIONS_MOST = 64
 """So many combinations of a sweep's values are tried; beyond, each value once."""
-
-ROAD = "road"
 
 
 class TrialFault(msgspec.Struct, frozen=True):
@@ -145,15 +143,16 @@ def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[TrialFault
 
 
 def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:
-    for fault in scene_faults(instance.scene):
+    faults = tuple(scene_faults(instance.scene))
+    for fault in faults:
         yield TrialFault("LJ0508", f"{mission.name}/scene/{fault.option}", fault.message, fault.hint)
     kind = instance.scene.kind
     for entity in instance.entities:
         for name, message, hint in elements.faults(entity.properties) if engine_kind(entity.engine).orbits else ():
             yield TrialFault("LJ0507", f"{mission.name}/{entity.group}/{name}", message, hint)
         surface = entity.properties.get("on")
-        wanted = str(surface) if surface is not None else ROAD if entity.engine == ROAD else ""
-        if wanted and lacks(instance.scene, wanted):
+        wanted = str(surface) if surface is not None else engine_kind(entity.engine).stands_on
+        if wanted and not faults and lacks(instance.scene, wanted):
             path = f"{mission.name}/{entity.group}{'/on' if surface is not None else ''}"
-            message = f"`{entity.group}` is on a {wanted}, and the scene `{kind}` has none"
+            message = f"`{entity.group}` is on {spoken(wanted)}, and the scene `{kind}` has none"
             yield TrialFault("LJ0509", path, message, "choose a scene that has one, or another place")

@@ -14,17 +14,17 @@ A pure function of its arguments; the order is that of declaration.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import cos, hypot, radians, sin
+from math import cos, hypot, inf, radians, sin
 from typing import TypeVar
 
 import msgspec
 
 from lingjing.errors import MissionError
-from lingjing.mission.feasibility.standing import UNDER_M
+from lingjing.mission.feasibility.standing import OFF_M, UNDER_M
 from lingjing.mission.geometry2d import area_distance, contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.instance_entities import GROUND_REACH_M
-from lingjing.mission.kinds import engine_kind
+from lingjing.mission.kinds import engine_kind, spoken
 from lingjing.scene.camera_geometry import turn_deg
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
@@ -70,7 +70,7 @@ def anchor(instance: Instance, city: City) -> Instance:
     anchoring = _Anchoring(instance, city)
     # Hidden ones last: what is public must not give way to them, or its place would tell of theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
-    placed = {entity.id: anchoring.standing(anchoring.placed(entity)) for entity in order}
+    placed = {entity.id: anchoring.standing(anchoring.placed(entity), entity.position[2]) for entity in order}
     entities = tuple(placed[entity.id] for entity in instance.entities)
     regions = tuple(
         region if region.on_map is None else resolved(region, instance, city) for region in instance.regions
@@ -115,8 +115,9 @@ class _Anchoring:
             raise MissionError(f"`{entity.id}` is on '{on}', which no scene has", hint=f"known: {known}")
         return rule(entity)
 
-    def standing(self, entity: Entity) -> Entity:
-        """The entity, if it is in the city and not under its ground; `MissionError` else."""
+    def standing(self, entity: Entity, declared_m: float) -> Entity:
+        """The entity, if it is in the city, not under its ground and, where it is always on a surface, there and
+        declared not far above or below that; `MissionError` else."""
         x, y, z = entity.position
         west, south, east, north = self._city.bounds
         if not engine_kind(entity.engine).anywhere and not (west <= x <= east and south <= y <= north):
@@ -131,7 +132,25 @@ class _Anchoring:
                 f"which lies at {self._surface(x, y):g} m there",
                 hint="give it the elevation it begins at",
             )
+        if entity.role == "asset":
+            self._check_surface(entity, declared_m)
         return entity
+
+    def _check_surface(self, entity: Entity, declared_m: float) -> None:
+        surface, (x, y, z) = engine_kind(entity.engine).stands_on, entity.position
+        if surface == "water" and not self._footing.is_water(x, y):
+            raise MissionError(
+                f"`{entity.id}` begins {_where(entity)}, which is on land", hint="move it into the water"
+            )
+        level = z  # of what the scene has put on a road
+        if surface in ("water", "ground"):
+            level = max(self._surface(x, y), self._footing.roof_over(x, y) or -inf)
+        if surface and declared_m != self._city.datum_m and abs(declared_m - level) > OFF_M:
+            raise MissionError(
+                f"`{entity.id}` begins {_where(entity)} at an elevation of {declared_m:g} m, "
+                f"and is always on {spoken(surface)}, which lies at {level:g} m there",
+                hint="give it the elevation it begins at, or leave that out",
+            )
 
     def _surface(self, x: float, y: float) -> float:
         """Elevation of the ground, or of the water where there is water."""

@@ -192,6 +192,35 @@ def test_a_scene_is_refused_for_what_the_checker_says_and_for_nothing_else() -> 
             assert faults == []
 
 
+AFLOAT = "shore = [(50 m, -99 m), (50 m, 99 m)], datum = sea level at -3 m"
+SPAN = AFLOAT + ", bridge = [(60 m, 0 m), (90 m, 0 m)], deck = 60 m"
+
+
+@pytest.mark.parametrize(
+    ("options", "body", "position", "code", "words"),
+    [
+        ("", "delivery_van", "(0 m, 0 m, 50 m)", "LJ0211", "is always on a road, which lies at 0 m"),
+        ("", "delivery_van", "(0 m, 0 m, -50 m)", "LJ0211", "is always on a road, which lies at 0 m"),
+        (SPAN, "delivery_van", "(80 m, 0 m, 90 m)", "LJ0211", "which lies between 0 m and 60 m"),
+        ("", "lifeboat", "(0 m, 0 m)", "LJ0509", "is on the water, and the scene `residential` has none"),
+        (AFLOAT, "lifeboat", "(0 m, 0 m)", "LJ0211", "begins at (0 m, 0 m, -3 m), which is on land"),
+        (AFLOAT, "lifeboat", "(80 m, 0 m, 9 m)", "LJ0211", "is always on the water, which lies at -3 m"),
+        (AFLOAT, "lifeboat", "(80 m, 0 m)", "", ""),
+        (SPAN, "delivery_van", "(80 m, 0 m, 60 m)", "", ""),
+        ("", "delivery_van", "(0 m, 0 m, 5 m)", "", ""),
+        (AFLOAT.replace("-3 m", "-30 m"), "delivery_van", "(0 m, 0 m)", "", ""),
+    ],
+)
+def test_what_is_always_on_a_surface_begins_there(options: str, body: str, position: str, code: str, words: str):
+    """And what the text alone cannot tell, the city does (`tests/scene/test_anchor.py`)."""
+    text = TOWN.format(f"position = {position}").replace("robot_dog", body)
+    text = text.replace("2 by 2", f"2 by 2, {options}" if options else "2 by 2")
+    text = text.replace("std.ground", "std.sea") if body == "lifeboat" else text
+    found = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert [item.code for item in found] == ([code] if code else [])
+    assert all(words in item.message for item in found)
+
+
 @pytest.mark.parametrize("kind", ["residential", "coastal", "industrial"])
 def test_what_a_scene_lacks_it_lacks(kind: str, small: str) -> None:
     """The anchor, which puts things on surfaces, finds none where the data say that there is none."""
@@ -201,6 +230,7 @@ def test_what_a_scene_lacks_it_lacks(kind: str, small: str) -> None:
     assert mission is not None
     instance = instantiate(mission)
     boat = next(entity for entity in instance.entities if entity.id == "boat")
+    assert lacks(spec, "water") == (not city.waters)
     for surface in ("bridge", "pipe", "road"):
         alone = _alone(instance, boat, surface)
         if lacks(spec, surface):
@@ -211,7 +241,7 @@ def test_what_a_scene_lacks_it_lacks(kind: str, small: str) -> None:
 
 
 def _alone(instance: Instance, entity: Entity, surface: str) -> Instance:
-    there = msgspec.structs.replace(entity, position=(0.0, 0.0, 0.0), properties={"on": surface})
+    there = msgspec.structs.replace(entity, position=(0.0, 0.0, 0.0), properties={"on": surface}, engine="city")
     return msgspec.structs.replace(instance, entities=(there,))
 
 

@@ -298,6 +298,34 @@ def test_an_asset_outside_of_the_city_or_under_it_is_refused(position: tuple[flo
         anchor(msgspec.structs.replace(base, entities=entities), city)
 
 
+@pytest.mark.parametrize(
+    ("engine", "position", "words"),
+    [
+        ("road", (-150.0, 0.0, 60.0), "elevation of 60 m, and is always on a road, which lies at 12 m"),
+        ("quadruped", (-150.0, 0.0, 90.0), "elevation of 90 m, and is always on the ground, which lies at"),
+        ("vessel", (-150.0, 0.0, -3.0), "which is on land"),
+        ("vessel", (900.0, 300.0, 20.0), "elevation of 20 m, and is always on the water, which lies at -"),
+        ("road", (-150.0, 0.0, 5.0), ""),
+        ("quadruped", (-150.0, 0.0, 1.0), ""),
+        ("vessel", (900.0, 300.0, 1.0), ""),
+    ],
+)
+def test_what_is_always_on_a_surface_is_refused_where_the_city_has_it_elsewhere(
+    engine: str, position: tuple[float, float, float], words: str
+) -> None:
+    spec, city = instantiate(mission("bi"), seed=0), city_of("bi", 0)
+    properties = {"on": "road"} if engine == "road" else {}
+    entity = msgspec.structs.replace(
+        spec.entities[-1], id="it", role="asset", engine=engine, properties=properties, hidden=(), position=position
+    )
+    alone = msgspec.structs.replace(spec, entities=(entity,))
+    if words:
+        with pytest.raises(MissionError, match=words):
+            anchor(alone, city)
+    else:
+        anchor(alone, city)
+
+
 def test_an_asset_without_an_elevation_stands_on_the_ground_and_not_at_the_waters_level() -> None:
     spec = msgspec.structs.replace(instantiate(mission("ufr"), seed=0), scene=instantiate(mission("bi"), seed=0).scene)
     uav = msgspec.structs.replace(spec.entities[-1], id="uav", role="asset", engine="multirotor", properties={})

@@ -13,7 +13,7 @@ from random import Random
 
 import msgspec
 
-from lingjing.mission.geometry2d import Polygon, Vector2
+from lingjing.mission.geometry2d import Polygon, Vector2, left_of
 from lingjing.mission.instance import Vector
 from lingjing.scene.camera_geometry import bearing_deg
 from lingjing.scene.city import Bridge, Land, Road, Water
@@ -40,21 +40,11 @@ STRAND_M = 35.0
 """Streets and blocks keep this far from the water."""
 
 
-def coast_land(shore: Polygon, reach_m: float) -> Polygon:
-    """The land as one polygon: left of the shore, whose ends run on straight."""
-    first, last = _beyond(shore[1], shore[0], reach_m), _beyond(shore[-2], shore[-1], reach_m)
-    dx, dy = last[0] - first[0], last[1] - first[1]
-    length = hypot(dx, dy)
-    left = (-dy / length * reach_m, dx / length * reach_m)
-    outline = (first, *shore, last, (last[0] + left[0], last[1] + left[1]), (first[0] + left[0], first[1] + left[1]))
-    return tuple((round(x, 3), round(y, 3)) for x, y in outline)
-
-
 def seaside(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     """Sea, land, promenade, harbour and what floats."""
     reach = plan.half_m + SEA_M
     draft.waters.append(Water(polygon=around(0.0, 0.0, 2 * reach, 2 * reach).polygon, level_m=plan.datum_m))
-    draft.lands.append(Land(polygon=coast_land(plan.shore, reach), top_m=0.0, surface="grass"))
+    draft.lands.append(Land(polygon=left_of(plan.shore, reach), top_m=0.0, surface="grass"))
     _promenade(draft, plan, chance)
     _harbour(draft, plan, chance)
     _afloat(draft, plan, stream(plan.seed, "afloat"))
@@ -111,12 +101,6 @@ def under_ramp(plan: DistrictPlan, start: Vector2, end: Vector2) -> bool:
 
 
 # -- private
-
-
-def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
-    dx, dy = at[0] - before[0], at[1] - before[1]
-    length = hypot(dx, dy) or 1.0
-    return at[0] + dx / length * reach, at[1] + dy / length * reach
 
 
 def _stations(line: Polygon, gap: float) -> Iterator[tuple[float, float, float]]:
@@ -183,7 +167,7 @@ def _harbour(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
 
 def _afloat(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     """Buoys and anchored boats on open water."""
-    land = coast_land(plan.shore, plan.half_m + SEA_M)
+    land = left_of(plan.shore, plan.half_m + SEA_M)
     for k in range(int(26 * (plan.extent_m / 1600.0) ** 2) + 6):
         for _ in range(40):
             x, y = chance.uniform(-plan.half_m, 1.3 * plan.half_m), chance.uniform(-plan.half_m, plan.half_m)

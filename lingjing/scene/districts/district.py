@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.errors import UsageError
+from lingjing.mission.geometry2d import left_of
 from lingjing.scene.city import City, Land, Pieces
 from lingjing.scene.districts import coast, sites
 from lingjing.scene.districts.draft import Draft, stream
@@ -139,7 +140,7 @@ def _dry(plan: DistrictPlan, box: Rect) -> bool:
     """Whether a block lies wholly on land."""
     if not plan.shore:
         return True
-    land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
+    land = left_of(plan.shore, plan.half_m + coast.SEA_M)
     corners = box.polygon
     return all(inside(land, x, y) and project(plan.shore, x, y).off_m > coast.STRAND_M for x, y in corners)
 
@@ -160,7 +161,7 @@ def _block(draft: Draft, plan: DistrictPlan, block: CityBlock, kind: str, tree_g
 def _streets(plan: DistrictPlan, made: StreetGrid, gates: sites.Gates) -> tuple[list[StreetNode], list[StreetEdge]]:
     blocked = None
     if plan.shore:
-        land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
+        land = left_of(plan.shore, plan.half_m + coast.SEA_M)
 
         def wet(start: tuple[float, float], end: tuple[float, float]) -> bool:
             ends = (start, end)
