@@ -1,5 +1,7 @@
 """Whole episodes of the sea rescue with the real engines: the oracle wins, the heuristic repeats itself."""
 
+import itertools
+import math
 from pathlib import Path
 
 import msgspec
@@ -56,3 +58,22 @@ def test_without_its_eyes_the_heuristic_reports_nobody(tmp_path: Path):
     trace = read_trace(result.trace)
     assert trace.frames
     assert not [m for record in trace.boundaries for m in record.messages if m.kind == "detection"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("policy", ["heuristic", "oracle"])
+def test_who_starts_from_pads_eight_metres_apart_meets_nobody(policy: str, tmp_path: Path):
+    text = SCENARIO.read_text("utf-8").replace("ticks <= 60", "ticks <= 10").replace("1920 by 1080", "160 by 90")
+    (tmp_path / "short.ljs").write_text(text, "utf-8")
+    mission = lingjing.compile(tmp_path / "short.ljs")
+    result = lingjing.run(mission, policy=policy, seed=3, settings={"uavs": 10}, overview=False, out=tmp_path / "run")
+    trace = read_trace(result.trace)
+    assert not [event for record in trace.boundaries for event in record.task_events if event.kind == "collided"]
+    flown, nearest = set(), math.inf
+    for moment in (moment for record in trace.boundaries for moment in record.snapshots):
+        aloft = [state for state in moment.states if state.id.startswith("uav") and state.status != "grounded"]
+        flown |= {state.id for state in aloft}
+        pairs = itertools.combinations(aloft, 2)
+        nearest = min([nearest, *(math.dist(one.position, other.position) for one, other in pairs)])
+    assert len(flown) == (10 if policy == "heuristic" else 3)  # the oracle needs one for each victim
+    assert nearest > 2.0, nearest

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+import msgspec
 import pytest
 
 from lingjing.engines.builtin import lingjing_engines
@@ -151,11 +152,25 @@ def test_climbs_from_every_approach(play, city, top, heading, back):
     assert not [event for event in session.events if event.kind == "fell"]
 
 
-@pytest.mark.parametrize("heading", [80.0, 90.0, 95.0])
+def turned(city: City, angle_deg: float) -> City:
+    """The city turned clockwise about its origin: nothing may depend on where east is."""
+    east, north = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+
+    def there(x: float, y: float, *z: float) -> tuple[float, ...]:
+        return (x * east + y * north, y * east - x * north, *z)
+
+    solids = (msgspec.structs.replace(one, polygon=tuple(there(*at) for at in one.polygon)) for one in city.solids)
+    slopes = (msgspec.structs.replace(one, top=tuple(there(*at) for at in one.top)) for one in city.slopes)
+    return msgspec.structs.replace(city, solids=tuple(solids), slopes=tuple(slopes))
+
+
+@pytest.mark.parametrize(("heading", "turn"), [(80.0, 0.0), (90.0, 0.0), (95.0, 0.0), (89.5, 134.5), (90.0, 269.5)])
 @pytest.mark.parametrize(("city", "top"), [(stairs(0.14), 0.7), (slope(20.0), 4.0 * math.tan(math.radians(20.0)))])
-def test_climbs_more_than_it_has_to(play, city, top, heading):
-    """The margin: higher steps and steeper slopes than the documented 12 cm and 15 degrees."""
-    session = play(city, dog(y=-3.0 * math.tan(math.radians(90.0 - heading)), heading=heading))
+def test_climbs_more_than_it_has_to(play, city, top, heading, turn):
+    """The margin: higher steps and steeper slopes than the documented 12 cm and 15 degrees, whatever they face."""
+    aside, angle = -3.0 * math.tan(math.radians(90.0 - heading)), math.radians(turn)
+    start = dog(x=aside * math.sin(angle), y=aside * math.cos(angle), heading=(heading + turn) % 360.0)
+    session = play(turned(city, turn), start)
     receipt = session.command("dog[1]", "forward", distance=10.0)
     assert ended(session, receipt.request, limit_s=120.0).status == "completed"
     assert 0.2 < session.state.position[2] - top < 0.4
