@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check bench study ray model detector browser pictures missions selfcheck clean
+.PHONY: help setup demo test check bench study ray model detector browser readers pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -16,6 +16,7 @@ help:
 	@echo 'make model   install a small open model and play with it, offline: minutes'
 	@echo 'make detector  play development seeds and train the detector of `learned` on their frames: an hour'
 	@echo 'make browser  install a browser (Debian'"'"'s Chromium, playwright) and try the pages in it'
+	@echo 'make readers  install what Foxglove and Rerun read traces with, and try it (needs Node.js)'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
@@ -65,6 +66,11 @@ browser: setup
 	@command -v chromium >/dev/null || { apt-get update -q >/dev/null && apt-get install -y -q --no-install-recommends chromium >/dev/null; }
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt playwright
 	@$(BIN)/python -m pytest -q -p no:xdist tests/viewer/test_in_browser.py
+
+readers: setup
+	@npm install --prefix tests/readers --no-audit --no-fund --no-package-lock --ignore-scripts --loglevel=error
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt rerun-sdk websockets
+	@$(BIN)/python -m pytest -q -p no:xdist tests/trace/test_trace_in_node.py tests/viewer/test_rerun_recording.py tests/viewer/test_foxglove_server.py
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

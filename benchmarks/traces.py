@@ -18,6 +18,8 @@ import msgspec
 
 import lingjing
 from lingjing.analysis.metrics import metrics
+from lingjing.analysis.played_city import city_of
+from lingjing.scene.surroundings import surroundings
 from lingjing.trace.container import ContainerSchema, ContainerWriter
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, Snapshot
@@ -93,8 +95,10 @@ def _share_of_writing(mission: str) -> None:
 
 
 def _written(trace: Trace, path: Path) -> float:
+    city = city_of(trace)
+    assert city is not None, "the city is no longer as it was"
     began = time.process_time()
-    with TraceWriter(path, trace.header) as writer:
+    with TraceWriter(path, trace.header, surroundings=surroundings(city, trace.header.instance)) as writer:
         for record in trace.boundaries:
             writer.boundary(record)
     return time.process_time() - began

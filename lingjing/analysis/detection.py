@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from statistics import median
 
 from lingjing.analysis.memo import once_per_trace
-from lingjing.analysis.messages import AdmittedMessage, admitted
+from lingjing.analysis.messages import admitted
 from lingjing.plugins.frame_detector import UnitBox
 from lingjing.plugins.policy import REFERENCE
+from lingjing.trace.admitted import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import MatchedReport, detect, judged_kinds, shots
 from lingjing.analysis.incidents import Incident, incidents
-from lingjing.analysis.messages import AdmittedMessage, admitted
+from lingjing.analysis.messages import admitted
 from lingjing.mission.instance import Instance
+from lingjing.trace.admitted import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 

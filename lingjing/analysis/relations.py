@@ -20,7 +20,6 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
-from lingjing.analysis.messages import admitted_at, categories_of
 from lingjing.kernel.assignments import point
 from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
 from lingjing.kernel.registry import Registry, Report, initial
@@ -29,6 +28,7 @@ from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.policy import REFERENCE
+from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
 Emitted = tuple[str, tuple[str, ...]]

@@ -17,6 +17,8 @@ from lingjing.causal.redriven import RedrivenEpisode
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import play
 from lingjing.kernel.world.contract import StoredFrame
+from lingjing.scene.city import City
+from lingjing.scene.surroundings import surroundings
 from lingjing.trace.copying import picture_parts
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, FORMAT, BoundaryRecord, BranchOrigin, Header, Outcome, Reason
@@ -68,7 +70,7 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
     writer = None
     if plan.out:
         pictures.pixels = True
-        writer = _BranchTrace(episode.trace, plan, episode.options.reference)
+        writer = _BranchTrace(episode.trace, plan, episode.options.reference, episode.run.city)
     episode.recorder = lambda record, frames: _record(record, frames, records, writer)
     outcome = play(episode.kernel, policies, writer.writer if writer is not None else None, since=episode.published)
     return BranchResult(
@@ -124,13 +126,15 @@ def _acts(record: BoundaryRecord) -> list[tuple[object, ...]]:
 class _BranchTrace:
     """A branch as a trace of its own: the recorded boundaries up to where it leaves, then its own."""
 
-    def __init__(self, trace: Trace, plan: BranchPlan, reference: str) -> None:
+    def __init__(self, trace: Trace, plan: BranchPlan, reference: str, city: City) -> None:
         folder = Path(plan.out)
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error
-        self.writer = TraceWriter(folder / TRACE_NAME, _header(trace, plan, reference))
+        header = _header(trace, plan, reference)
+        shown = surroundings(city, header.instance)
+        self.writer = TraceWriter(folder / TRACE_NAME, header, surroundings=shown)
         self._relations = RelationTracker(trace.header.instance)
         for record in trace.boundaries[: plan.at + 1]:
             self.add(record, [picture_parts(trace, frame.id) for frame in record.frames])

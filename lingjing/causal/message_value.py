@@ -16,12 +16,13 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.analysis.messages import AdmittedMessage, admitted
+from lingjing.analysis.messages import admitted
 from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instance import Instance
+from lingjing.trace.admitted import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, MessageChange, Reason
 

@@ -44,6 +44,7 @@ from lingjing.plugins.loading import build_policy, options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.displacement import displacements
+from lingjing.scene.surroundings import surroundings
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
 from lingjing.trace.writer import PictureParts, TraceWriter, disturbed, gone
@@ -132,7 +133,7 @@ class Session:
         )
         barrier = seat(kernel, policies)
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
-        writer = _writer(folder, _header(instance, city, prepared, options), barrier, prepared.key)
+        writer = _writer(folder, _header(instance, city, prepared, options), city, barrier, prepared.key)
         recorder.append(writer)
         calls.keep_in(folder)
         try:
@@ -227,11 +228,11 @@ def _policy_fingerprints(prepared: Preparation) -> dict[str, str]:
     }
 
 
-def _writer(folder: Path, header: Header, barrier: PolicyBarrier, key: bytes) -> TraceWriter:
+def _writer(folder: Path, header: Header, city: City, barrier: PolicyBarrier, key: bytes) -> TraceWriter:
     """The trace in its folder; the barrier is closed where it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        return TraceWriter(folder / TRACE_NAME, header, key)
+        return TraceWriter(folder / TRACE_NAME, header, key, surroundings(city, header.instance))
     except OSError as error:
         barrier.close()
         raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error

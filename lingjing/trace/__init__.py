@@ -9,7 +9,11 @@ In the order in which an episode meets them:
                input; `verify`: whether records agree
 - `schemas`    JSON Schemas of the records, generated; `python -m lingjing.trace.schemas` writes them
 - `topics`     the names of the file's topics
-- `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions
+- `admitted`   what agents said at a boundary and the bus admitted
+- `surroundings` the city and where cameras are mounted, as whoever writes a trace tells it for viewers
+- `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions;
+  `foxglove_city` the city; `wire` messages put together from encoded parts
+- `shown`      which of these messages an episode has, and when: what viewers are shown
 - `seals`      the hash chain over the file's bytes, and its signature
 - `container`  the MCAP file itself; it, `chunks` and `seal_difference` alone import `mcap`
 - `chunks`     one chunk of it, unpacked within bounds

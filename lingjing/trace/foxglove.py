@@ -1,7 +1,7 @@
 """An episode in Foxglove's published schemas, so that its file opens in Foxglove and Rerun as it is.
 
-The only module that imports `foxglove_schemas_protobuf`. Every message is derived from the project's own records and
-never read back, except for the bytes of stored pictures.
+This module and `foxglove_city` alone import `foxglove_schemas_protobuf`. Every message is derived from the project's
+own records and never read back, except for the bytes of stored pictures.
 
 Frames of reference: `world` is east, north, up; an entity's frame is x forward, y left, z up, and hangs from `world`; a
 camera's is x right, y down, z along the optical axis, and hangs from the entity that carries it.
@@ -10,12 +10,14 @@ camera's is x right, y down, z along the optical axis, and hangs from the entity
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from functools import cache
+import struct
+from collections.abc import Iterable, Iterator
+from functools import cache, lru_cache
 from typing import Any
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
@@ -25,44 +27,72 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2
 from google.protobuf.message import DecodeError
+from google.protobuf.timestamp_pb2 import Timestamp
 
 from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance
 from lingjing.trace.container import ContainerSchema
-from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Snapshot
-from lingjing.trace.topics import camera_topic, entity_topic
+from lingjing.trace.foxglove_city import city_update
+from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, FrameInfo, Snapshot
+from lingjing.trace.surroundings import CityMesh
+from lingjing.trace.topics import CITY, HIDDEN, SCENE, TRANSFORMS, camera_topic, entity_topic
+from lingjing.trace.wire import field
 
 Topic = str
 Derived = tuple[Topic, ContainerSchema, bytes]
 """A message on its way into the container: topic, schema, encoded bytes."""
 
+UnitBox = tuple[float, float, float, float]
+"""Left, top, right, bottom as shares of a picture's width and height."""
+
 WORLD = "world"
 _COLOURS = {"asset": (0.10, 0.45, 0.90), "target": (0.95, 0.35, 0.10)}
 
 
-def scene(instance: Instance) -> Derived:
-    """The map of the mission: regions, cells, and a marker with a name that follows each entity."""
+def scene(instance: Instance, *, hidden: bool = False) -> Derived:
+    """The map of the mission: regions, cells, and a marker with a name that follows each entity; those alone that are
+    `hidden` from policies, or those alone that are not."""
     update = SceneUpdate()
     for region in instance.regions:
-        _outline(update, f"region/{region.name}", region.polygon, instance.scene.datum_m, (0.1, 0.7, 0.3, 0.9), 3.0)
+        if region.hidden == hidden:
+            _outline(update, f"region/{region.name}", region.polygon, instance.scene.datum_m, (0.1, 0.7, 0.3, 0.9), 3.0)
     for cell in instance.cells:
-        _outline(update, f"cell/{cell.name}", cell.polygon, instance.scene.datum_m, (0.5, 0.6, 0.7, 0.5), 1.0)
+        if cell.hidden == hidden:
+            _outline(update, f"cell/{cell.name}", cell.polygon, instance.scene.datum_m, (0.5, 0.6, 0.7, 0.5), 1.0)
     for entity in instance.entities:
+        if ("position" in entity.hidden) == hidden:
+            _marker(update, entity)
+    return HIDDEN if hidden else SCENE, _schema(SceneUpdate), update.SerializeToString(deterministic=True)
+
+
+def markers(entities: Iterable[Entity]) -> Derived:
+    """Further entities on the map, as `scene` shows them."""
+    update = SceneUpdate()
+    for entity in entities:
         _marker(update, entity)
-    return "/scene", _schema(SceneUpdate), update.SerializeToString(deterministic=True)
+    return SCENE, _schema(SceneUpdate), update.SerializeToString(deterministic=True)
+
+
+def city(meshes: Iterable[CityMesh]) -> Derived:
+    """The buildings, roads, water and ground around what is played in."""
+    return CITY, _schema(SceneUpdate), city_update(meshes, WORLD)
 
 
 def transforms(snapshot: Snapshot) -> Derived:
     """Where every entity was at one macro-step."""
+    seconds, nanos = _timestamp(snapshot.time_s)
+    stamp = field(1, Timestamp(seconds=seconds, nanos=nanos).SerializeToString())
+    moved = b"".join(field(1, stamp + _frame_ids(state.id) + _placing(state)) for state in snapshot.states)
+    return TRANSFORMS, _schema(FrameTransforms), moved
+
+
+def cameras(bodies: Iterable[tuple[BodyState | None, str, CameraPose]], time_s: float) -> Derived:
+    """Where cameras hang from the bodies that carry them at an instant: body, `<entity>/<camera>`, pose. One that
+    nobody carries stands in the world."""
     message = FrameTransforms()
-    for state in snapshot.states:
-        transform = message.transforms.add()
-        _stamp(transform.timestamp, snapshot.time_s)
-        transform.parent_frame_id = WORLD
-        transform.child_frame_id = state.id
-        _place(transform.translation, state.position)
-        _turn(transform.rotation, _body_turn(state))
-    return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
+    for body, camera, pose in bodies:
+        _hang(message.transforms.add(), time_s, camera, pose, body)
+    return TRANSFORMS, _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
 def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
@@ -89,23 +119,27 @@ def logs(record: BoundaryRecord) -> Iterator[Derived]:
 
 
 def frame_messages(
-    frame: FrameInfo,
-    jpeg: bytes,
-    depth: bytes | None = None,
-    semantic: bytes | None = None,
-    body: BodyState | None = None,
+    frame: FrameInfo, jpeg: bytes, depth: bytes | None = None, semantic: bytes | None = None
 ) -> Iterator[Derived]:
-    """A stored picture with its pose, its calibration and its ground-truth boxes. `body` is who carries the camera, at
-    the picture's time; a camera that nobody carries stands in the world."""
-    camera = f"{frame.entity}/{frame.camera}"
-    yield _camera_transform(frame, camera, body)
+    """A stored picture with its calibration and its ground-truth boxes."""
+    camera = camera_name(frame)
     yield camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera)
     yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
-    yield camera_topic(frame, "truth"), _schema(ImageAnnotations), _annotations(frame)
+    yield camera_topic(frame, "truth"), _schema(ImageAnnotations), _true_boxes(frame)
     if depth is not None:
         yield camera_topic(frame, "depth"), _schema(RawImage), _depth(frame, camera, depth)
     if semantic is not None:
         yield camera_topic(frame, "semantic"), _schema(CompressedImage), _image(frame, camera, semantic, "png")
+
+
+def reported(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]]) -> Derived:
+    """What was reported in a picture: a label and a normalised box for each report."""
+    return camera_topic(frame, "reported"), _schema(ImageAnnotations), _boxes(frame, boxes, (1.0, 0.45, 0.75))
+
+
+def camera_name(frame: FrameInfo) -> str:
+    """The frame of reference of a picture's camera."""
+    return f"{frame.entity}/{frame.camera}"
 
 
 def image_bytes(message: bytes) -> bytes:
@@ -147,10 +181,28 @@ Quaternion = tuple[float, float, float, float]
 Matrix3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
+_PLACING = struct.Struct("<BB BdBdBd BB BdBdBdBd")
+"""`translation` and `rotation` of a `foxglove.FrameTransform`, fields 4 and 5, each with its length and doubles."""
+
+
+def _placing(state: BodyState) -> bytes:
+    """Where a body is, as `_place` and `_turn` would write it: there are hundreds of thousands in an episode."""
+    (x, y, z), (i, j, k, w) = state.position, _body_turn(state)
+    return _PLACING.pack(0x22, 27, 0x09, x, 0x11, y, 0x19, z, 0x2A, 36, 0x09, i, 0x11, j, 0x19, k, 0x21, w)
+
+
+@lru_cache(maxsize=4096)
+def _frame_ids(child: str) -> bytes:
+    """That a frame hangs from the world."""
+    return bytes(FrameTransform(parent_frame_id=WORLD, child_frame_id=child).SerializeToString(deterministic=True))
+
+
 def _body_turn(state: BodyState) -> Quaternion:
     """From a body's frame to the world: yaw from east, then pitch about the left axis (nose up is negative there),
     then roll."""
     yaw = math.radians(90.0 - state.heading_deg) / 2.0
+    if state.pitch_deg == state.roll_deg == 0.0:
+        return 0.0, 0.0, math.sin(yaw), math.cos(yaw)
     pitch, roll = math.radians(-state.pitch_deg) / 2.0, math.radians(state.roll_deg) / 2.0
     sy, cy, sp, cp = math.sin(yaw), math.cos(yaw), math.sin(pitch), math.cos(pitch)
     sr, cr = math.sin(roll), math.cos(roll)
@@ -158,9 +210,9 @@ def _body_turn(state: BodyState) -> Quaternion:
     return x, y, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
 
 
-def _camera_axes(frame: FrameInfo) -> Matrix3:
+def _camera_axes(pose: CameraPose) -> Matrix3:
     """Right, down and forward of a camera in the world frame."""
-    heading, tilt, roll = (math.radians(v) for v in (frame.pose.heading_deg, frame.pose.tilt_deg, frame.pose.roll_deg))
+    heading, tilt, roll = (math.radians(v) for v in (pose.heading_deg, pose.tilt_deg, pose.roll_deg))
     sh, ch, st, ct, sr, cr = (f(v) for v in (heading, tilt, roll) for f in (math.sin, math.cos))
     level_right, level_down = (ch, -sh, 0.0), (-sh * st, -ch * st, -ct)
     right = tuple(cr * a + sr * b for a, b in zip(level_right, level_down, strict=True))
@@ -183,23 +235,20 @@ def _quaternion(axes: Matrix3) -> Quaternion:
     return (m21 - m12) / s, (m02 - m20) / s, (m10 - m01) / s, s / 4
 
 
-def _camera_transform(frame: FrameInfo, camera: str, body: BodyState | None) -> Derived:
-    message = FrameTransforms()
-    transform = message.transforms.add()
-    _stamp(transform.timestamp, frame.time_s)
+def _hang(transform: Any, time_s: float, camera: str, pose: CameraPose, body: BodyState | None) -> None:
+    _stamp(transform.timestamp, time_s)
     transform.child_frame_id = camera
-    turn = _quaternion(_camera_axes(frame))
+    turn = _quaternion(_camera_axes(pose))
     if body is None:
         transform.parent_frame_id = WORLD
-        _place(transform.translation, frame.pose.position)
+        _place(transform.translation, pose.position)
         _turn(transform.rotation, turn)
     else:
-        east, north, up = (there - here for there, here in zip(frame.pose.position, body.position, strict=True))
+        east, north, up = (there - here for there, here in zip(pose.position, body.position, strict=True))
         back = _inverse(_body_turn(body))
         transform.parent_frame_id = body.id
         _place(transform.translation, _product(_product(back, (east, north, up, 0.0)), _inverse(back))[:3])
         _turn(transform.rotation, _product(back, turn))
-    return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
 def _inverse(turn: Quaternion) -> Quaternion:
@@ -236,20 +285,24 @@ def _image(frame: FrameInfo, camera: str, data: bytes, kind: str) -> bytes:
     return bytes(message.SerializeToString(deterministic=True))
 
 
-def _annotations(frame: FrameInfo) -> bytes:
+def _true_boxes(frame: FrameInfo) -> bytes:
+    return _boxes(frame, ((truth.entity, truth.box) for truth in frame.boxes), (0.2, 1.0, 0.4))
+
+
+def _boxes(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]], colour: tuple[float, float, float]) -> bytes:
+    """Rectangles in pixels, each with its label at its top left corner; an empty message clears those before."""
     message = ImageAnnotations()
     _stamp(message.timestamp, frame.time_s)
-    for truth in frame.boxes:
+    for name, (x0, y0, x1, y1) in boxes:
         points = message.points.add(type=PointsAnnotation.LINE_LOOP, thickness=2.0)
         _stamp(points.timestamp, frame.time_s)
-        points.outline_color.r, points.outline_color.g, points.outline_color.b, points.outline_color.a = 0.2, 1, 0.4, 1
-        x0, y0, x1, y1 = truth.box
         for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)):
             points.points.add(x=x * frame.pose.width, y=y * frame.pose.height)
-        label = message.texts.add(text=truth.entity, font_size=18.0)
+        label = message.texts.add(text=name, font_size=18.0)
         _stamp(label.timestamp, frame.time_s)
         label.position.x, label.position.y = x0 * frame.pose.width, y0 * frame.pose.height
-        label.text_color.r, label.text_color.g, label.text_color.b, label.text_color.a = 0.2, 1, 0.4, 1
+        for ink in (points.outline_color, label.text_color):
+            ink.r, ink.g, ink.b, ink.a = (*colour, 1.0)
     return bytes(message.SerializeToString(deterministic=True))
 
 
@@ -309,8 +362,13 @@ def _marker(update: Any, entity: Entity) -> None:
 
 
 def _stamp(timestamp: Any, time_s: float) -> None:
+    timestamp.seconds, timestamp.nanos = _timestamp(time_s)
+
+
+def _timestamp(time_s: float) -> tuple[int, int]:
+    """Seconds and nanoseconds."""
     seconds = math.floor(time_s)
-    timestamp.seconds, timestamp.nanos = seconds, min(999_999_999, round((time_s - seconds) * 1e9))
+    return seconds, min(999_999_999, round((time_s - seconds) * 1e9))
 
 
 def _place(vector: Any, position: tuple[float, float, float]) -> None:

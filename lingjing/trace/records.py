@@ -395,6 +395,30 @@ class BoundaryRecord(TraceRecord, frozen=True, kw_only=True):
     unheard: tuple[tuple[str, str], ...] = ()
 
 
+class Thought(TraceRecord, frozen=True, kw_only=True):
+    """What an agent thought at a boundary, for viewers: the boundary's record holds it too. `tokens` is what it took of
+    a model; `replaced` says why nothing was done instead."""
+
+    agent: str
+    tick: int
+    time_s: float
+    text: str
+    tokens: int = 0
+    replaced: str = ""
+
+
+class Score(TraceRecord, frozen=True, kw_only=True):
+    """How far the episode is at a boundary, for viewers: the boundary's record holds it too. `subtasks` counts the
+    stages of all subjects that are done."""
+
+    tick: int
+    time_s: float
+    score: float
+    scr: float
+    subtasks: int
+    done: bool
+
+
 class AgentBinding(TraceRecord, frozen=True, kw_only=True):
     """Which policy played which agent; `privileged` marks an oracle."""
 

@@ -15,24 +15,37 @@ from typing import Any
 import msgspec
 
 from lingjing.data import data_path
-from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome
+from lingjing.trace.container import ContainerSchema
+from lingjing.trace.records import BoundaryRecord, Command, FrameInfo, Header, Outcome, Receipt, Score, Thought
 
 RECORDS: dict[str, type[msgspec.Struct]] = {
     "header": Header,
     "boundary": BoundaryRecord,
     "frame": FrameInfo,
     "outcome": Outcome,
+    "thought": Thought,
+    "command": Command,
+    "receipt": Receipt,
+    "score": Score,
 }
-"""Name of a topic under `/lingjing/` and of its schema file, and the struct that it holds."""
+"""Name of a schema's file, and the struct that it describes; the last four are what viewers are shown beside the
+records (`lingjing.trace.shown`)."""
 
 
 @lru_cache(maxsize=len(RECORDS))
 def schema_text(name: str) -> str:
     """The JSON Schema (2020-12) of one of `RECORDS`, indented, ending in a newline.
 
-    The root is spelt out instead of referred to, because viewers want `"type": "object"` there.
+    The root is spelt out instead of referred to, because viewers want `"type": "object"` there. OpenAPI's keyword
+    `discriminator` is left out, because strict validators refuse words that JSON Schema does not know.
     """
     return json.dumps(_schema(name), indent=2, sort_keys=True, ensure_ascii=False) + "\n"
+
+
+@lru_cache(maxsize=len(RECORDS))
+def container_schema(name: str) -> ContainerSchema:
+    """One of `RECORDS` as MCAP stores its schema."""
+    return ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())
 
 
 def write_schemas(folder: Path) -> tuple[Path, ...]:
@@ -46,7 +59,7 @@ def write_schemas(folder: Path) -> tuple[Path, ...]:
 
 def _schema(name: str) -> dict[str, Any]:
     record = RECORDS[name]
-    whole = msgspec.json.schema(record)
+    whole = _plain(msgspec.json.schema(record))
     definitions = whole["$defs"]
     root = definitions.pop(record.__name__)
     return {
@@ -55,6 +68,13 @@ def _schema(name: str) -> dict[str, Any]:
         **{key: value for key, value in root.items() if key != "title"},
         **({"$defs": definitions} if definitions else {}),
     }
+
+
+def _plain(schema: Any) -> Any:
+    """The schema without OpenAPI's `discriminator`: each alternative's tag is a `const`-like enum of one already."""
+    if isinstance(schema, dict):
+        return {key: _plain(value) for key, value in schema.items() if key != "discriminator"}
+    return [_plain(one) for one in schema] if isinstance(schema, list) else schema
 
 
 if __name__ == "__main__":

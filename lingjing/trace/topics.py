@@ -12,6 +12,12 @@ BOUNDARY = "/lingjing/boundary"
 FRAME = "/lingjing/frame"
 OUTCOME = "/lingjing/outcome"
 CAMERAS = "/camera/"
+SCORE = "/score"
+SCENE = "/scene"
+HIDDEN = "/scene/hidden"
+CITY = "/scene/city"
+"""The mission's map, what of it is hidden from policies, and the city, each told once."""
+TRANSFORMS = "/tf"
 RECORDS = "/lingjing/"
 """What the topics of all own records begin with."""
 
@@ -21,7 +27,13 @@ def entity_topic(entity: str) -> str:
     return entity.replace("[", "_").replace("]", "")
 
 
+def agent_topic(agent: str, channel: str) -> str:
+    """`/agent/<agent>/<channel>`: `thought`, `command`, `receipt`."""
+    return f"/agent/{entity_topic(agent)}/{channel}"
+
+
 def camera_topic(frame: FrameInfo, channel: str = "") -> str:
-    """`/camera/<entity>/<camera>` for the colour picture; `depth`, `semantic`, `truth`, `calibration` below it."""
+    """`/camera/<entity>/<camera>` for the colour picture; `depth`, `semantic`, `truth`, `reported` and `calibration`
+    below it."""
     topic = f"{CAMERAS}{entity_topic(frame.entity)}/{frame.camera}"
     return f"{topic}/{channel}" if channel else topic

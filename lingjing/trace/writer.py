@@ -7,7 +7,7 @@ to its last complete boundary.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -17,11 +17,13 @@ import numpy.typing as npt
 
 from lingjing.errors import InfrastructureError, LingjingError, UsageError
 from lingjing.trace import foxglove, images
-from lingjing.trace.container import ContainerSchema, ContainerWriter
+from lingjing.trace.container import ContainerWriter
 from lingjing.trace.encoding import to_json
-from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
-from lingjing.trace.schemas import RECORDS, schema_text
-from lingjing.trace.topics import CAMERAS
+from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
+from lingjing.trace.schemas import container_schema
+from lingjing.trace.shown import ShownEpisode, Timed
+from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
+from lingjing.trace.topics import RECORDS
 
 PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
 """A picture to store: what is known of it, its JPEG, and depth and class ids where the camera declares them."""
@@ -51,17 +53,19 @@ def disturbed(path: Path, why: str) -> InfrastructureError:
 
 
 class TraceWriter:
-    """One episode's trace, sealed, and signed if there is a `key`. Use it as a context manager: an episode that ends in
-    neither `finish` nor `abandon` leaves a closed `.part`.
+    """One episode's trace, sealed, and signed if there is a `key`; with the `surroundings` for viewers. Use it as a
+    context manager: an episode that ends in neither `finish` nor `abandon` leaves a closed `.part`.
 
     Raises `UsageError` if `path` or its `.part` is there already, or when the file cannot be written.
     """
 
-    def __init__(self, path: Path, header: Header, key: bytes = b"") -> None:
+    def __init__(
+        self, path: Path, header: Header, key: bytes = b"", surroundings: Surroundings = NO_SURROUNDINGS
+    ) -> None:
         self.path = path
         self._key = key
         self.part = part_path(path)
-        self._instance = header.instance
+        self._shown = ShownEpisode(header.instance, surroundings)
         self._pictures = 0
         self._open = True
         self._container = self._create()
@@ -110,60 +114,45 @@ class TraceWriter:
 
     def _begin(self, header: Header) -> None:
         self._own("header", header, 0)
-        self._derived(foxglove.scene(header.instance), 0)
+        self._show(self._shown.beginning(hidden=True))
         self._container.flush()
 
     def _boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts]) -> None:
         now = nanoseconds(record.time_s)
-        bodies = {state.id: state for state in record.snapshots[-1].states} if record.snapshots else {}
-        taken = [self._picture(picture, self._carrier(picture[0], bodies)) for picture in pictures]
+        taken = [self._picture(*picture) for picture in pictures]
         if taken:
             self._container.end_chunk()  # so that who reads records need not unpack pictures
-        for snapshot in record.snapshots:  # before the cameras' poses, which are later: each topic stays in time order
-            self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
-        for frame, number, messages in taken:
+        for frame, number in taken:
             self._own("frame", frame, nanoseconds(frame.time_s), number)
-            for message in messages:
-                self._derived(message, nanoseconds(frame.time_s), number)
-        for message in foxglove.positions(self._instance, record.snapshots[-1]) if record.snapshots else ():
-            self._derived(message, now)
-        for message in foxglove.logs(record):
-            self._derived(message, now)
+        self._show(self._shown.boundary(record))
         self._own("boundary", record, now, record.tick)
         self._container.flush()
 
-    def _carrier(self, frame: FrameInfo, bodies: Mapping[str, BodyState]) -> BodyState | None:
-        """The body that a picture's camera is mounted on; None for a reference picture, taken where nobody stands."""
-        mounted = any(
-            entity.id == frame.entity and any(camera.name == frame.camera for camera in entity.cameras)
-            for entity in self._instance.entities
-        )
-        return bodies.get(frame.entity) if mounted else None
-
-    def _picture(self, picture: PictureParts, body: BodyState | None) -> tuple[FrameInfo, int, list[foxglove.Derived]]:
-        """Write what the topics of the camera hold of a picture; returns what else is to be written of it."""
-        frame, jpeg, depth, semantic = picture
+    def _picture(
+        self,
+        frame: FrameInfo,
+        jpeg: bytes,
+        depth: npt.NDArray[np.float32] | None,
+        semantic: npt.NDArray[np.uint8] | None,
+    ) -> tuple[FrameInfo, int]:
+        """Write what the topics of the camera hold of a picture; its number in the file."""
         self._pictures += 1
         packed = None if depth is None else images.encode_depth(depth)
         ids = None if semantic is None else images.encode_semantic(semantic)
-        others = []
-        for message in foxglove.frame_messages(frame, jpeg, packed, ids, body):
-            if message[0].startswith(CAMERAS):
-                self._derived(message, nanoseconds(frame.time_s), self._pictures)
-            else:
-                others.append(message)
-        return frame, self._pictures, others
+        for topic, schema, data in foxglove.frame_messages(frame, jpeg, packed, ids):
+            self._container.add(topic, schema, nanoseconds(frame.time_s), data, self._pictures)
+        return frame, self._pictures
 
     def _own(self, name: str, record: TraceRecord, time_ns: int, sequence: int = 0) -> None:
-        schema = ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())
-        self._container.add(f"/lingjing/{name}", schema, time_ns, to_json(record), sequence)
+        self._container.add(f"{RECORDS}{name}", container_schema(name), time_ns, to_json(record), sequence)
 
-    def _derived(self, message: foxglove.Derived, time_ns: int, sequence: int = 0) -> None:
-        topic, schema, data = message
-        self._container.add(topic, schema, time_ns, data, sequence)
+    def _show(self, messages: Iterable[Timed]) -> None:
+        for time_s, (topic, schema, data) in messages:
+            self._container.add(topic, schema, nanoseconds(time_s), data)
 
     def _end(self, outcome: Outcome | None) -> None:
         self._open = False
+        self._show(self._shown.ending())
         if outcome is not None:
             self._own("outcome", outcome, self._container.last_ns)
         self._container.finish()

@@ -15,9 +15,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from lingjing.errors import LingjingError
 from lingjing.mission.geometry2d import Extent
+from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.trace.reader import Trace
 from lingjing.viewer.ground import STEP_PER_M, GroundShape, PageGround
-from lingjing.viewer.head import OVERHEAD_M, EndingCard, EpisodeHead
+from lingjing.viewer.head import EndingCard, EpisodeHead
 from lingjing.viewer.moments import Moment
 from lingjing.viewer.steps import PictureNote, ViewStep
 

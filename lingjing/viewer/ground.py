@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-import mapbox_earcut
 import msgspec
-import numpy as np
 
 from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
-from lingjing.scene.plan import Layer, PlanShape, ground_plan, is_sea
+from lingjing.scene.plan import PlanShape, is_sea
+from lingjing.scene.surroundings import shapes_around, triangulated
 
 MOST_POINTS = 300_000
-"""Corners of all shapes together that a page gets; beyond that the layers of `EXPENDABLE` are left out."""
-
-EXPENDABLE: tuple[Layer, ...] = ("tree", "pipe", "path", "slab", "area")
-"""What is left out first of a city that is too large."""
+"""Corners of all shapes together that a page gets; beyond that layers are left out."""
 
 STEP_PER_M = 10
 """Coordinates are whole decimetres."""
-
-AROUND = 0.6
-"""The city is shown so far beyond what was played in, as a share of its size."""
-
-AROUND_M = 250.0
-"""And at least so far, metres."""
 
 
 class GroundShape(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -60,33 +50,10 @@ def ground_of(city: City | None, played: Extent) -> PageGround:
     """The ground in and around the extent that was played in (west, south, east, north; metres)."""
     if city is None:
         return PageGround(known=False)
-    shapes = ground_plan(city, _within(_grown(played), city.bounds))
-    lacks: list[str] = []
-    for layer in EXPENDABLE:
-        if sum(len(shape.points) for shape in shapes) <= MOST_POINTS:
-            break
-        shapes = tuple(shape for shape in shapes if shape.layer != layer)
-        lacks.append(layer)
+    shapes, lacks = shapes_around(city, played, MOST_POINTS)
     return PageGround(
-        known=True, sea=is_sea(shapes), shapes=[made for one in shapes if (made := _shape(one))], lacks=lacks
+        known=True, sea=is_sea(shapes), shapes=[made for one in shapes if (made := _shape(one))], lacks=[*lacks]
     )
-
-
-def _grown(played: Extent) -> Extent:
-    west, south, east, north = played
-    margin = max(AROUND_M, AROUND * max(east - west, north - south))
-    return west - margin, south - margin, east + margin, north + margin
-
-
-def _within(box: Extent, bounds: Extent) -> Extent:
-    """The part of a box within bounds; the bounds where they do not meet."""
-    west, south, east, north = (
-        max(box[0], bounds[0]),
-        max(box[1], bounds[1]),
-        min(box[2], bounds[2]),
-        min(box[3], bounds[3]),
-    )
-    return (west, south, east, north) if west < east and south < north else bounds
 
 
 def _shape(shape: PlanShape) -> GroundShape | None:
@@ -101,7 +68,7 @@ def _shape(shape: PlanShape) -> GroundShape | None:
             heights=heights,
         )
     rings = [shape.points, *(hole for hole in shape.holes if len(hole) >= 3)]
-    triangles = _triangles(rings) if len(shape.points) >= 3 else []
+    triangles = triangulated(rings) if len(shape.points) >= 3 else []
     if not triangles:
         return None
     return GroundShape(
@@ -112,13 +79,6 @@ def _shape(shape: PlanShape) -> GroundShape | None:
         base=_steps(shape.base_m),
         top=_steps(shape.top_m),
     )
-
-
-def _triangles(rings: Sequence[Sequence[Vector2]]) -> list[int]:
-    corners = np.asarray([point for ring in rings for point in ring], np.float64)
-    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    found: list[int] = mapbox_earcut.triangulate_float64(corners, ends).tolist()
-    return found
 
 
 def _ring(points: Iterable[Vector2]) -> list[int]:

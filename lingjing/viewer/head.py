@@ -8,12 +8,10 @@ import msgspec
 
 from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.mission.instance import Entity, Instance
+from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.terminal import visible
 from lingjing.trace.records import Header, Outcome
 from lingjing.viewer.state import Watched
-
-OVERHEAD_M = 20_000.0
-"""What is higher stands over no map: a satellite."""
 
 LEAST_M = 120.0
 """The shown part of the world is at least so wide, metres."""

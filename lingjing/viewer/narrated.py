@@ -9,10 +9,11 @@ import msgspec
 from lingjing.analysis.ending import cause, why
 from lingjing.analysis.played_city import city_of, credit
 from lingjing.mission.geometry2d import Extent, Vector2
+from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 from lingjing.viewer.ground import PageGround, ground_of
-from lingjing.viewer.head import OVERHEAD_M, EndingCard, EpisodeHead, ending_of, head_of
+from lingjing.viewer.head import EndingCard, EpisodeHead, ending_of, head_of
 from lingjing.viewer.steps import StepDetail, StepMaker, ViewStep
 
 CHUNK = 50

@@ -11,9 +11,9 @@ from typing import Literal
 import msgspec
 
 from lingjing.analysis.completion import completed_at
-from lingjing.analysis.messages import AdmittedMessage, admitted_at, categories_of
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.trace.admitted import AdmittedMessage, admitted_at, categories_of
 from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt, TaskEvent
 
 KEPT_LINES = 64

@@ -9,11 +9,11 @@ import msgspec
 
 from lingjing.analysis.detection import numbers
 from lingjing.analysis.incidents import COLLIDED, incident_search
-from lingjing.analysis.messages import admitted_at, categories_of
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Entity, Instance
 from lingjing.plugins.policy import REFERENCE
 from lingjing.terminal import visible
+from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Receipt
 from lingjing.viewer.head import EntityCard, card_of
 from lingjing.viewer.state import Watched, command_words, spoken, status_words

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.unknown_fields import UnknownFieldSet
 
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.trace.container import scan
@@ -26,6 +27,12 @@ from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT, Outcome, Reason
 from lingjing.trace.topics import CAMERAS
 from lingjing.trace.writer import TraceWriter, part_path
+
+WORDS = {
+    "$schema", "$defs", "$ref", "title", "description", "type", "properties", "required", "additionalProperties",
+    "anyOf", "enum", "items", "prefixItems", "minItems", "maxItems", "default", "minimum", "maximum",
+}  # fmt: skip
+"""What of JSON Schema our schemas use; a strict validator refuses every word that JSON Schema 2020-12 does not know."""
 
 
 def test_everything_comes_back(synthetic: ModuleType, trace: Trace) -> None:
@@ -194,6 +201,20 @@ def test_a_folder_is_no_trace(tmp_path: Path) -> None:
         read_trace(tmp_path)
 
 
+def words(schema: object) -> set[str]:
+    """The keywords of a schema; the names under `properties`, `$defs` and in defaults are none."""
+    if isinstance(schema, list):
+        return set().union(*map(words, schema))
+    if not isinstance(schema, dict):
+        return set()
+    inner = [
+        list(value.values()) if key in ("properties", "$defs") else value
+        for key, value in schema.items()
+        if key not in ("default", "enum", "required")
+    ]
+    return set(schema).union(*map(words, inner))
+
+
 def test_the_plain_reader_decodes_every_message(trace: Trace) -> None:
     seen: dict[str, int] = {}
     validators: dict[int, jsonschema.Draft202012Validator] = {}
@@ -203,16 +224,29 @@ def test_the_plain_reader_decodes_every_message(trace: Trace) -> None:
             assert schema is not None
             seen[channel.topic] = seen.get(channel.topic, 0) + 1
             if schema.encoding == "jsonschema":
-                validator = validators.setdefault(schema.id, jsonschema.Draft202012Validator(json.loads(schema.data)))
-                assert json.loads(schema.data)["type"] == "object"
+                if schema.id not in validators:
+                    text = json.loads(schema.data)
+                    jsonschema.Draft202012Validator.check_schema(text)
+                    assert text["type"] == "object" and words(text) <= WORDS
+                    validators[schema.id] = jsonschema.Draft202012Validator(text)
+                validator = validators[schema.id]
                 if seen[channel.topic] <= 3:
                     validator.validate(json.loads(message.data))
             else:
                 cls = classes.setdefault(schema.id, _message_class(schema.name, schema.data))
                 decoded = cls.FromString(message.data)  # type: ignore[attr-defined]
-                assert decoded.ByteSize() == len(message.data)
+                assert not len(UnknownFieldSet(decoded))
+    assert {"/agent/scout_1/thought", "/agent/scout_1/command", "/agent/scout_1/receipt", "/score"} <= set(seen)
     assert {"/lingjing/header", "/lingjing/boundary", "/lingjing/frame", "/lingjing/outcome"} <= set(seen)
-    assert {"/tf", "/scene", "/log", "/geo/uav_1", "/camera/uav_1/nadir", "/camera/uav_1/nadir/depth"} <= set(seen)
+    assert {
+        "/tf",
+        "/scene",
+        "/scene/hidden",
+        "/log",
+        "/geo/uav_1",
+        "/camera/uav_1/nadir",
+        "/camera/uav_1/nadir/depth",
+    } <= set(seen)
     assert seen["/lingjing/boundary"] == len(trace.boundaries)
     assert seen["/camera/uav_2/nadir"] == sum(frame.entity == "uav[2]" for frame in trace.frames.values())
 

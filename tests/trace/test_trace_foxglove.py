@@ -42,17 +42,16 @@ def test_a_body_looks_where_its_heading_points(heading: int, tilt: tuple[int, in
 def test_a_camera_hangs_from_its_body(body: tuple[int, int, int], camera: tuple[int, int, int]) -> None:
     state = BodyState(id="uav[1]", position=(1.0, 2.0, 3.0), heading_deg=body[0], pitch_deg=body[1], roll_deg=body[2])
     pose = CameraPose(position=(1.3, 1.8, 2.9), heading_deg=camera[0], tilt_deg=camera[1], roll_deg=camera[2])
-    frame = FrameInfo(id="f", entity="uav[1]", camera="front", tick=0, time_s=1.5, pose=pose, channels=("rgb",))
     _, _, data = foxglove.transforms(Snapshot(time_s=1.5, states=(state,)))
     (parent,) = FrameTransforms.FromString(data).transforms
-    _, _, data = next(iter(foxglove.frame_messages(frame, b"jpeg", body=state)))
+    _, _, data = foxglove.cameras([(state, "uav[1]/front", pose)], 1.5)
     (child,) = FrameTransforms.FromString(data).transforms
     assert (child.parent_frame_id, child.child_frame_id) == (parent.child_frame_id, "uav[1]/front")
     assert child.timestamp == parent.timestamp
     away = np.array([child.translation.x, child.translation.y, child.translation.z])
     assert np.allclose(np.array(state.position) + rotate(parent.rotation, away), pose.position, atol=1e-9)
     axes = [rotate(parent.rotation, rotate(child.rotation, unit)) for unit in np.eye(3)]
-    assert np.allclose(axes, foxglove._camera_axes(frame), atol=1e-9)
+    assert np.allclose(axes, foxglove._camera_axes(pose), atol=1e-9)
 
 
 def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_path: Path) -> None:
@@ -79,8 +78,7 @@ def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_pa
 
 def test_a_camera_that_nobody_carries_stands_in_the_world() -> None:
     pose = CameraPose(position=(5.0, 6.0, 7.0), heading_deg=0.0, tilt_deg=10.0)
-    frame = FrameInfo(id="f", entity="house", camera="reference", tick=0, time_s=0.0, pose=pose, channels=("rgb",))
-    _, _, data = next(iter(foxglove.frame_messages(frame, b"jpeg")))
+    _, _, data = foxglove.cameras([(None, "house/reference", pose)], 0.0)
     (transform,) = FrameTransforms.FromString(data).transforms
     assert transform.parent_frame_id == foxglove.WORLD
     assert (transform.translation.x, transform.translation.z) == (5.0, 7.0)
@@ -92,7 +90,7 @@ def test_the_truth_lies_on_the_projected_person(trace: Trace) -> None:
     for frame in trace.frames.values():
         states = {state.id: state for state in trace.boundaries[frame.tick].snapshots[-1].states}
         for truth in frame.boxes:
-            right, down, ahead = (np.array(axis) for axis in foxglove._camera_axes(frame))
+            right, down, ahead = (np.array(axis) for axis in foxglove._camera_axes(frame.pose))
             offset = np.array(states[truth.entity].position) - np.array(frame.pose.position)
             focal = 0.5 / math.tan(math.radians(frame.pose.hfov_deg / 2))
             u = 0.5 + focal * (offset @ right) / (offset @ ahead)
@@ -144,6 +142,6 @@ def _transverse_mercator(origin: tuple[float, float], latitude: float, longitude
 def test_a_nadir_camera_looks_down_with_its_heading_up() -> None:
     pose = CameraPose(position=(0.0, 0.0, 100.0), heading_deg=90.0, tilt_deg=90.0)
     frame = FrameInfo(id="f", entity="uav[1]", camera="nadir", tick=0, time_s=0.0, pose=pose, channels=("rgb",))
-    right, down, ahead = foxglove._camera_axes(frame)
+    right, down, ahead = foxglove._camera_axes(pose)
     assert np.allclose([right, down, ahead], [[0, -1, 0], [-1, 0, 0], [0, 0, -1]], atol=1e-12)
     assert entity_topic("uav[1]") == "uav_1" and camera_topic(frame) == "/camera/uav_1/nadir"

@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from lingjing.analysis.history import History
-from lingjing.analysis.messages import AdmittedMessage
 from lingjing.analysis.overview import style
+from lingjing.trace.admitted import AdmittedMessage
 
 
 def draw_messages(axes: Axes, history: History) -> None:

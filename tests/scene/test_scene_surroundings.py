@@ -1,0 +1,62 @@
+"""A city as meshes: closed walls, roads as wide as they are, no more corners than asked for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lingjing.scene.city import Building, City, Prop
+from lingjing.scene.plan import PlanShape
+from lingjing.scene.surroundings import city_meshes, shapes_around
+
+OUTLINE = ((0.0, 0.0), (10.0, 0.0), (10.0, 20.0), (0.0, 20.0))
+YARD = ((2.0, 2.0), (2.0, 6.0), (6.0, 6.0), (6.0, 2.0))
+
+
+def area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    a, b, c = (points[triangles[:, n]] for n in range(3))
+    return np.cross(b - a, c - a) / 2.0
+
+
+def test_a_building_is_a_roof_with_its_yard_left_out_and_walls_all_around() -> None:
+    house = PlanShape("building", OUTLINE, (YARD,), top_m=12.0, base_m=2.0)
+    roof, walls = city_meshes([house])
+    up = area(roof.points, roof.triangles)
+    assert up[:, 2].sum() == pytest.approx(200.0 - 16.0) and (roof.points[:, 2] == 12.0).all()
+    faces = area(walls.points, walls.triangles)
+    assert np.linalg.norm(faces, axis=1).sum() == pytest.approx((60.0 + 16.0) * 10.0)
+    assert np.allclose(faces.sum(axis=0), 0.0)  # closed
+    middle = walls.points[walls.triangles].mean(axis=1)
+    outer = (middle[:, 0] < 0.1) | (middle[:, 0] > 9.9) | (middle[:, 1] < 0.1) | (middle[:, 1] > 19.9)
+    away = ((middle - (5.0, 10.0, 7.0)) * faces).sum(axis=1)
+    assert (away[outer] > 0).all()  # seen from outside they are anticlockwise
+    assert walls.colour[0] < roof.colour[0]
+
+
+def test_a_road_is_as_wide_as_it_is_around_a_bend_and_on_a_ramp() -> None:
+    road = PlanShape("road", ((0.0, 0.0), (100.0, 0.0), (100.0, 50.0)), width_m=6.0, heights_m=(0.0, 5.0, 5.0))
+    (mesh,) = city_meshes([road])
+    flat = mesh.points.copy()
+    flat[:, 2] = 0.0
+    assert area(flat, mesh.triangles)[:, 2].sum() == pytest.approx(150.0 * 6.0)
+    corner = mesh.points[2:4, :2]
+    assert {tuple(point) for point in corner.round(6)} == {(103.0, -3.0), (97.0, 3.0)}
+    assert mesh.points[2, 2] - mesh.points[0, 2] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("points", [((0.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (5.0, 0.0), (0.0, 0.0)), ((1.0, 1.0),)])
+def test_a_line_that_goes_nowhere_or_back_makes_no_spike(points: tuple[tuple[float, float], ...]) -> None:
+    for mesh in city_meshes([PlanShape("road", points, width_m=4.0, heights_m=(0.0,) * len(points))]):
+        assert np.isfinite(mesh.points).all() and np.abs(mesh.points).max() <= 5.0 + 2 * math.sqrt(8.0)
+
+
+def test_a_large_city_loses_its_trees_first() -> None:
+    trees = tuple(Prop(id=f"t{n}", cls="tree", model="tree", position=(float(n), 0.0, 0.0)) for n in range(50))
+    house = Building(id="b", polygon=OUTLINE, base_m=0.0, top_m=9.0)
+    city = City(id="c", origin=(0.0, 0.0), bounds=(-100.0, -100.0, 100.0, 100.0), buildings=(house,), props=trees)
+    whole, none = shapes_around(city, (0.0, 0.0, 10.0, 10.0), 1000)
+    assert len(whole) == 51 and none == []
+    fewer, lacks = shapes_around(city, (0.0, 0.0, 10.0, 10.0), 20)
+    assert [shape.layer for shape in fewer] == ["building"] and lacks == ["tree"]
