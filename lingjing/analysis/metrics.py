@@ -29,7 +29,7 @@ from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.last_mile import last_mile
 from lingjing.analysis.memo import once_per_trace
-from lingjing.analysis.repetition import repeated_target_rate
+from lingjing.analysis.repetition import repeated_target_rate, target_events
 from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
 from lingjing.trace.reader import Trace
@@ -120,6 +120,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     the target is completed or assigned to somebody else: the assignee's own arrival is what was asked for. A step of
     guidance, an assignee's yes to what it was given, and the way back to a depot are no events. An order larger than
     one load has room for several."""
+    target_events: Annotated[int, "communication"]
+    """Those assignments and visits, repeated or not: what `rep` is a share of."""
     discovery_messages: Annotated[float | None, "communication"]
     """Communication at discovery: share of messages sent in a tick in which a target was first matched."""
     conflicts: Annotated[int, "communication"]
@@ -152,6 +154,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """What policies spent on models."""
     json_compliance: Annotated[float | None, "cost"]
     """Answers of models that kept to the schema they were asked for, over all their answers, repeated ones included."""
+    answers: Annotated[int, "cost"]
+    """Those answers, good or bad: what `json_compliance` is a share of."""
     substitutions: Annotated[int, "cost"]
     """Policy answers that were missing or malformed and became "do nothing"."""
     idle_fraction: Annotated[float | None, "cost"]
@@ -222,6 +226,7 @@ def metrics(trace: Trace) -> Metrics:
         rounds=_rounds(edges),
         gap=_gap(trace),
         rep=repeated_target_rate(trace),
+        target_events=target_events(trace)[1],
         discovery_messages=communication_at_discovery(trace),
         conflicts=refusals["conflict"],
         rejections=refusals.total(),
@@ -235,6 +240,7 @@ def metrics(trace: Trace) -> Metrics:
         tokens=usage.prompt_tokens + usage.completion_tokens,
         cost_usd=usage.cost_usd,
         json_compliance=usage.valid_answers / usage.answers if usage.answers else None,
+        answers=usage.answers,
         substitutions=sum(bool(made.substituted) for made in decisions),
         idle_fraction=idle_fraction(trace),
         coverage=_coverage(trace),

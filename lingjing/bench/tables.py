@@ -118,8 +118,8 @@ def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
                 cells = [text(of(one)) for one in both]
                 lines.append(ResultLine(group, (mission.upper(), name), best_of(cells, lower=lower, second=False)))
     named = titled(title, "communication modes")
-    notes = ("bold marks the better mode; Gap and Rep are means of the episodes in which they are defined",)
-    yield ResultTable("modes", named, ("Mission", "Metric"), ("Star", "Broadcast"), tuple(lines), notes)
+    note = "bold marks the better mode; Gap is the mean over episodes in which it is defined, Rep is pooled over events"
+    yield ResultTable("modes", named, ("Mission", "Metric"), ("Star", "Broadcast"), tuple(lines), (note,))
 
 
 def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
@@ -140,14 +140,15 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
                 measured.append((condition or "default", (
                     ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
                     percent(played.scr()), _bootstrap_ends(played), plain(played.middle("localisation_error_m"), ".0f"),
-                    percent(played.mean("coverage")), percent(played.mean("json_compliance")), plain(spent, ".2f"),
+                    percent(played.mean("coverage")), percent(played.weighted("json_compliance", "answers")),
+                    plain(spent, ".2f"),
                     *(percent(done.get(stage, math.nan)) for stage in stages),
                 )))  # fmt: skip
             lines += marked([ResultLine(group, (name,), cells) for name, cells in measured], only=(1, 3))
         named = f"{title or 'Conditions'}: {mission.upper()} ({mode})"
         note = (
             "TSR: Wilson's interval, SCR: bootstrap; stages are cumulative; LocErr is the median of the episodes' "
-            "medians; Cost x compares tokens with the baseline"
+            "medians; JSON is pooled over all answers; Cost x compares tokens with the baseline"
         )
         if len({row.condition for row in some}) > 1 or len({row.condition for row in rows}) > 1:
             yield ResultTable("conditions", named, ("Condition",), heads, tuple(lines), (note,))
@@ -325,7 +326,7 @@ _MODE_MEASURES: tuple[tuple[str, Callable[[Played], float], Callable[[float], Re
     ("KB", lambda played: played.mean("kilobytes"), measure(".1f"), True),
     ("Rnd", lambda played: played.mean("rounds"), measure(".0f"), True),
     ("Gap", lambda played: played.mean("gap"), measure(".0f"), True),
-    ("Rep", lambda played: played.mean("rep"), measure(".0f", 100.0), True),
+    ("Rep", lambda played: played.weighted("rep", "target_events"), measure(".0f", 100.0), True),
 )
 """The paper's measures of communication: name, value, text, and whether less is better."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import random
 
 import msgspec
 import pytest
@@ -16,7 +15,6 @@ from lingjing.bench.countdown import Countdown
 from lingjing.bench.exports import html_page, to_csv, to_html, to_latex, to_markdown
 from lingjing.bench.played import Played, columns_of
 from lingjing.bench.rows import SuiteRow
-from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, best_of
 from lingjing.bench.tables import TABLES, make_tables
 from lingjing.cli import bench
@@ -29,57 +27,6 @@ def column(entrant: str, mission: str, mode: str, won: int, of: int = 10, **chan
         made_row(entrant=entrant, mission=mission, mode=mode, seed=seed, success=seed < won, **changes)
         for seed in range(of)
     ]
-
-
-# -- statistics
-
-
-def test_wilsons_interval_is_the_published_one() -> None:
-    """Brown, Cai and DasGupta (2001); 8 of 10: 0.4902 to 0.9433."""
-    assert wilson(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-6)
-    assert wilson(0, 10)[0] == 0.0 and wilson(10, 10)[1] == 1.0
-    assert wilson(10, 10)[0] == pytest.approx(0.7224672, abs=1e-6)
-    assert all(math.isnan(end) for end in wilson(0, 0))
-
-
-def test_wilsons_interval_covers_as_it_says() -> None:
-    draws = random.Random(3)
-    held = 0
-    for _ in range(2000):
-        won = sum(draws.random() < 0.3 for _ in range(50))
-        low, high = wilson(won, 50)
-        held += low <= 0.3 <= high
-    assert 0.93 <= held / 2000 <= 0.97
-
-
-def test_the_bootstrap_is_repeatable_and_near_the_normal_interval() -> None:
-    draws = random.Random(1)
-    values = [draws.gauss(5.0, 2.0) for _ in range(200)]
-    low, high = bootstrap(values)
-    assert (low, high) == bootstrap(values)
-    mean = sum(values) / 200
-    half = 1.96 * math.sqrt(sum((value - mean) ** 2 for value in values) / 200 / 200)
-    assert (low, high) == pytest.approx((mean - half, mean + half), abs=0.05)
-    assert bootstrap([2.0]) == (2.0, 2.0)
-    assert math.isnan(bootstrap([]).low)
-
-
-def test_the_macro_average_is_over_modes_first() -> None:
-    columns = {("ufr", "star"): {0: 1.0, 1: 1.0}, ("ufr", "broadcast"): {0: 0.0, 1: 0.0}, ("bi", "single"): {0: 1.0}}
-    assert macro_average(columns) == 0.75
-    low, high = macro_bounds({name: dict.fromkeys(range(50), 0.0) | {0: 1.0} for name in columns})
-    assert 0.0 <= low < 0.02 < high < 0.1
-
-
-def test_mcnemar_is_the_exact_binomial_over_pairs_that_differ() -> None:
-    first = {seed: seed < 12 for seed in range(20)}
-    second = {seed: seed < 2 or seed == 19 for seed in range(25)}
-    test = mcnemar(first, second)
-    assert test[:3] == (20, 10, 1)
-    assert test.p == pytest.approx(2 * sum(math.comb(11, k) for k in (0, 1)) / 2**11)
-    assert mcnemar(first, first).p == 1.0
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([]) == []
 
 
 def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
@@ -126,8 +73,10 @@ def test_what_is_lost_or_aborted_is_in_no_rate_and_is_said() -> None:
 
 
 def test_modes_are_compared_on_the_same_mission() -> None:
-    metrics = {"star": {"messages": 6, "kilobytes": 0.52, "gap": 13.0, "rep": 0.17, "rounds": 5},
-               "broadcast": {"messages": 61, "kilobytes": 3.0, "gap": 15.0, "rep": 0.11, "rounds": 9}}  # fmt: skip
+    metrics = {
+        "star": {"messages": 6, "kilobytes": 0.52, "gap": 13.0, "rep": 0.17, "target_events": 6, "rounds": 5},
+        "broadcast": {"messages": 61, "kilobytes": 3.0, "gap": 15.0, "rep": 0.11, "target_events": 9, "rounds": 9},
+    }
     rows = [row for mode, one in metrics.items() for row in column("q", "ufr", mode, 5, metrics=one)]
     rows += column("q", "bi", "single", 5)
     (table,) = make_tables(rows, ["modes"])
@@ -139,6 +88,15 @@ def test_modes_are_compared_on_the_same_mission() -> None:
         (("UFR", "Gap"), ("13", "best"), ("15", "")),
         (("UFR", "Rep"), ("17", ""), ("11", "best")),
     ]
+
+
+def test_repeated_target_events_are_pooled_over_the_episodes_of_a_mode() -> None:
+    """One repeated event of one, and none of nine: 1 of 10. An episode without any counts for nothing."""
+    some = [{"rep": 1.0, "target_events": 1}, {"rep": 0.0, "target_events": 9}, {"rep": None, "target_events": 0}]
+    rows = [made_row(mode="star", seed=seed, metrics=one) for seed, one in enumerate(some)]
+    rows += [made_row(mode="broadcast", seed=seed, metrics=some[2]) for seed in range(3)]
+    (table,) = make_tables(rows, ["modes"])
+    assert [cell.text for cell in table.lines[-1].cells] == ["10", "N/A"]
 
 
 def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -> None:
@@ -154,6 +112,7 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
         "localisation_error_m": 52.0,
         "coverage": 0.9,
         "json_compliance": 0.96,
+        "answers": 25,
         "stages": stages(True, True),
     }
     coarse = {"tokens": 250, "localisation_error_m": None, "coverage": 0.5, "stages": stages(True, False)}

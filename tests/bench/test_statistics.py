@@ -1,0 +1,103 @@
+"""Intervals and tests of tables: published numbers, SciPy's and the definitions, on drawn tables."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
+
+
+def test_wilsons_interval_is_the_published_one() -> None:
+    """Brown, Cai and DasGupta (2001); 8 of 10: 0.4902 to 0.9433."""
+    assert wilson(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-6)
+    assert wilson(0, 10)[0] == 0.0 and wilson(10, 10)[1] == 1.0
+    assert wilson(10, 10)[0] == pytest.approx(0.7224672, abs=1e-6)
+    assert all(math.isnan(end) for end in wilson(0, 0))
+
+
+def test_wilsons_interval_covers_as_it_says() -> None:
+    draws = random.Random(3)
+    held = 0
+    for _ in range(2000):
+        won = sum(draws.random() < 0.3 for _ in range(50))
+        low, high = wilson(won, 50)
+        held += low <= 0.3 <= high
+    assert 0.93 <= held / 2000 <= 0.97
+
+
+def test_the_bootstrap_is_repeatable_and_near_the_normal_interval() -> None:
+    draws = random.Random(1)
+    values = [draws.gauss(5.0, 2.0) for _ in range(200)]
+    low, high = bootstrap(values)
+    assert (low, high) == bootstrap(values)
+    mean = sum(values) / 200
+    half = 1.96 * math.sqrt(sum((value - mean) ** 2 for value in values) / 200 / 200)
+    assert (low, high) == pytest.approx((mean - half, mean + half), abs=0.05)
+    assert bootstrap([2.0]) == (2.0, 2.0)
+    assert math.isnan(bootstrap([]).low)
+
+
+def test_the_macro_average_is_over_modes_first() -> None:
+    columns = {("ufr", "star"): {0: 1.0, 1: 1.0}, ("ufr", "broadcast"): {0: 0.0, 1: 0.0}, ("bi", "single"): {0: 1.0}}
+    assert macro_average(columns) == 0.75
+    low, high = macro_bounds({name: dict.fromkeys(range(50), 0.0) | {0: 1.0} for name in columns})
+    assert 0.0 <= low < 0.02 < high < 0.1
+
+
+def test_mcnemar_is_the_exact_binomial_over_pairs_that_differ() -> None:
+    first = {seed: seed < 12 for seed in range(20)}
+    second = {seed: seed < 2 or seed == 19 for seed in range(25)}
+    test = mcnemar(first, second)
+    assert test[:3] == (20, 10, 1)
+    assert test.p == pytest.approx(2 * sum(math.comb(11, k) for k in (0, 1)) / 2**11)
+    assert mcnemar(first, first).p == 1.0
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([]) == []
+
+
+def test_wilsons_interval_is_scipys() -> None:
+    drawn = np.random.default_rng(1)
+    for played in drawn.integers(1, 400, 100):
+        won = int(drawn.integers(0, played + 1))
+        assert wilson(won, int(played)) == pytest.approx(
+            tuple(stats.binomtest(won, int(played)).proportion_ci(method="wilson")), abs=1e-12
+        )
+
+
+def test_mcnemars_test_is_the_exact_binomial_over_pairs_that_differ() -> None:
+    drawn = np.random.default_rng(2)
+    for played in drawn.integers(1, 120, 60):
+        shares = drawn.random(2)
+        first, second = ({seed: bool(drawn.random() < share) for seed in range(played)} for share in shares)
+        second.pop(0)  # one that only the first has played
+        only = sum(first[seed] > second[seed] for seed in second), sum(first[seed] < second[seed] for seed in second)
+        differing = sum(only)
+        tail = sum(math.comb(differing, count) for count in range(min(only) + 1)) / 2**differing
+        tested = mcnemar(first, second)
+        assert tested[:3] == (played - 1, *only)
+        assert tested.p == pytest.approx(min(1.0, 2 * tail), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["shares", "successes"])
+def test_the_bootstrap_is_scipys_percentile_bootstrap_of_the_mean(kind: str) -> None:
+    drawn = np.random.default_rng(3)
+    values = drawn.random(100) if kind == "shares" else (drawn.random(100) < 0.3).astype(float)
+    scipys = stats.bootstrap((values,), np.mean, method="percentile", n_resamples=9999, rng=drawn, batch=1000)
+    low, high = scipys.confidence_interval
+    assert bootstrap(list(values)) == pytest.approx((low, high), abs=0.12 * (high - low))
+
+
+def test_the_macro_average_weighs_missions_alike_and_its_interval_draws_the_seeds_of_a_mission_together() -> None:
+    """The mean of VDN and of the mean of two modes; modes that always agree vary as much as one of them does."""
+    drawn = np.random.default_rng(4)
+    won = {seed: float(drawn.random() < 0.4) for seed in range(60)}
+    lost = {seed: 1.0 - value for seed, value in won.items()}
+    columns = {("vdn", "single"): won, ("ssr", "star"): won, ("ssr", "broadcast"): lost}
+    assert macro_average(columns) == pytest.approx((sum(won.values()) / 60 + 0.5) / 2)
+    assert macro_bounds({("ssr", "star"): won, ("ssr", "broadcast"): lost}) == pytest.approx((0.5, 0.5))
+    assert macro_bounds({("ssr", "star"): won, ("ssr", "broadcast"): won}) == pytest.approx(
+        bootstrap(list(won.values())), abs=0.02
+    )
