@@ -163,6 +163,7 @@ class Unfolding:
         for unlock in outline.instance.unlocks:
             if unlock.condition != ex.Flag(value=True):  # which asks for nothing
                 self.unlocks.setdefault(unlock.interaction, []).append(unlock)
+        self.meanings = Meanings(_READING)  # which go with it: every trace that is read has expressions of its own
         self.at = ""
         self._left = NODES_MOST
         self._open: list[str] = []
@@ -171,7 +172,7 @@ class Unfolding:
         """The need of one condition."""
         before, self.at = self.at, at
         try:
-            return as_need(_MEANINGS.of(expr)(names, self))
+            return as_need(self.meanings.of(expr)(names, self))
         finally:
             self.at = before
 
@@ -323,7 +324,7 @@ class _Needs:
         return each
 
 
-_MEANINGS = Meanings(_Needs())
+_READING = _Needs()
 
 
 def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
@@ -419,7 +420,7 @@ def _about(node: ex.Quantified, names: Mapping[str, Value], on: Unfolding) -> tu
     call = node.body
     if not isinstance(call, ex.Call) or not call.rule or not _matching(call.function, on):
         return "", False
-    values = (_MEANINGS.of(argument)({**names, node.variable: None}, on) for argument in call.arguments)
+    values = (on.meanings.of(argument)({**names, node.variable: None}, on) for argument in call.arguments)
     found = [body.id for value in values if (body := _body(value)) is not None]
     return (found[0], True) if len(found) == 1 else ("", False)
 
