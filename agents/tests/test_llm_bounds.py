@@ -39,6 +39,17 @@ def endless(head: bytes, piece: bytes):
     return pieces
 
 
+def trickling(data: bytes):
+    """A good answer, a byte at a time: the whole takes many times the deadline."""
+
+    def pieces(request: bytes) -> Iterator[bytes]:
+        for byte in data:
+            yield bytes([byte])
+            threading.Event().wait(0.2)
+
+    return pieces
+
+
 def dripping(head: bytes, piece: bytes):
     """A piece now and then; the wait is what is tested."""
 
@@ -51,6 +62,7 @@ def dripping(head: bytes, piece: bytes):
     return pieces
 
 
+GOOD = completion("hi").split(b"\r\n\r\n", 1)[1]
 CHUNK = b"%x\r\n%b\r\n" % (BLOCK, b" " * BLOCK)
 CHUNKED = b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n"
 ENDLESS_GZIP = CHUNKED.replace(b"\r\n\r\n", b"\r\ncontent-encoding: gzip\r\n\r\n")
@@ -73,6 +85,19 @@ TOO_LONG = {
     "two lengths": once(b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\ncontent-length: 3\r\n\r\n{}"),
     "deep JSON": once(answered("200 OK", b'{"choices":' + b"[" * 500_000)),
     "a deep completion": once(answered("200 OK", b'{"choices":[{"message":{"content":"x","y":' + b"[" * 500_000)),
+    "a chunk that is longer than it says": once(CHUNKED + b"5\r\n" + GOOD + b"\r\n0\r\n\r\n"),
+    "a chunk that is shorter than it says": once(CHUNKED + b"ffff\r\n" + GOOD + b"\r\n0\r\n\r\n"),
+    "a chunk of more than 64 bits": once(CHUNKED + b"f" * 40 + b"\r\n" + GOOD),
+    "a chunk of less than nothing": once(CHUNKED + b"-5\r\n" + GOOD),
+    "chunks without the last": once(CHUNKED + b"%x\r\n" % len(GOOD) + GOOD + b"\r\n"),
+    "a chunk's size without an end": endless(CHUNKED, b"0" * BLOCK),
+    "trailers without an end": endless(CHUNKED + b"0\r\n", b"x: " + b"y" * 1000 + b"\r\n"),
+    "headers of 10 MB": once(b"HTTP/1.1 200 OK\r\n" + b"x: y\r\n" * 1_700_000 + b"\r\n" + GOOD),
+    "two completions in one body": once(answered("200 OK", GOOD + GOOD)),
+    "HTTP/1.0 that is cut off": once(b"HTTP/1.0 200 OK\r\n\r\n" + GOOD[:30]),
+    "HTTP/1.0 that is shorter than it says": once(b"HTTP/1.0 200 OK\r\ncontent-length: 999\r\n\r\n" + GOOD),
+    "another protocol": once(b"HTTP/1.1 101 Switching Protocols\r\nupgrade: h2c\r\n\r\n" + GOOD),
+    "an event stream, which was not asked for": once(answered("200 OK", b"data: " + GOOD + b"\n\ndata: [DONE]\n\n")),
     "half a character": once(answered("200 OK", b'{"choices":[{"message":{"content":"\xe4"}}]}')),
 }
 
@@ -82,6 +107,7 @@ LATE = {
     "answers that announce an answer": dripping(b"", b"HTTP/1.1 102 Processing\r\n\r\n"),
     "a flood of them": endless(b"", b"HTTP/1.1 102 Processing\r\n\r\n" * 2000),
     "no answer": dripping(b"", b""),
+    "a good answer that trickles": trickling(completion("hi")),
 }
 
 
@@ -124,7 +150,7 @@ async def test_no_answer_is_read_beyond_its_bound(what: str, client):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with serve_raw(TOO_LONG[what]) as url, pytest.raises(ModelError) as failure:
         await ask(client(url), 60)
-    assert failure.value.fault == "service"
+    assert failure.value.fault == "service" and len(str(failure.value).splitlines()) == 1
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
 
 
@@ -172,6 +198,19 @@ async def test_a_packed_answer_of_a_service_that_packs_all_the_same_is_read():
 
     plain = completion("hi").split(b"\r\n\r\n", 1)[1]
     with serve_raw(once(answered("200 OK", gzip.compress(plain), "content-encoding: GZIP"))) as url:
+        assert (await ask(direct(url), 60)).text == "hi"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        pytest.param(b"HTTP/1.0 200 OK\r\n\r\n" + GOOD, id="HTTP/1.0 to the end of the connection"),
+        pytest.param(CHUNKED + b"%x;x=y\r\n" % len(GOOD) + GOOD + b"\r\n0\r\nx: y\r\n\r\n", id="trailers"),
+        pytest.param(completion("hi") + completion("no"), id="a second answer that nobody asked for"),
+    ],
+)
+async def test_a_good_answer_in_an_old_or_an_odd_form_is_read(answer: bytes):
+    with serve_raw(once(answer)) as url:
         assert (await ask(direct(url), 60)).text == "hi"
 
 
