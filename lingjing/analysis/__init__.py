@@ -10,6 +10,7 @@
 - `behaviour`   adherence, repetition, out of bounds, forgotten subgoals, by tercile
 - `search_marks` redundant revisits, communication at discovery
 - `attention`   maps of where a model looked against true boxes
+- `attention_extraction` such maps out of what an open model of `transformers` returned
 - `last_mile`   S1 to S5 of last-mile delivery, from typed reports of ends and way
 - `incidents`   who crashed, fell, ran out of energy, when and where
 - `registries`  the kernel's registry at every boundary, from the records alone

@@ -1,0 +1,72 @@
+"""Maps out of attention as `transformers` returns it: arrays by token and layer of (batch, heads, queries, keys)."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lingjing.analysis.attention import box_iou, read_attention
+from lingjing.analysis.attention_extraction import attention_map, picture_runs, write_attention
+
+PICTURE = 99
+PROMPT = [1, 5, *[PICTURE] * 12, 6, 5, *[PICTURE] * 4, 6, 7]
+"""Two pictures, of 3 by 4 and of 2 by 2 tokens."""
+
+
+def attention(queries: list[list[float]], keys: np.ndarray) -> np.ndarray:
+    """Softmax attention of queries to keys, in one batch and two heads, of which the second looks evenly."""
+    scores = np.exp(np.array(queries) @ keys.T)
+    seen = scores / scores.sum(axis=1, keepdims=True)
+    return np.stack([seen, np.full_like(seen, 1 / seen.shape[1])])[None]
+
+
+def test_pictures_are_the_runs_of_their_placeholder() -> None:
+    assert picture_runs(PROMPT, PICTURE) == [range(2, 14), range(16, 20)]
+    assert picture_runs([1, 2, 3], PICTURE) == []
+
+
+def test_an_answer_that_looks_at_one_place_gives_a_map_with_its_peak_there(tmp_path: Path) -> None:
+    """The keys are one-hot; the last token of the prompt and the next ask for row 1, column 2 of the first picture."""
+    first, second = picture_runs(PROMPT, PICTURE)
+    keys = np.eye(len(PROMPT) + 1)
+    asked = 6.0 * keys[first[1 * 4 + 2]]
+    prompt = attention([[0.0] * len(asked)] * (len(PROMPT) - 1) + [list(asked)], keys[: len(PROMPT)])
+    steps = [[prompt, prompt], [attention([list(asked)], keys)] * 2]
+    found = attention_map(steps, first, (3, 4))
+    assert found.shape == (3, 4)
+    assert np.unravel_index(found.argmax(), found.shape) == (1, 2)
+    assert box_iou(found, (2 / 4, 1 / 3, 3 / 4, 2 / 3)) == pytest.approx(1.0)
+    even = attention_map(steps, second, (2, 2))
+    assert np.ptp(even) == pytest.approx(0.0, abs=1e-12)
+    write_attention(tmp_path / "maps.npz", {"frame-1": found, "file": even})
+    read = read_attention(tmp_path / "maps.npz")
+    assert list(read) == ["frame-1", "file"]
+    assert read["frame-1"] == pytest.approx(found)
+
+
+def test_the_mean_is_over_tokens_layers_and_heads_and_of_the_last_query() -> None:
+    """Two tokens, two layers, two heads; a picture of one row of two. By hand: (1 + 3 + 5 + 7) / 4 and twice that."""
+
+    def layer(value: float, queries: int) -> np.ndarray:
+        made = np.zeros((1, 2, queries, 4), np.float32)
+        made[0, :, -1, 1:3] = [[value - 1, 2 * value], [value + 1, 2 * value]]
+        return made
+
+    steps = [[layer(1.0, 3), layer(3.0, 3)], [layer(5.0, 1), layer(7.0, 1)]]
+    assert attention_map(steps, range(1, 3), (1, 2)).tolist() == [[4.0, 8.0]]
+    assert attention_map(steps, range(1, 3), (1, 2), layers=[-1]).tolist() == [[5.0, 10.0]]
+
+
+@pytest.mark.parametrize(
+    ("steps", "picture", "grid", "words"),
+    [
+        ([[np.ones((1, 1, 1, 9))]], range(2, 8), (2, 4), "6 tokens and not 2 rows of 4"),
+        ([[np.ones((1, 1, 1, 5))]], range(2, 8), (2, 3), "ends at token 8, and attention goes to 5"),
+        ([[np.ones((1, 1, 9))]], range(2, 8), (2, 3), "batch, heads, queries and keys"),
+        ([], range(2, 8), (2, 3), "output_attentions=True"),
+        ([[]], range(2, 8), (2, 3), "output_attentions=True"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(steps: list, picture: range, grid: tuple[int, int], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        attention_map(steps, picture, grid)
