@@ -44,6 +44,8 @@ COLUMNS = (
 ROOF_M = 42.0
 _PAIR = re.compile(r"(?=(?<![\d.])(-?\d+(?:\.\d+)?), ?(-?\d+(?:\.\d+)?)(?![\d.]))")
 """Two numbers beside each other, as places are written; each number may begin one pair and end another."""
+_NAMED = re.compile(r"\b[a-z]+[A-Z]\w*|(?<=`)\w+(?=`)")
+"""What a prompt calls by its name: a verb, a kind of message."""
 
 
 @cache
@@ -191,6 +193,10 @@ async def test_goal_role_task_and_rules_are_those_of_the_mission(column: str):
             assert f"of {instance.clock.tick_s:g} s" in request.system
             assert instance.goal in request.system
             assert agent.prompt in request.system
+            named = {verb.name for one in instance.entities for verb in one.verbs}
+            named |= {message.kind for message in instance.messages}
+            assert set(_NAMED.findall(agent.prompt)) <= named  # what a prompt names can be commanded or sent
+            assert not re.search(r"-0\.0\b", request.whole)
             for entity in instance.entities:
                 for one in entity.interactions:
                     assert f"within {one.within_m:g} m" in request.system

@@ -7,7 +7,7 @@ prompt, whatever its text says.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import msgspec
 
@@ -53,7 +53,7 @@ def known(brief: Brief) -> dict[str, object]:
         "ticks": brief.ticks,
         "tick_s": brief.tick_s,
         "agents": [{"id": peer.id, "role": peer.role, "resources": peer.resources} for peer in brief.peers],
-        "regions_east_north_m": {region.name: [_metres(point) for point in region.polygon] for region in brief.regions},
+        "regions_east_north_m": {region.name: [tenths(point) for point in region.polygon] for region in brief.regions},
         "cells": [_cell(cell) for cell in brief.cells],
         "classes": brief.classes,
         "water_level_m": brief.water_level_m,
@@ -78,14 +78,15 @@ def _cell(cell: Cell) -> dict[str, object]:
     xs, ys = [x for x, _ in cell.polygon], [y for _, y in cell.polygon]
     return {
         "name": cell.name,
-        "centre_m": _metres(cell.centre),
-        "east_m": _metres((min(xs), max(xs))),
-        "north_m": _metres((min(ys), max(ys))),
+        "centre_m": tenths(cell.centre),
+        "east_m": tenths((min(xs), max(xs))),
+        "north_m": tenths((min(ys), max(ys))),
     }
 
 
-def _metres(values: tuple[float, ...]) -> list[float]:
-    return [round(value, 1) for value in values]
+def tenths(values: Iterable[float]) -> list[float]:
+    """Numbers as models are told them: to a tenth, and none of them -0.0."""
+    return [round(value, 1) + 0.0 for value in values]
 
 
 # -- commands

@@ -13,6 +13,7 @@ import numpy as np
 from lingjing.plugins.geometry import pixel_to_plane, pixel_to_world
 from lingjing.plugins.policy import REFERENCE, Brief, Picture
 from lingjing_agents.perception.images import ImageBox, opencv
+from lingjing_agents.react.facts import tenths
 
 JPEG_QUALITY = 85
 WHOLE: ImageBox = (0.0, 0.0, 1.0, 1.0)
@@ -73,7 +74,7 @@ def in_words(picture: Picture, brief: Brief) -> dict[str, object]:
         "tilt_deg": round(pose.tilt_deg, 1),
         "roll_deg": round(pose.roll_deg, 1),
         "heading_deg": round(pose.heading_deg, 1),
-        "camera_position": [round(value, 1) for value in pose.position],
+        "camera_position": tenths(pose.position),
         **_ground(picture, brief),
     }
 
@@ -109,11 +110,11 @@ def _place(picture: Picture, brief: Brief, x: float, y: float) -> list[float] | 
     if picture.depth is not None:
         height, width = picture.depth.shape
         depth = float(picture.depth[min(int(y * height), height - 1), min(int(x * width), width - 1)])
-        return None if not np.isfinite(depth) else [round(value, 1) for value in pixel_to_world(pose, u, v, depth)]
+        return None if not np.isfinite(depth) else tenths(pixel_to_world(pose, u, v, depth))
     found = pixel_to_plane(pose, u, v, brief.water_level_m)
     if found is None or max(abs(found[0] - pose.position[0]), abs(found[1] - pose.position[1])) > _HORIZON_M:
         return None
-    return [round(value, 1) for value in found]
+    return tenths(found)
 
 
 def _span(low: float, high: float, size: int) -> tuple[int, int]:

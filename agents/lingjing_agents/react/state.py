@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Picture, Receipt
-from lingjing_agents.react.facts import compact, weather
+from lingjing_agents.react.facts import compact, tenths, weather
 from lingjing_agents.react.pictures import WHOLE, SentImage, in_words
 
 
@@ -84,11 +84,12 @@ def observation_text(
 
 
 def _entity(view: EntityView) -> dict[str, object]:
+    velocity = tenths(view.velocity or ())
     fields: dict[str, object] = {
         "id": view.id,
         "type": view.type,
-        "position": _rounded(view.position) if view.position is not None else None,
-        "velocity_east_north_up_mps": _rounded(view.velocity) if view.velocity and any(view.velocity) else None,
+        "position": tenths(view.position) if view.position is not None else None,
+        "velocity_east_north_up_mps": velocity if any(velocity) else None,
         "heading_deg": round(view.heading_deg, 1) if view.heading_deg is not None else None,
         "status": view.status,
         "busy": view.busy,
@@ -102,7 +103,7 @@ def _route(view: EntityView) -> list[dict[str, object]] | None:
     """The waypoints in their order, numbered as messages number them."""
     if view.route is None:
         return None
-    return [{"waypoint": number, "position": _rounded(point)} for number, point in enumerate(view.route, 1)]
+    return [{"waypoint": number, "position": tenths(point)} for number, point in enumerate(view.route, 1)]
 
 
 def _cells(observation: Observation) -> dict[str, object]:
@@ -121,7 +122,3 @@ def _parts(picture: Picture, sent: Sequence[SentImage]) -> dict[str, object]:
     if not numbered or (len(sent) == 1 and numbered[0][1].part == WHOLE):
         return {}
     return {"images": [{"image": number, "shows": [round(edge, 4) for edge in one.part]} for number, one in numbered]}
-
-
-def _rounded(point: tuple[float, ...]) -> list[float]:
-    return [round(value, 1) for value in point]
