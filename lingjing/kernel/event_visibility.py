@@ -11,12 +11,10 @@ number counts what its agent was told alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
-from lingjing.mission.expression import Aggregate, Call, Expr, Quantified, Ref, Symbol, parts
-from lingjing.mission.functions import OPERATIONS
+from lingjing.mission.hidden_reads import reads, rule_reads
 from lingjing.mission.instance import AgentSpec, Instance
-from lingjing.mission.model import Rule
 from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
@@ -73,33 +71,11 @@ def _open_kinds(instance: Instance) -> Iterable[str]:
     secret |= {one.name for entity in instance.entities if entity.hidden for one in entity.interactions}
     rules = {rule.name: rule for rule in instance.rules}
     for rule in instance.rules:
-        if not _rule_reads(rule, rules, secret):
+        if not rule_reads(rule, rules, secret):
             yield rule.name
     for constraint in instance.constraints:
-        if constraint.domain not in secret and not _reads(constraint.condition, rules, secret):
+        if constraint.domain not in secret and not reads(constraint.condition, rules, secret):
             yield constraint.name
-
-
-def _rule_reads(rule: Rule, rules: Mapping[str, Rule], secret: set[str]) -> bool:
-    return any(parameter.domain in secret for parameter in rule.parameters) or _reads(rule.condition, rules, secret)
-
-
-def _reads(expr: Expr, rules: Mapping[str, Rule], secret: set[str]) -> bool:
-    """Whether the expression names something secret, itself or through the rules that it calls."""
-    return any(_tells(part, rules, secret) for part in parts(expr))
-
-
-def _tells(part: Expr, rules: Mapping[str, Rule], secret: set[str]) -> bool:
-    match part:
-        case Symbol(name=name) | Quantified(domain=name) | Aggregate(domain=name):
-            return name in secret
-        case Ref(name=name, kind=kind):
-            return kind != "local" and name in secret
-        case Call(function=name, rule=True):
-            return name in rules and _rule_reads(rules[name], rules, secret)
-        case Call(function=name):
-            return name in OPERATIONS and OPERATIONS[name].secret
-    return False
 
 
 __all__ = ["ACTOR", "ALL", "NONE", "EventVisibility"]

@@ -8,6 +8,7 @@ Modules in the order a mission passes them:
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.needs` (what must have happened), the kernel's rules and `condition_words` (conditions in plain
   words, and the bounds they set).
+- `hidden_reads`: whether a condition reads what agents may not know.
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
   data; `kinds_file`: a plug-in's file of it, checked.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a

@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing.dsl import compile_text
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.pages.page import page
 from lingjing.mission import expression as ex
@@ -46,6 +47,29 @@ def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
             assert f"- `{group.name}`: `" in section
     assert section.count("is shown to") == len(mission.reveals)
     assert bool(mission.reveals) != ("Nothing of this is revealed" in section) or not section
+
+
+def test_what_agents_can_notice_of_hidden_values_is_listed(small: str) -> None:
+    heading = "What follows from hidden values, or from reports that were right, and can be noticed:"
+    plain = compile_text(small).mission
+    assert plain is not None and heading not in page(plain)
+    binding = """  permit boat.moveTo when exists r: matched(victim[1], r)
+  permit uav[1].forward when distance_xy(uav[1], boat) <= 900 m
+  constraint hard apart { always distance_xy(boat, victim[1]) >= 1 m }
+  constraint soft near { always distance_xy(boat, victim[1]) <= 900 m, penalty = 10 % }
+  success"""
+    told = small.replace("  success", binding).replace(
+        "{ done when rescued(v) }", "{ done when rescued(v), ticks <= 40\n limit calls <= 30 counts detection }"
+    )
+    mission = compile_text(told).mission
+    assert mission is not None
+    listed = page(mission).partition(heading)[2].partition("\n## ")[0].strip().splitlines()
+    assert listed == [
+        "- the receipts of `boat.moveTo` tell whether it is permitted",
+        "- the episode ends when **apart** is broken",
+        "- the episode ends when stage **execute** is late",
+        "- receipts tell that the limit **calls** counts while stage **execute** runs",
+    ]
 
 
 def test_rules_are_said_in_words() -> None:

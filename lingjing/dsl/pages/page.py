@@ -16,6 +16,7 @@ from lingjing.mission import model
 from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.draw.mermaid import mermaid
 from lingjing.mission.graph import graph
+from lingjing.mission.hidden_reads import reads, secret_names
 
 _MANY_BLANKS = re.compile(r"\n{3,}")
 
@@ -132,6 +133,28 @@ class _Page:
                 yield f"- an {one.what} of `{self.printer.text(one.entity)}` is shown to {one.role}"
         elif any(prop.hidden for group in self.mission.groups for prop in group.properties):
             yield "\nNothing of this is revealed to anybody."
+        noticed = list(self._noticed())
+        if noticed:
+            yield "\nWhat follows from hidden values, or from reports that were right, and can be noticed:\n"
+            yield from noticed
+
+    def _noticed(self) -> Iterator[str]:
+        """What the kernel does to agents by a condition over what they may not know."""
+        mission, rules = self.mission, {rule.name: rule for rule in self.mission.rules}
+        secret = secret_names(mission)
+        for permit in mission.permits:
+            if reads(permit.condition, rules, secret):
+                what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
+                yield f"- the receipts of {what} tell whether it is permitted"
+        for one in mission.constraints:
+            if one.kind == "hard" and (one.domain in secret or reads(one.condition, rules, secret)):
+                yield f"- the episode ends when **{one.name}** is broken"
+        for stage in mission.stages:
+            if stage.domain in secret or reads(stage.condition, rules, secret):
+                if stage.ticks is not None:
+                    yield f"- the episode ends when stage **{stage.name}** is late"
+                for limit in stage.limits:
+                    yield f"- receipts tell that the limit **{limit.name}** counts while stage **{stage.name}** runs"
 
     def rules(self) -> Iterator[str]:
         """What is adjudicated, in words and in code."""
