@@ -294,7 +294,11 @@ class Kernel:
         Every recipient gets a body of its own: what it does to it reaches neither its peers nor the adjudicator.
         """
         shown = self.instance.comms.receipts
-        answers = [receipt for receipt in receipts if shown != "none" and not receipt.request.startswith(_UNLOCK_ID)]
+        answers = [
+            self._projector.told(receipt)
+            for receipt in receipts
+            if shown != "none" and not receipt.request.startswith(_UNLOCK_ID)
+        ]
         return {
             agent.id: Inbox(
                 messages=tuple(

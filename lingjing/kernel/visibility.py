@@ -33,6 +33,7 @@ from lingjing.trace.records import (
     EntityView,
     EventView,
     FrameInfo,
+    Receipt,
     TaskEvent,
 )
 
@@ -41,6 +42,12 @@ STATE_FIELDS = ("position", "velocity", "heading_deg", "status")
 what it has in stock, `route` where it is planned to go; `busy` comes with an agent's own resources."""
 
 RESOURCES, ROUTE, BUSY, ALL = "resources", "route", "busy", "*"
+
+
+_KERNELS = frozenset({"bus", "kernel", "policy"})
+"""Whose receipts repeat no more than what agents said themselves."""
+
+_SOMEBODY = "something"
 
 
 class Projector:
@@ -55,6 +62,7 @@ class Projector:
         self._event_visibility = EventVisibility(instance)
         self._schedule = Schedule(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
+        self._unplaced = tuple(f"`{name}`" for name in self._entities if name not in self._public)
 
     def brief(self, agent: AgentSpec, classes: Sequence[str]) -> Brief:
         """All the agent is told at reset."""
@@ -144,6 +152,15 @@ class Projector:
             privileged=privileged,
             weather=self._schedule.weather(registry.time_s),
         )
+
+    def told(self, receipt: Receipt) -> Receipt:
+        """A receipt as agents read it: an engine may name somebody whose place is hidden as what a body has hit."""
+        if receipt.by in _KERNELS or not any(name in receipt.detail for name in self._unplaced):
+            return receipt
+        detail = receipt.detail
+        for name in self._unplaced:
+            detail = detail.replace(name, _SOMEBODY)
+        return msgspec.structs.replace(receipt, detail=detail)
 
     def privileged(
         self,

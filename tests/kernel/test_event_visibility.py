@@ -5,10 +5,11 @@ import pytest
 
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.event_visibility import EventVisibility
+from lingjing.kernel.visibility import Projector
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, InteractionSpec
 from lingjing.mission.model import Constraint
-from lingjing.trace.records import AdjudicatedEvent, TaskEvent
+from lingjing.trace.records import AdjudicatedEvent, Receipt, TaskEvent
 
 RESCUE = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=10.0)
 PAST = Binary(
@@ -65,6 +66,18 @@ def test_a_collision_with_somebody_hidden_is_felt_by_who_collides():
         "scout[2]"
     }
     assert listeners(told(instance(), (TaskEvent(kind="arrived", entities=("uav[2]",), time_s=1.0),))) == EVERYBODY
+
+
+def test_a_receipt_of_an_engine_names_nobody_who_is_hidden():
+    """And one of the kernel repeats what an agent said: who asks for somebody hidden is not told that there is one."""
+    projector = Projector(instance())
+    hit = Receipt(request="c1", tick=3, sender="scout[2]", resource="uav[2]", status="rejected", by="glider",
+                  detail="`uav[2]` hit `victim[1]` over `boat`")  # fmt: skip
+    assert projector.told(hit).detail == "`uav[2]` hit something over `boat`"
+    asked = msgspec.structs.replace(hit, by="kernel", detail="there is no resource `victim[1]`")
+    assert projector.told(asked) is asked
+    plain = msgspec.structs.replace(hit, detail="`uav[2]` hit `house-3`")
+    assert projector.told(plain) is plain
 
 
 def test_numbers_do_not_count_what_was_not_told():
