@@ -17,6 +17,9 @@ from lingjing.terminal import Visible, visible
 
 _PIECE = 1 << 16
 
+_PIECES_MOST = 64
+"""So many are passed on at a time: who never stops writing keeps the parent from nothing else."""
+
 
 class RawOutput:
     """A pipe from a child that is about to be forked."""
@@ -49,9 +52,11 @@ class RawOutput:
         return self._reading if self._reading >= 0 else None
 
     def pass_on(self) -> None:
-        """Write what has come to standard error, spelled out; never waits."""
+        """Write what has come to standard error, spelled out; never waits for more."""
         with suppress(BlockingIOError):
-            while self._reading >= 0:
+            for _ in range(_PIECES_MOST):
+                if self._reading < 0:
+                    return
                 data = os.read(self._reading, _PIECE)
                 self._say(self._text.decode(data, final=not data))
                 if not data:

@@ -20,6 +20,7 @@ from lingjing.analysis.metrics import StageMetric
 from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
 from lingjing.play import supervision
 from lingjing.play.descendants import _children_by_parent, adopting, children
+from lingjing.play.raw_output import RawOutput
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.supervision import SeedFolder, play_supervised
 from tests.play.report_kit import blank_metrics, made_report
@@ -347,3 +348,15 @@ def test_nothing_outlives_a_killed_caller(tmp_path: Path) -> None:
     caller.wait()
     while any(map(runs, below)):  # for ever, if it did not hold
         time.sleep(0.02)
+
+
+def test_who_writes_without_end_keeps_the_parent_from_nothing_else(monkeypatch, capsys):
+    raw = RawOutput()
+    raw.begin()
+    monkeypatch.setattr("lingjing.play.raw_output.os.read", lambda descriptor, size: b"\x1b[2Jy\n")
+    raw.pass_on()  # comes back though there is always more
+    monkeypatch.undo()
+    shown = capsys.readouterr().err
+    assert shown.count("\\x1b[2Jy\n") > 1 and "\x1b" not in shown
+    raw.pass_on()  # nobody writes any more: the end is seen, and nothing is waited for from then on
+    assert raw.descriptor is None
