@@ -1,19 +1,21 @@
-"""`lingjing view TRACE`: an episode in the browser, or as one HTML file."""
+"""`lingjing view TRACE`: an episode in the browser, as one HTML file, in Foxglove or in Rerun."""
 
 from __future__ import annotations
 
 import argparse
 import signal
+import subprocess
+import sys
+import tempfile
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from lingjing.cli.files import write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
-
-if TYPE_CHECKING:
-    from lingjing.viewer.server import Served
+from lingjing.play.descendants import be_told_of_the_end_of
+from lingjing.trace.reader import Trace
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -24,58 +26,135 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--truth", action="store_true", help="show hidden targets, true boxes and the whole explanation"
     )
     parser.add_argument("--follow", action="store_true", help="show an episode while it is played, as its trace grows")
-    parser.add_argument("-o", "--output", metavar="FILE.html", help="write one file that needs no network, and stop")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--foxglove", action="store_true", help="in Foxglove; -o FILE.json writes the layout for it")
+    where.add_argument("--rerun", action="store_true", help="in Rerun; -o FILE.rrd writes the recording")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write one file (.html: it needs no network), and stop")
     parser.add_argument(
-        "--pictures", metavar="MB", default="12", help="what all pictures of the file may take (default 12; 0: none)"
+        "--pictures",
+        metavar="MB",
+        default="12",
+        help="what all pictures of an HTML file may take (default 12)",
     )
     parser.add_argument("--port", metavar="N", default="0", help="the server's port (default: a free one)")
     parser.add_argument("--no-open", action="store_true", help="print the address, open no browser")
+    parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by `run --watch`
     parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Write the file, or serve until an interrupt."""
-    from lingjing.trace.reader import read_trace
-
+    """Write the file, or show the episode until an interrupt."""
+    if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
+        return ExitCode.INTERRUPTED
     budget, port = _number("--pictures", args.pictures, 2000), _number("--port", args.port, 65535)
     if args.follow:
-        if args.output is not None:
-            raise UsageError(
-                "--follow shows an episode that goes on; -o writes one that is there", hint="leave one out"
-            )
-        from lingjing.viewer.live import ServedRun
+        return _follow(args, port)
+    from lingjing.trace.reader import read_trace
 
-        return _serve(ServedRun(Path(args.trace), truth=args.truth), port, args.no_open)
     trace = read_trace(args.trace)
+    if args.rerun:
+        return _rerun(trace, args)
+    if args.foxglove:
+        return _foxglove(trace, args, port)
     if args.output is not None:
         from lingjing.viewer.single import single_file
 
-        write_output(single_file(trace, truth=args.truth, budget_bytes=budget * 1_000_000), args.output)
-        if args.output != "-":
-            size = Path(args.output).stat().st_size / 1e6
-            say(f"wrote {args.output} ({size:.1f} MB)")
-        return ExitCode.OK
-
+        return _written(single_file(trace, truth=args.truth, budget_bytes=budget * 1_000_000), args.output)
     from lingjing.viewer.served import ServedTrace
-
-    return _serve(ServedTrace(trace, truth=args.truth), port, args.no_open)
-
-
-def _serve(served: Served, port: int, no_open: bool) -> int:
     from lingjing.viewer.server import ViewServer
 
-    server = ViewServer(served, port)
+    return serve(ViewServer(ServedTrace(trace, truth=args.truth), port), no_open=args.no_open)
+
+
+def _follow(args: argparse.Namespace, port: int) -> int:
+    if args.output is not None:
+        raise UsageError("--follow shows an episode that goes on; -o writes one that is there", hint="leave one out")
+    if args.rerun:
+        raise UsageError("--rerun shows an episode that has ended", hint="--follow goes with the browser or --foxglove")
+    if args.foxglove:
+        from lingjing.viewer.foxglove_server import FoxgloveServer
+
+        live = FoxgloveServer(Path(args.trace), truth=args.truth, port=port)
+        say(f"the connection alone: {live.address}")
+        return serve(live, no_open=args.no_open)
+    from lingjing.viewer.live import ServedRun
+    from lingjing.viewer.server import ViewServer
+
+    followed = ServedRun(Path(args.trace), truth=args.truth)
+    return serve(ViewServer(followed, port), no_open=args.no_open)
+
+
+def _foxglove(trace: Trace, args: argparse.Namespace, port: int) -> int:
+    if args.output is not None:
+        from lingjing.viewer.foxglove_layout import foxglove_layout
+
+        return _written(foxglove_layout(trace.header.instance, truth=args.truth), args.output)
+    from lingjing.viewer.file_server import TraceFileServer
+
+    server = TraceFileServer(trace.path, port)
+    say(f"its layout: lingjing view {args.trace} --foxglove -o layout.json, then `Import from file` in Foxglove")
+    return serve(server, no_open=args.no_open)
+
+
+def _rerun(trace: Trace, args: argparse.Namespace) -> int:
+    from lingjing.viewer.rerun_recording import write_rerun
+
+    if args.output is not None:
+        path = Path(args.output)
+        write_rerun(trace, path, truth=args.truth)
+        say(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
+        return ExitCode.OK
+    if args.no_open:
+        raise UsageError("--rerun opens Rerun's viewer", hint="leave --no-open out, or write a file: -o episode.rrd")
+    with tempfile.TemporaryDirectory(prefix="lingjing-") as folder:
+        path = Path(folder) / "episode.rrd"
+        write_rerun(trace, path, truth=args.truth)
+        ended = subprocess.run([sys.executable, "-m", "rerun", str(path)], check=False).returncode
+    if ended:
+        hint = "write the file and open it where there is a screen: -o episode.rrd"
+        raise UsageError(f"Rerun's viewer ended with code {ended}", hint=hint)
+    return ExitCode.OK
+
+
+def _written(text: str, output: str) -> int:
+    write_output(text, output)
+    if output != "-":
+        say(f"wrote {output} ({Path(output).stat().st_size / 1e6:.1f} MB)")
+    return ExitCode.OK
+
+
+class Shown(Protocol):
+    """A server that shows an episode at its `url`."""
+
+    @property
+    def url(self) -> str:
+        """What a browser opens."""
+        ...
+
+    def close(self) -> None:
+        """Stop serving."""
+        ...
+
+
+def serve(server: Shown, *, no_open: bool) -> int:
+    """Print the address, open it, and wait for an interrupt."""
     try:
         print(server.url, flush=True)
         say("the episode is at this address, for this machine alone; Ctrl-C ends it")
         if not no_open:
-            webbrowser.open(server.url)
+            open_in_browser(server.url)
         while True:
             signal.pause()
     except KeyboardInterrupt:
         return ExitCode.OK
     finally:
         server.close()
+
+
+def open_in_browser(url: str) -> None:
+    """Open an address, or say that it is to be opened by hand."""
+    if not webbrowser.open(url):
+        say("no browser could be started here: open the address yourself")
 
 
 def _number(option: str, text: str, most: int) -> int:

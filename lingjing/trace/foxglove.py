@@ -109,7 +109,7 @@ def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
 
 def logs(record: BoundaryRecord) -> Iterator[Derived]:
     """What happened at a boundary, one line each: messages, refusals, events, finished stages."""
-    for level, name, text in _lines(record):
+    for level, name, text in log_lines(record):
         message = Log()
         _stamp(message.timestamp, record.time_s)
         message.level = Log.Level.Value(level)
@@ -123,13 +123,29 @@ def frame_messages(
 ) -> Iterator[Derived]:
     """A stored picture with its calibration and its ground-truth boxes."""
     camera = camera_name(frame)
-    yield camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera)
+    yield calibration(frame)
     yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
-    yield camera_topic(frame, "truth"), _schema(ImageAnnotations), _true_boxes(frame)
+    yield true_boxes(frame)
     if depth is not None:
         yield camera_topic(frame, "depth"), _schema(RawImage), _depth(frame, camera, depth)
     if semantic is not None:
         yield camera_topic(frame, "semantic"), _schema(CompressedImage), _image(frame, camera, semantic, "png")
+
+
+def stored_channel(frame: FrameInfo, channel: str, message: bytes) -> Derived:
+    """A message of `frame_messages` as a trace holds it: the picture itself (""), `depth` or `semantic`."""
+    return camera_topic(frame, channel), _schema(RawImage if channel == "depth" else CompressedImage), message
+
+
+def calibration(frame: FrameInfo) -> Derived:
+    """The camera of a picture."""
+    return camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera_name(frame))
+
+
+def true_boxes(frame: FrameInfo) -> Derived:
+    """What is to be seen in a picture."""
+    boxes = ((truth.entity, truth.box) for truth in frame.boxes)
+    return camera_topic(frame, "truth"), _schema(ImageAnnotations), _boxes(frame, boxes, (0.2, 1.0, 0.4))
 
 
 def reported(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]]) -> Derived:
@@ -187,7 +203,7 @@ _PLACING = struct.Struct("<BB BdBdBd BB BdBdBdBd")
 
 def _placing(state: BodyState) -> bytes:
     """Where a body is, as `_place` and `_turn` would write it: there are hundreds of thousands in an episode."""
-    (x, y, z), (i, j, k, w) = state.position, _body_turn(state)
+    (x, y, z), (i, j, k, w) = state.position, body_turn(state)
     return _PLACING.pack(0x22, 27, 0x09, x, 0x11, y, 0x19, z, 0x2A, 36, 0x09, i, 0x11, j, 0x19, k, 0x21, w)
 
 
@@ -197,7 +213,7 @@ def _frame_ids(child: str) -> bytes:
     return bytes(FrameTransform(parent_frame_id=WORLD, child_frame_id=child).SerializeToString(deterministic=True))
 
 
-def _body_turn(state: BodyState) -> Quaternion:
+def body_turn(state: BodyState) -> Quaternion:
     """From a body's frame to the world: yaw from east, then pitch about the left axis (nose up is negative there),
     then roll."""
     yaw = math.radians(90.0 - state.heading_deg) / 2.0
@@ -210,7 +226,7 @@ def _body_turn(state: BodyState) -> Quaternion:
     return x, y, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
 
 
-def _camera_axes(pose: CameraPose) -> Matrix3:
+def camera_axes(pose: CameraPose) -> Matrix3:
     """Right, down and forward of a camera in the world frame."""
     heading, tilt, roll = (math.radians(v) for v in (pose.heading_deg, pose.tilt_deg, pose.roll_deg))
     sh, ch, st, ct, sr, cr = (f(v) for v in (heading, tilt, roll) for f in (math.sin, math.cos))
@@ -238,14 +254,14 @@ def _quaternion(axes: Matrix3) -> Quaternion:
 def _hang(transform: Any, time_s: float, camera: str, pose: CameraPose, body: BodyState | None) -> None:
     _stamp(transform.timestamp, time_s)
     transform.child_frame_id = camera
-    turn = _quaternion(_camera_axes(pose))
+    turn = _quaternion(camera_axes(pose))
     if body is None:
         transform.parent_frame_id = WORLD
         _place(transform.translation, pose.position)
         _turn(transform.rotation, turn)
     else:
         east, north, up = (there - here for there, here in zip(pose.position, body.position, strict=True))
-        back = _inverse(_body_turn(body))
+        back = _inverse(body_turn(body))
         transform.parent_frame_id = body.id
         _place(transform.translation, _product(_product(back, (east, north, up, 0.0)), _inverse(back))[:3])
         _turn(transform.rotation, _product(back, turn))
@@ -285,10 +301,6 @@ def _image(frame: FrameInfo, camera: str, data: bytes, kind: str) -> bytes:
     return bytes(message.SerializeToString(deterministic=True))
 
 
-def _true_boxes(frame: FrameInfo) -> bytes:
-    return _boxes(frame, ((truth.entity, truth.box) for truth in frame.boxes), (0.2, 1.0, 0.4))
-
-
 def _boxes(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]], colour: tuple[float, float, float]) -> bytes:
     """Rectangles in pixels, each with its label at its top left corner; an empty message clears those before."""
     message = ImageAnnotations()
@@ -315,7 +327,8 @@ def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
     return bytes(message.SerializeToString(deterministic=True))
 
 
-def _lines(record: BoundaryRecord) -> Iterator[tuple[str, str, str]]:
+def log_lines(record: BoundaryRecord) -> Iterator[tuple[str, str, str]]:
+    """Level, name and text of each line of a boundary's log."""
     for envelope in record.messages:
         text = ", ".join(f"{key}={value}" for key, value in envelope.body.items())
         yield "INFO", f"{envelope.sender} -> {envelope.recipient}", f"{envelope.kind} {envelope.id}: {text}"

@@ -78,7 +78,7 @@ class Trace:
         """The stored JPEG. Raises `UsageError` if there is no such picture."""
         from lingjing.trace.foxglove import image_bytes
 
-        message = self._message(self._info(frame_id), "")
+        message = self.stored(frame_id, "")
         if message is None:
             raise UsageError(f"{self.path} has lost the picture {frame_id}")
         return image_bytes(message)
@@ -95,6 +95,11 @@ class Trace:
             depth=None if depth is None else images.decode_depth(*depth_bytes(depth)),
             semantic=None if semantic is None else images.decode_semantic(image_bytes(semantic)),
         )
+
+    def stored(self, frame_id: str, channel: str) -> bytes | None:
+        """The message that holds a picture's channel ("" for the picture itself, `depth`, `semantic`), or None. Raises
+        `UsageError` if there is no such picture."""
+        return self._message(self._info(frame_id), channel)
 
     def _info(self, frame_id: str) -> FrameInfo:
         if frame_id not in self.frames:

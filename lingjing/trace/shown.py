@@ -7,11 +7,11 @@ ones, at the time of their picture: they are told one boundary later, when those
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from lingjing.mission.instance import Datum, Instance
 from lingjing.trace import foxglove
-from lingjing.trace.admitted import AdmittedMessage, admitted_at, categories_of
+from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.encoding import to_json
 from lingjing.trace.foxglove import Derived, UnitBox
 from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, FrameInfo, Score, Thought, TraceRecord
@@ -32,9 +32,8 @@ class ShownEpisode:
     def __init__(self, instance: Instance, surroundings: Surroundings) -> None:
         self._instance = instance
         self._surroundings = surroundings
-        self._categories = categories_of(instance)
         self._frames: dict[str, FrameInfo] = {}
-        self._reports: dict[str, list[tuple[str, UnitBox]]] = {}
+        self._reports = ReportedBoxes(instance)
         self._unanswered: list[str] = []
         self._subtasks = 0
 
@@ -51,9 +50,9 @@ class ShownEpisode:
         now = record.time_s
         for snapshot in record.snapshots:
             yield snapshot.time_s, foxglove.transforms(snapshot)
-        placed = list(self._cameras(record))
+        placed = list(cameras_at(self._instance, self._surroundings, record))
         if placed:
-            yield now, foxglove.cameras(placed, now)
+            yield now, foxglove.cameras(((body, f"{entity}/{name}", pose) for body, entity, name, pose in placed), now)
         if record.snapshots:
             yield from ((now, one) for one in foxglove.positions(self._instance, record.snapshots[-1]))
         yield from self._answered(record)
@@ -67,46 +66,18 @@ class ShownEpisode:
 
     # -- parts
 
-    def _cameras(self, record: BoundaryRecord) -> Iterator[tuple[BodyState | None, str, CameraPose]]:
-        """Every camera of every body, where its picture says it was if there is one; and those of pictures for which
-        nobody stood anywhere (reference pictures)."""
-        taken = {foxglove.camera_name(frame): frame.pose for frame in record.frames}
-        bodies = {state.id: state for state in record.snapshots[-1].states} if record.snapshots else {}
-        for entity in self._instance.entities:
-            body = bodies.get(entity.id)
-            for camera in entity.cameras if body is not None else ():
-                name = f"{entity.id}/{camera.name}"
-                pose = taken.pop(name, None)
-                if pose is None and self._surroundings.camera is not None and body is not None:
-                    pose = self._surroundings.camera(body, camera, entity.mounts)
-                if pose is not None:
-                    yield body, name, pose
-        for name, pose in taken.items():
-            yield None, name, pose
-
     def _answered(self, record: BoundaryRecord) -> Iterator[Timed]:
         """The boxes reported in the pictures of the boundary before, and in older ones that are spoken of anew."""
-        told = {frame for said in admitted_at(record, self._categories) if (frame := self._report(said))}
-        late = sorted(told - {*self._unanswered, *(frame.id for frame in record.frames)})
+        late = sorted(self._reports.take(record) - {*self._unanswered, *(frame.id for frame in record.frames)})
         yield from self._boxes((*late, *self._unanswered))
         self._unanswered = [frame.id for frame in record.frames]
         self._frames |= {frame.id: frame for frame in record.frames}
-
-    def _report(self, said: AdmittedMessage) -> str | None:
-        """The picture that a message reports a box in; None if it reports none."""
-        frame, box = said.body.get("frame"), _unit_box(said.body.get("box"))
-        if not isinstance(frame, str) or box is None:
-            return None
-        what = said.body.get("class")
-        label = f"{said.sender}: {what}" if isinstance(what, str) and what else said.sender
-        self._reports.setdefault(frame, []).append((label, box))
-        return frame
 
     def _boxes(self, frames: Iterable[str]) -> Iterator[Timed]:
         for name in frames:
             frame = self._frames.get(name)
             if frame is not None:  # an agent may speak of a picture that is none
-                yield frame.time_s, foxglove.reported(frame, self._reports.get(name, ()))
+                yield frame.time_s, foxglove.reported(frame, self._reports.of(name))
 
     def _notes(self, record: BoundaryRecord) -> Iterator[Derived]:
         for made in record.decisions:
@@ -138,6 +109,50 @@ class ShownEpisode:
             done=record.done,
         )
         yield _note(SCORE, "score", score)
+
+
+class ReportedBoxes:
+    """The boxes that agents have reported so far, by picture, each with who reported what."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._categories = categories_of(instance)
+        self._boxes: dict[str, list[tuple[str, UnitBox]]] = {}
+
+    def take(self, record: BoundaryRecord) -> set[str]:
+        """One more boundary; the ids of pictures that something was reported in. Nobody says that these exist."""
+        named = set()
+        for said in admitted_at(record, self._categories):
+            frame, box, what = said.body.get("frame"), _unit_box(said.body.get("box")), said.body.get("class")
+            if isinstance(frame, str) and box is not None:
+                label = f"{said.sender}: {what}" if isinstance(what, str) and what else said.sender
+                self._boxes.setdefault(frame, []).append((label, box))
+                named.add(frame)
+        return named
+
+    def of(self, frame: str) -> Sequence[tuple[str, UnitBox]]:
+        """Labels and boxes."""
+        return self._boxes.get(frame, ())
+
+
+def cameras_at(
+    instance: Instance, surroundings: Surroundings, record: BoundaryRecord
+) -> Iterator[tuple[BodyState | None, str, str, CameraPose]]:
+    """Body, entity, camera and pose of every camera of every body, where its picture says it was if there is one; and
+    of pictures for which nobody stood anywhere (reference pictures), without a body."""
+    taken = {(frame.entity, frame.camera): frame.pose for frame in record.frames}
+    bodies = {state.id: state for state in record.snapshots[-1].states} if record.snapshots else {}
+    for entity in instance.entities:
+        body = bodies.get(entity.id)
+        if body is None:
+            continue
+        for camera in entity.cameras:
+            pose = taken.pop((entity.id, camera.name), None)
+            if pose is None and surroundings.camera is not None:
+                pose = surroundings.camera(body, camera, entity.mounts)
+            if pose is not None:
+                yield body, entity.id, camera.name, pose
+    for (name, camera_name), pose in taken.items():
+        yield None, name, camera_name, pose
 
 
 def _note(topic: str, name: str, record: TraceRecord) -> Derived:

@@ -10,6 +10,10 @@
 - `moments`   the moments that explain an episode
 - `frames`    the frames of a film
 - `film`      the film as a file
+- `told`      records as a watcher may know them
+- `rerun_recording` a trace as a Rerun recording with its blueprint
+- `foxglove_layout` a layout for Foxglove; `file_server` the trace for Foxglove over HTTP; `foxglove_server` an episode
+  that is still played, over Foxglove's protocol
 - `server`    the page over HTTP for this machine alone
 - `served`    what a server shows of a finished trace
 - `live`      what it shows of one that is still written

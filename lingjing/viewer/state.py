@@ -104,7 +104,7 @@ class Watched:
     def happened(self, record: BoundaryRecord) -> Iterable[TickerLine]:
         """What engines and the kernel say happened at the boundary that was taken last."""
         for task in record.task_events:
-            yield TickerLine(record.tick, self._told(task).line)
+            yield TickerLine(record.tick, self.told(task).line)
         for event in record.events:
             shown = [name for name in event.bindings if name in self.states or name in self.agents]
             yield TickerLine(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
@@ -120,6 +120,13 @@ class Watched:
         if "position" not in entity.hidden:
             return "known"
         return "truth" if self.truth else None
+
+    def told(self, task: TaskEvent) -> TaskEvent:
+        """The event, `?` for those who come or go by themselves, hidden and not found."""
+        if not task.name or not task.entities:
+            return task
+        seen = {entity.id for entity in self.instance.entities if self.sight(entity) is not None}
+        return msgspec.structs.replace(task, entities=tuple(one if one in seen else "?" for one in task.entities))
 
     # -- parts
 
@@ -154,13 +161,6 @@ class Watched:
                     status_words(receipt),
                     receipt.status in ("rejected", "timed_out", "substituted"),
                 )
-
-    def _told(self, task: TaskEvent) -> TaskEvent:
-        """The event, `?` for those who come or go by themselves, hidden and not found."""
-        if not task.name or not task.entities:
-            return task
-        seen = {entity.id for entity in self.instance.entities if self.sight(entity) is not None}
-        return msgspec.structs.replace(task, entities=tuple(one if one in seen else "?" for one in task.entities))
 
 
 def command_words(action: Action) -> str:

@@ -51,7 +51,7 @@ def test_a_camera_hangs_from_its_body(body: tuple[int, int, int], camera: tuple[
     away = np.array([child.translation.x, child.translation.y, child.translation.z])
     assert np.allclose(np.array(state.position) + rotate(parent.rotation, away), pose.position, atol=1e-9)
     axes = [rotate(parent.rotation, rotate(child.rotation, unit)) for unit in np.eye(3)]
-    assert np.allclose(axes, foxglove._camera_axes(pose), atol=1e-9)
+    assert np.allclose(axes, foxglove.camera_axes(pose), atol=1e-9)
 
 
 def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_the_truth_lies_on_the_projected_person(trace: Trace) -> None:
     for frame in trace.frames.values():
         states = {state.id: state for state in trace.boundaries[frame.tick].snapshots[-1].states}
         for truth in frame.boxes:
-            right, down, ahead = (np.array(axis) for axis in foxglove._camera_axes(frame.pose))
+            right, down, ahead = (np.array(axis) for axis in foxglove.camera_axes(frame.pose))
             offset = np.array(states[truth.entity].position) - np.array(frame.pose.position)
             focal = 0.5 / math.tan(math.radians(frame.pose.hfov_deg / 2))
             u = 0.5 + focal * (offset @ right) / (offset @ ahead)
@@ -142,6 +142,6 @@ def _transverse_mercator(origin: tuple[float, float], latitude: float, longitude
 def test_a_nadir_camera_looks_down_with_its_heading_up() -> None:
     pose = CameraPose(position=(0.0, 0.0, 100.0), heading_deg=90.0, tilt_deg=90.0)
     frame = FrameInfo(id="f", entity="uav[1]", camera="nadir", tick=0, time_s=0.0, pose=pose, channels=("rgb",))
-    right, down, ahead = foxglove._camera_axes(pose)
+    right, down, ahead = foxglove.camera_axes(pose)
     assert np.allclose([right, down, ahead], [[0, -1, 0], [-1, 0, 0], [0, 0, -1]], atol=1e-12)
     assert entity_topic("uav[1]") == "uav_1" and camera_topic(frame) == "/camera/uav_1/nadir"

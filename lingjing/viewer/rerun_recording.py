@@ -1,0 +1,294 @@
+"""A trace as a Rerun recording (`.rrd`) with its blueprint inside, so that opening the file shows it arranged.
+
+Rerun opens an MCAP file too, but leaves scenes, boxes and this project's own records undecoded (0.41). `rerun-sdk` is a
+large optional package: it is imported in here only, and only when a recording is made.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import uuid
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from lingjing.analysis.played_city import surroundings_of
+from lingjing.errors import UsageError
+from lingjing.mission.instance import Entity
+from lingjing.scene.camera_geometry import focal_px
+from lingjing.scene.surroundings import OVERHEAD_M
+from lingjing.trace.foxglove import UnitBox, body_turn, camera_axes, geodetic, log_lines
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receipt, Snapshot
+from lingjing.trace.shown import ReportedBoxes, cameras_at
+from lingjing.trace.topics import entity_topic
+from lingjing.viewer.told import ToldEpisode
+
+CLOCK = "simulation"
+"""The timeline: simulated seconds. `tick` is the other one."""
+
+TRUE, REPORTED = (50, 255, 100), (255, 115, 190)
+ASSET, TARGET, REGION = (40, 120, 235), (245, 95, 30), (30, 180, 80)
+MOST_CAMERAS = 8
+"""Of so many there are views."""
+
+
+def write_rerun(trace: Trace, path: Path, *, truth: bool) -> None:
+    """Write the recording; nothing is left behind where that fails. Raises `UsageError` if `rerun-sdk` is not installed
+    or the file cannot be written."""
+    rerun = _rerun()
+    if path.suffix != ".rrd":
+        raise UsageError(f"{path}: a Rerun recording is an .rrd file", hint="name it -o episode.rrd")
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with partial.open("xb"):  # Rerun's own error names no reason
+            pass
+        _Recording(rerun, trace, truth=truth).save(partial)
+        partial.replace(path)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}", hint="choose another place with -o") from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def _rerun() -> Any:
+    try:
+        import rerun
+        import rerun.blueprint
+    except ImportError as error:
+        hint = "pip install 'lingjing[rerun]'"
+        raise UsageError("a Rerun recording needs rerun-sdk, which is not installed", hint=hint) from error
+    return rerun
+
+
+class _Recording:
+    """One episode on its way into a file."""
+
+    def __init__(self, rerun: Any, trace: Trace, *, truth: bool) -> None:
+        self._rr = rerun
+        self._trace = trace
+        self._instance = trace.header.instance
+        self._told = ToldEpisode(self._instance, truth=truth)
+        self._frames = trace.frames
+        self._reports = ReportedBoxes(self._instance)
+        self._around = surroundings_of(trace)
+        self._subtasks = 0
+
+    def save(self, path: Path) -> None:
+        """Everything into the file."""
+        name = trace_name(self._trace)
+        recording = self._rr.RecordingStream(
+            "lingjing", recording_id=uuid.uuid5(uuid.NAMESPACE_URL, name), send_properties=False
+        )
+        recording.save(path, default_blueprint=self._blueprint())
+        self._out = recording
+        recording.send_recording_name(name)
+        self._beginning()
+        for record in self._trace.boundaries:
+            told, found = self._told.take(record)
+            self._boundary(told, found)
+        recording.flush()
+        recording.disconnect()
+
+    # -- what is told once
+
+    def _beginning(self) -> None:
+        rr, out = self._rr, self._out
+        out.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for number, mesh in enumerate(self._around.meshes):
+            red, green, blue = (round(255 * part) for part in mesh.colour)
+            shape = rr.Mesh3D(
+                vertex_positions=mesh.points, triangle_indices=mesh.triangles, albedo_factor=(red, green, blue, 255)
+            )
+            out.log(f"world/city/{mesh.layer}/{number}", shape, static=True)
+        level = self._instance.scene.datum_m
+        for region in self._instance.regions:
+            if region.polygon and (self._told.truth or not region.hidden):
+                ring = [(x, y, level) for x, y in (*region.polygon, region.polygon[0])]
+                out.log(f"world/regions/{region.name}", rr.LineStrips3D([ring], colors=[REGION]), static=True)
+        self._markers(one for one in self._instance.entities if one.id not in self._told.hidden)
+
+    def _markers(self, entities: Iterable[Entity]) -> None:
+        for entity in entities:
+            colour = ASSET if entity.role == "asset" else TARGET
+            box = self._rr.Boxes3D(half_sizes=[(2.0, 1.0, 0.5)], colors=[colour], labels=[entity.id])
+            self._out.log(f"{body_path(entity.id)}/marker", box, static=True)
+
+    # -- boundaries
+
+    def _boundary(self, record: BoundaryRecord, found: Sequence[Entity]) -> None:
+        rr, out = self._rr, self._out
+        self._markers(found)
+        for snapshot in record.snapshots:
+            self._at(snapshot.time_s, record.tick)
+            for state in snapshot.states:
+                turn = self._rr.Quaternion(xyzw=body_turn(state))
+                out.log(body_path(state.id), self._rr.Transform3D(translation=state.position, quaternion=turn))
+        if record.snapshots:
+            self._trails(record.snapshots)
+            self._cameras(record)
+        for frame in record.frames:
+            self._picture(frame)
+        self._at(record.time_s, record.tick)
+        self._agents(record)
+        self._reported(record)
+        self._subtasks += len(record.stages)
+        for name, value in (("score", record.reward), ("scr", record.scr), ("subtasks", float(self._subtasks))):
+            out.log(f"score/{name}", rr.Scalars([value]))
+        for level, name, text in log_lines(record):
+            out.log(f"log/{entity_topic(name.split(' ')[0])}", rr.TextLog(f"{name}: {text}", level=LEVELS[level]))
+
+    def _at(self, time_s: float, tick: int) -> None:
+        self._out.set_time(CLOCK, duration=time_s)
+        self._out.set_time("tick", sequence=tick)
+
+    def _trails(self, snapshots: Sequence[Snapshot]) -> None:
+        """A boundary's way of each entity; a view that looks back shows the whole trail."""
+        for state in snapshots[-1].states:
+            way = [one.position for shot in snapshots for one in shot.states if one.id == state.id]
+            if len(way) > 1 and way[0] != way[-1] and state.position[2] < OVERHEAD_M:
+                self._out.log(f"world/trails/{entity_topic(state.id)}", self._rr.LineStrips3D([way], colors=[ASSET]))
+            latitude, longitude = geodetic(self._instance.scene.origin, *state.position[:2])
+            self._out.log(f"map/{entity_topic(state.id)}", self._rr.GeoPoints(lat_lon=[(latitude, longitude)]))
+
+    def _cameras(self, record: BoundaryRecord) -> None:
+        """Where each camera is. Cameras stand in the world: below its body one would take the turn of that as well."""
+        for _, entity, camera, pose in cameras_at(self._instance, self._around, record):
+            self._hang(camera_path(entity, camera), pose)
+
+    def _hang(self, path: str, pose: CameraPose) -> None:
+        rows = [[axis[row] for axis in camera_axes(pose)] for row in range(3)]
+        pinhole = self._rr.Pinhole(
+            focal_length=focal_px(pose), width=pose.width, height=pose.height, image_plane_distance=10.0
+        )
+        self._out.log(path, self._rr.Transform3D(translation=pose.position, mat3x3=rows), pinhole)
+
+    def _picture(self, frame: FrameInfo) -> None:
+        rr, out = self._rr, self._out
+        path = camera_path(frame.entity, frame.camera)
+        self._at(frame.time_s, frame.tick)
+        self._hang(path, frame.pose)
+        try:
+            stored = self._trace.picture(frame.id)
+        except UsageError:
+            return  # the trace has lost it; the others are shown
+        out.log(f"{path}/rgb", rr.EncodedImage(contents=self._trace.jpeg(frame.id), media_type="image/jpeg"))
+        if stored.depth is not None:
+            out.log(f"{path}/depth", rr.DepthImage(stored.depth, meter=1.0))
+        if stored.semantic is not None:
+            out.log(f"{path}/semantic", rr.SegmentationImage(stored.semantic, opacity=0.0))
+        if self._told.truth:
+            self._boxes(f"{path}/rgb/truth", frame, [(one.entity, one.box) for one in frame.boxes], TRUE)
+        out.log(f"{path}/rgb/reported", rr.Clear(recursive=False))
+
+    def _reported(self, record: BoundaryRecord) -> None:
+        """Boxes at the time of their picture."""
+        named = self._reports.take(record) & self._frames.keys()
+        for name in sorted(named):
+            info = self._frames[name]
+            self._at(info.time_s, info.tick)
+            path = f"{camera_path(info.entity, info.camera)}/rgb/reported"
+            self._boxes(path, info, self._reports.of(name), REPORTED)
+        self._at(record.time_s, record.tick)
+
+    def _boxes(
+        self,
+        path: str,
+        frame: FrameInfo,
+        boxes: Sequence[tuple[str, UnitBox]],
+        colour: tuple[int, int, int],
+    ) -> None:
+        wide, high = frame.pose.width, frame.pose.height
+        if not boxes:
+            self._out.log(path, self._rr.Clear(recursive=False))
+            return
+        drawn = self._rr.Boxes2D(
+            mins=[(box[0] * wide, box[1] * high) for _, box in boxes],
+            sizes=[((box[2] - box[0]) * wide, (box[3] - box[1]) * high) for _, box in boxes],
+            labels=[label for label, _ in boxes],
+            colors=[colour] * len(boxes),
+        )
+        self._out.log(path, drawn)
+
+    def _agents(self, record: BoundaryRecord) -> None:
+        rr, out = self._rr, self._out
+        for made in record.decisions:
+            if made.decision.thought:
+                out.log(f"agents/{entity_topic(made.agent)}/thought", rr.TextDocument(made.decision.thought))
+        for command in record.commands:
+            values = ", ".join(f"{name}={value}" for name, value in command.arguments.items())
+            text = f"{command.id} {command.resource}.{command.verb} {values}".rstrip()
+            out.log(f"agents/{entity_topic(command.sender)}/commands", rr.TextLog(text, level="INFO"))
+        for receipt in record.receipts:
+            out.log(f"agents/{entity_topic(receipt.sender)}/commands", rr.TextLog(receipt_line(receipt), level="DEBUG"))
+
+    # -- the blueprint
+
+    def _blueprint(self) -> Any:
+        blueprint = self._rr.blueprint
+        always = blueprint.VisibleTimeRange(
+            CLOCK,
+            start=blueprint.TimeRangeBoundary.infinite(),
+            end=blueprint.TimeRangeBoundary.cursor_relative(seconds=0.0),
+        )
+        trails = blueprint.VisibleTimeRanges([always]) if hasattr(blueprint, "VisibleTimeRanges") else None
+        world = blueprint.Spatial3DView(
+            origin="world",
+            name="city",
+            overrides={"world/trails": trails} if trails is not None else None,
+        )
+        cameras = [
+            blueprint.Spatial2DView(origin=camera_path(entity.id, camera.name), name=f"{entity.id} {camera.name}")
+            for entity in self._instance.entities
+            for camera in entity.cameras
+            if any(entity.id in agent.controls for agent in self._instance.agents)
+        ][:MOST_CAMERAS]
+        agents = [
+            blueprint.Vertical(
+                blueprint.TextDocumentView(origin=f"agents/{entity_topic(agent.id)}/thought", name="thought"),
+                blueprint.TextLogView(origin=f"agents/{entity_topic(agent.id)}/commands", name="commands"),
+                name=agent.id,
+            )
+            for agent in self._instance.agents[:MOST_CAMERAS]
+        ]
+        side = [blueprint.Tabs(*cameras, name="pictures")] if cameras else []
+        side += [blueprint.Tabs(*agents, name="agents")] if agents else []
+        below = blueprint.Horizontal(
+            blueprint.TimeSeriesView(origin="score", name="score"),
+            blueprint.TextLogView(origin="log", name="log"),
+            blueprint.MapView(origin="map", name="map"),
+        )
+        above = blueprint.Horizontal(world, blueprint.Vertical(*side), column_shares=[3, 2]) if side else world
+        return blueprint.Blueprint(
+            blueprint.Vertical(above, below, row_shares=[3, 1]),
+            blueprint.TimePanel(timeline=CLOCK, playback_speed=5.0),
+            collapse_panels=True,
+        )
+
+
+LEVELS = {"INFO": "INFO", "WARNING": "WARN"}
+
+
+def trace_name(trace: Trace) -> str:
+    """`ssr, seed 1, broadcast, 0e6f1fac69070`: what a recording is called."""
+    instance = trace.header.instance
+    digest = trace.boundaries[-1].digest[:16] if trace.boundaries else "nothing"
+    return f"{instance.mission}, seed {instance.seed}, {instance.mode}, {digest}"
+
+
+def body_path(entity: str) -> str:
+    """Where an entity is in the recording."""
+    return f"world/bodies/{entity_topic(entity)}"
+
+
+def camera_path(entity: str, camera: str) -> str:
+    """Where a camera is in the recording."""
+    return f"world/cameras/{entity_topic(entity)}/{camera}"
+
+
+def receipt_line(receipt: Receipt) -> str:
+    """`c7-1 on uav[1]: rejected, busy`."""
+    words = (receipt.status, receipt.reason, receipt.detail)
+    return f"{receipt.request} on {receipt.resource}: {', '.join(one for one in words if one)}"

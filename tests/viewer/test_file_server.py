@@ -1,0 +1,64 @@
+"""A trace for Foxglove over HTTP: by ranges, with the token, for Foxglove's page alone."""
+
+from __future__ import annotations
+
+import http.client
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.viewer.file_server import ORIGIN, TraceFileServer
+
+DATA = bytes(range(256)) * 40
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[TraceFileServer]:
+    (tmp_path / "trace.mcap").write_bytes(DATA)
+    made = TraceFileServer(tmp_path / "trace.mcap")
+    yield made
+    made.close()
+
+
+def ask(
+    server: TraceFileServer, method: str = "GET", path: str = "", **headers: str
+) -> tuple[int, dict[str, str], bytes]:
+    url = urlsplit(server.file_url)
+    connection = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=300)
+    connection.request(method, path or f"{url.path}?{url.query}", headers=headers)
+    answer = connection.getresponse()
+    found = answer.status, dict(answer.getheaders()), answer.read()
+    connection.close()
+    return found
+
+
+def test_the_file_is_had_whole_and_by_ranges(server: TraceFileServer) -> None:
+    status, headers, body = ask(server)
+    assert (status, body) == (200, DATA) and headers["Access-Control-Allow-Origin"] == ORIGIN
+    assert ask(server, "HEAD")[1]["Content-Length"] == str(len(DATA))
+    for asked, first, last in (("5-9", 5, 9), ("10200-", 10200, 10239), ("10200-99999", 10200, 10239), ("0-0", 0, 0)):
+        status, headers, body = ask(server, Range=f"bytes={asked}")
+        assert (status, body) == (206, DATA[first : last + 1])
+        assert headers["Content-Range"] == f"bytes {first}-{last}/{len(DATA)}"
+    assert ask(server, Range=f"bytes={len(DATA)}-")[0] == 416
+    assert ask(server, Range="bytes=a-b")[2] == DATA  # no range: all of it
+    assert ask(server, "OPTIONS")[1]["Access-Control-Allow-Private-Network"] == "true"
+
+
+def test_nobody_without_the_token_gets_a_byte(server: TraceFileServer) -> None:
+    for path in ("/trace.mcap", "/trace.mcap?token=x", "/", "/../etc/passwd", f"/other?token={server.token}"):
+        status, _, body = ask(server, path=path)
+        assert status in (403, 404) and body == b""
+    assert ask(server, Host="evil.example")[0] == 421
+    assert parse_qs(urlsplit(server.url).query)["ds.url"] == [server.file_url] and server.url.startswith(ORIGIN)
+
+
+def test_a_file_that_has_gone_and_a_taken_port_are_told(server: TraceFileServer, tmp_path: Path) -> None:
+    (tmp_path / "trace.mcap").unlink()
+    assert ask(server)[0] == 410
+    port = urlsplit(server.file_url).port or 0
+    with pytest.raises(UsageError, match=f"cannot listen on port {port}"):
+        TraceFileServer(tmp_path / "trace.mcap", port)

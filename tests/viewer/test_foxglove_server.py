@@ -1,0 +1,212 @@
+"""The live server: Foxglove's protocol, for this machine with the token, with nothing hidden unless it is asked for."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import struct
+import subprocess
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from lingjing.errors import UsageError
+from lingjing.trace.reader import Trace
+from lingjing.trace.writer import TraceWriter
+from lingjing.viewer import foxglove_server
+from lingjing.viewer.foxglove_server import FoxgloveServer, LiveClient
+from tests import readers
+from tests.trace import synthetic
+
+connect = pytest.importorskip("websockets.sync.client", reason="websockets is not installed").connect
+PATIENCE_S = 300
+
+
+def hidden(trace: Trace) -> set[str]:
+    return {one.id for one in trace.header.instance.entities if "position" in one.hidden}
+
+
+class Follower:
+    """A client that subscribes to everything and keeps what comes, by topic."""
+
+    def __init__(self, server: FoxgloveServer) -> None:
+        self.open = contextlib.ExitStack()
+        asked = connect(server.address, subprotocols=["foxglove.websocket.v1"], open_timeout=PATIENCE_S, max_size=None)
+        self.socket = self.open.enter_context(asked)
+        self.info = json.loads(self.socket.recv(timeout=PATIENCE_S))
+        self.channels: dict[int, dict[str, Any]] = {}
+        self.found: list[tuple[str, int, bytes]] = []
+
+    def until(self, topic: str, times: int) -> Counter[str]:
+        """Read until a topic has come so often."""
+        while Counter(name for name, *_ in self.found)[topic] < times:
+            got = self.socket.recv(timeout=PATIENCE_S)
+            if isinstance(got, str):
+                new = json.loads(got)["channels"]
+                self.channels |= {one["id"]: one for one in new}
+                wanted = [{"id": 1000 + one["id"], "channelId": one["id"]} for one in new]
+                self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+            elif got[0] == 1:
+                _, subscription, time_ns = struct.unpack_from("<BIQ", got)
+                self.found.append((self.channels[subscription - 1000]["topic"], time_ns, got[13:]))
+        return Counter(name for name, *_ in self.found)
+
+    def of(self, topic: str) -> list[bytes]:
+        return [data for name, _, data in self.found if name == topic]
+
+
+@pytest.fixture
+def play(trace: Trace, tmp_path: Path) -> Iterator[Callable[..., FoxgloveServer]]:
+    """Serves a trace that has so many boundaries; the writer is at hand."""
+    made: list[Any] = []
+
+    def begin(boundaries: int, *, truth: bool = False) -> FoxgloveServer:
+        writer = TraceWriter(tmp_path / "trace.mcap", trace.header)
+        for record in trace.boundaries[:boundaries]:
+            writer.boundary(record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames])
+        server = FoxgloveServer(tmp_path / "trace.mcap", truth=truth)
+        made.extend((server.close, writer.__exit__))
+        server.writer = writer  # type: ignore[attr-defined]
+        return server
+
+    yield begin
+    made[0]()
+    made[1](None, None, None)
+
+
+def test_a_client_is_told_channels_and_gets_boundaries_as_they_are_written(
+    trace: Trace, play: Callable[..., FoxgloveServer]
+) -> None:
+    server = play(3)
+    client = Follower(server)
+    assert client.info["op"] == "serverInfo" and client.socket.subprotocol == "foxglove.websocket.v1"
+    client.until("/score", 1)  # the last that there is
+    for record in trace.boundaries[3:8]:
+        server.writer.boundary(  # type: ignore[attr-defined]
+            record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames]
+        )
+    client.until("/score", 6)
+    assert [json.loads(one)["tick"] for one in client.of("/score")] == [2, 3, 4, 5, 6, 7]
+    schema = next(one for one in client.channels.values() if one["topic"] == "/tf")
+    assert schema["encoding"] == schema["schemaEncoding"] == "protobuf" and base64.b64decode(schema["schema"])
+    score = next(one for one in client.channels.values() if one["topic"] == "/score")
+    assert json.loads(score["schema"])["title"] == "lingjing.Score" and score["encoding"] == "json"
+    client.until("/camera/uav_1/nadir", 1)
+    pictures = [frame for record in trace.boundaries[3:8] for frame in record.frames if frame.entity == "uav[1]"]
+    assert any(trace.jpeg(frame.id) in client.of("/camera/uav_1/nadir")[0] for frame in pictures)
+    client.socket.send(json.dumps({"op": "unsubscribe", "subscriptionIds": [1000 + score["id"]]}))
+    client.open.close()
+
+
+@pytest.mark.parametrize("truth", [False, True])
+def test_what_is_hidden_and_not_found_is_not_sent(
+    trace: Trace, play: Callable[..., FoxgloveServer], truth: bool
+) -> None:
+    first = min(record.tick for record in trace.boundaries if record.events)
+    server = play(first, truth=truth)
+    client = Follower(server)
+    client.until("/score", 1)
+    for record in trace.boundaries[first : first + 2]:
+        server.writer.boundary(record)  # type: ignore[attr-defined]
+    client.until("/score", 3)
+    topics = {topic for topic, *_ in client.found}
+    assert any(topic.endswith("/truth") for topic in topics) is truth and "/lingjing/boundary" not in topics
+    events = [event for record in trace.boundaries[first : first + 2] for event in record.events]
+    found = {name for event in events for name in event.bindings} & hidden(trace)
+    moved = {one.child_frame_id for data in client.of("/tf") for one in FrameTransforms.FromString(data).transforms}
+    marked = {
+        entity.id
+        for topic in ("/scene", "/scene/hidden")
+        for data in client.of(topic)
+        for entity in SceneUpdate.FromString(data).entities
+    }
+    client.open.close()
+    shown = hidden(trace) if truth else found
+    assert found and found < hidden(trace)
+    assert moved & hidden(trace) == shown
+    assert {name for name in hidden(trace) if f"entity/{name}" in marked} == shown
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [("/", {}, 403), ("/?token=x", {}, 403), ("/?token={token}x", {}, 403), ("/?token={token}", {"Host": "a"}, 421)],
+)
+def test_nobody_without_the_token_or_under_another_name_is_let_in(
+    play: Callable[..., FoxgloveServer], path: str, headers: dict[str, str], status: int
+) -> None:
+    from websockets.exceptions import InvalidStatus
+
+    server = play(1)
+    port = server.address.split(":")[2].split("/")[0]
+    address = f"ws://127.0.0.1:{port}{path.format(token=server.token)}"
+    with (
+        pytest.raises(InvalidStatus) as caught,
+        connect(address, additional_headers=headers, open_timeout=PATIENCE_S),
+    ):
+        pass
+    assert caught.value.response.status_code == status
+    assert server.address.startswith("ws://127.0.0.1:") and server.token in server.url
+
+
+def test_nonsense_does_no_harm(play: Callable[..., FoxgloveServer]) -> None:
+    server = play(1)
+    client = Follower(server)
+    for said in (
+        "[]", "{", "null", b"\x01abc", '{"op": "subscribe"}', '{"op": "unsubscribe", "subscriptionIds": [{}]}',
+        '{"op": "subscribe", "subscriptions": [1, {"id": -1, "channelId": 1}, {"id": 1, "channelId": 10000}]}',
+    ):  # fmt: skip
+        client.socket.send(said)
+    client.until("/score", 1)
+    client.open.close()
+
+
+def test_a_client_that_reads_nothing_loses_messages_and_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(foxglove_server, "WAITING_BYTES", 100)
+    client = LiveClient()
+    client.put('{"op": "advertise"}')
+    for number in range(50):
+        client.put(bytes([number]) * 10)
+    assert client.size <= 100 and client.take() == '{"op": "advertise"}' and client.take() == bytes([42]) * 10
+    client.leave()
+    assert client.take() is None
+
+
+def test_a_taken_port_a_missing_package_and_what_is_no_trace_are_told(
+    play: Callable[..., FoxgloveServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = play(1)
+    port = int(server.address.split(":")[2].split("/")[0])
+    before = threading.active_count()
+    with pytest.raises(UsageError, match=f"cannot listen on port {port}"):
+        FoxgloveServer(tmp_path / "trace.mcap", truth=False, port=port)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "trace.mcap").write_text("no trace")
+    with pytest.raises(UsageError, match="not a trace"):
+        FoxgloveServer(tmp_path / "other" / "trace.mcap", truth=False)
+    monkeypatch.setitem(__import__("sys").modules, "websockets.sync.server", None)
+    with pytest.raises(UsageError, match="needs websockets"):
+        FoxgloveServer(tmp_path / "trace.mcap", truth=False)
+    assert threading.active_count() == before
+
+
+def test_foxgloves_own_client_decodes_all_of_an_episode(trace: Trace, tmp_path: Path) -> None:
+    readers.skip_without_node()
+    server = FoxgloveServer(tmp_path / "trace.mcap", truth=False)
+    listener = subprocess.Popen(
+        ["node", str(readers.HERE / "listen.mjs"), server.address], stdout=subprocess.PIPE, text=True
+    )
+    with TraceWriter(tmp_path / "trace.mcap", trace.header) as writer:
+        for record in trace.boundaries:
+            writer.boundary(record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames])
+        writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+    told = json.loads(listener.communicate(timeout=600)[0])
+    server.close()
+    assert told["server"] == "Lingjing" and told["counts"]["/score"] >= 1
+    assert {"uav[1]", "boat"} <= set(told["last"]["/tf"]["named"])

@@ -1,0 +1,63 @@
+"""A Rerun recording: read back by Rerun itself, without what is hidden unless the truth is asked for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.trace.reader import Trace
+from lingjing.viewer.rerun_recording import write_rerun
+
+
+def told(path: Path) -> str:
+    """What Rerun's own reader says is in a file, after it has verified it."""
+    for words in (("verify",), ("print",)):
+        done = subprocess.run(
+            [sys.executable, "-m", "rerun", "rrd", *words, str(path)], capture_output=True, text=True, timeout=600
+        )
+        assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("truth", [False, True])
+def test_rerun_reads_what_the_trace_holds(trace: Trace, tmp_path: Path, truth: bool) -> None:
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
+    first = min(record.tick for record in trace.boundaries if record.events)
+    short = Trace(trace.path, trace.header, trace.boundaries[:first], None, False, trace.places)
+    write_rerun(short, tmp_path / "episode.rrd", truth=truth)
+    said = told(tmp_path / "episode.rrd")
+    for path in ("world/bodies/uav_1", "world/cameras/uav_1/nadir/rgb", "score/score", "agents/scout_1/thought",
+                 "world/regions/search", "map/boat", "world/trails/uav_1"):  # fmt: skip
+        assert path in said
+    assert ("victim_1" in said) is truth and ("/rgb/truth" in said) is truth
+    assert [one.name for one in tmp_path.iterdir()] == ["episode.rrd"]
+
+
+def test_a_found_target_appears_and_reported_boxes_are_drawn(trace: Trace, tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
+    write_rerun(trace, tmp_path / "episode.rrd", truth=False)
+    said = told(tmp_path / "episode.rrd")
+    assert (
+        "world/bodies/victim_1" in said
+        and "/rgb/reported" in said
+        and "log/kernel" in said
+        and "/rgb/truth" not in said
+    )
+
+
+def test_what_cannot_be_written_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "rerun", None)
+        with pytest.raises(UsageError, match="needs rerun-sdk") as caught:
+            write_rerun(trace, tmp_path / "episode.rrd", truth=False)
+        assert caught.value.hint == "pip install 'lingjing[rerun]'"
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
+    with pytest.raises(UsageError, match=r"an \.rrd file"):
+        write_rerun(trace, tmp_path / "episode.mcap", truth=False)
+    with pytest.raises(UsageError, match=r"cannot write .*No such file"):
+        write_rerun(trace, tmp_path / "no" / "episode.rrd", truth=False)
+    assert list(tmp_path.iterdir()) == []
