@@ -9,6 +9,7 @@ from lingjing_agents.react.prompt_reviser import make_reviser
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError
+from lingjing.plugins.calls import UnrecordedCalls
 from lingjing.trace.reader import read_trace
 
 MISSION = """
@@ -47,6 +48,7 @@ def test_a_prompt_is_improved_from_failed_traces(tmp_path: Path, capsys: pytest.
         code = main([
             "prompts", "improve", str(tmp_path / "tiny.ljs"), "-o", str(tmp_path / "P2.txt"), "--rounds", "1",
             "--seeds", "1000-1000", "--policy-arg", "model=player", "--policy-arg", f"base_url={server.url}",
+            "--policy-arg", "price_in=0", "--policy-arg", "price_out=0",
             "--reviser-arg", "model=second", "--reviser-arg", f"base_url={server.url}",
         ])  # fmt: skip
     assert code == ExitCode.OK, capsys.readouterr().err
@@ -64,10 +66,10 @@ def test_a_prompt_is_improved_from_failed_traces(tmp_path: Path, capsys: pytest.
 
 def test_a_second_model_that_gives_no_prompt_is_asked_once_more_and_then_an_abort():
     with serve([Reply("no"), Reply("<prompt>Hello $stranger</prompt>")]) as server:
-        reviser = make_reviser({"model": "second", "base_url": server.url})
+        reviser = make_reviser({"model": "second", "base_url": server.url}, UnrecordedCalls())
         with pytest.raises(InfrastructureError, match="nothing fills: stranger"):
             reviser.revise("You are $agent", "TSR 0%", [])
     assert "no text between <prompt> and </prompt>" in server.requests[1]["messages"][-1]["content"]
     with serve([Reply("no"), Reply("<think><prompt>x $y</prompt></think><prompt>\nHello $agent\n</prompt>")]) as server:
-        revision = make_reviser({"model": "second", "base_url": server.url}).revise("p", "r", ["f"])
+        revision = make_reviser({"model": "second", "base_url": server.url}, UnrecordedCalls()).revise("p", "r", ["f"])
     assert revision.text == "Hello $agent\n"

@@ -35,8 +35,19 @@ def open_results(folder: Path) -> Iterator[ResultsFolder]:
 
     Raises `UsageError` where another one uses it, or where it cannot be written or read.
     """
+    with alone_in(folder, "suite") as lock:
+        try:
+            (folder / PARTS).mkdir(exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another with -o") from error
+        yield ResultsFolder(folder, lock)
+
+
+@contextmanager
+def alone_in(folder: Path, what: str) -> Iterator[IO[str]]:
+    """Make a folder and hold the lock of the one command, a `what`, that may write to it. Raises `UsageError`."""
     try:
-        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / "lock").open("a")
     except OSError as error:
         raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another with -o") from error
@@ -44,8 +55,8 @@ def open_results(folder: Path) -> Iterator[ResultsFolder]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UsageError(f"another suite is writing to `{folder}`", hint="wait, or name another with -o") from None
-        yield ResultsFolder(folder, lock)
+            raise UsageError(f"another {what} is writing to `{folder}`", hint="wait, or name another with -o") from None
+        yield lock
 
 
 def read_results(place: Path) -> list[SuiteRow]:
@@ -176,5 +187,5 @@ def _merged(files: list[Path]) -> list[SuiteRow]:
 
 
 __all__ = [
-    "RESULTS", "ResultsFolder", "fingerprint", "open_results", "policy_seed", "read_results", "write_whole",
+    "RESULTS", "ResultsFolder", "alone_in", "fingerprint", "open_results", "policy_seed", "read_results", "write_whole",
 ]  # fmt: skip

@@ -8,8 +8,9 @@ that fills the context and the longest answer.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lingjing.bench.planning import Player, SuiteCell
@@ -95,6 +96,23 @@ def estimates(
     return found
 
 
+def in_words(found: Sequence[CostEstimate]) -> Iterator[str]:
+    """A line for each entrant, what all of them cost together, and how that is reckoned; nothing of none."""
+    for one in found:
+        known = not math.isnan(one.most_usd)
+        cost = f": about ${one.about_usd:,.2f}, at most ${one.most_usd:,.2f}" if known else "; its price is not known"
+        yield f"{one.entrant}: {one.episodes} episodes, at most {one.calls:,} calls{cost}"
+    if found:
+        priced = [one for one in found if not math.isnan(one.most_usd)]
+        about, most = sum(one.about_usd for one in priced), sum(one.most_usd for one in priced)
+        rest = " without those whose price is not known" if len(priced) < len(found) else ""
+        yield f"together about ${about:,.2f}, at most ${most:,.2f}{rest}"
+        yield (
+            f"reckoned with a decision of every agent at every tick, {TEXT_TOKENS:,} tokens of text and {PICTURES} "
+            f"pictures a prompt, {ANSWER_TOKENS} tokens an answer; at most: repairs, full contexts, longest answers"
+        )
+
+
 def _decisions(cell: SuiteCell, missions: Mapping[str, Mission]) -> int:
     """How often the agents of an episode decide at most."""
     column = cell.column
@@ -128,7 +146,7 @@ def _whole(cell: SuiteCell, name: str, usual: int) -> int:
 
 def _usd(cell: SuiteCell, prompt: int, answer: int) -> float:
     prices = prices_of(cell.player)
-    return float("nan") if prices is None else (prompt * prices[0] + answer * prices[1]) / 1e6
+    return math.nan if prices is None else (prompt * prices[0] + answer * prices[1]) / 1e6
 
 
-__all__ = ["CostEstimate", "check_ready", "estimates", "is_paid", "prices_of"]
+__all__ = ["CostEstimate", "check_ready", "estimates", "in_words", "is_paid", "prices_of"]

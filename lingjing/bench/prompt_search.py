@@ -2,44 +2,53 @@
 
 Each candidate is played on the same development seeds. The failed episodes of the best one so far go to a reviser,
 which writes the next candidate; a candidate that is better takes its place. The folder keeps every candidate, every
-episode and what was asked, so that a search that was stopped goes on where it was.
+episode and what was asked, so that a search that was stopped goes on where it was; one command at a time may use it.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 
 from lingjing.bench.failed_episode import failed_episode
+from lingjing.bench.folder import alone_in, write_whole
+from lingjing.bench.rows import comparable
+from lingjing.bench.running import OUT_OF_LIMITS, take_away
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
-from lingjing.play.report import ABORTED, INTERRUPTED
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.play.spending import SpendingLimits
+from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import PromptReviser
 from lingjing.trace.reader import read_trace
 
 TRIES = 3
-"""How often one episode is tried before it is left out."""
+"""How often one episode is tried. One that cannot be played ends the search: all candidates play the same ones."""
 
 FAILURES = 4
 """Failed episodes that a reviser is shown."""
 
 RESULTS = "search.json"
+LEDGER = "money"
+
+_ELSEWHERE = ("base_url", "models")
+"""Options that say where a policy finds things; they may be others when a search goes on."""
 
 
 class PromptEpisode(msgspec.Struct, frozen=True, kw_only=True):
-    """One development episode of a candidate: how it ended, and where its trace is."""
+    """One development episode of a candidate: how it ended, and how many of its `answers` kept to the schema."""
 
     seed: int
     success: bool
     scr: float
-    trace: str
-    answers: float | None = None
-    error_m: float | None = None
+    answers: int = 0
+    valid: int = 0
 
 
 class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,8 +75,8 @@ class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def compliance(self) -> float:
-        """Mean share of answers that kept to the schema."""
-        return _mean([one.answers for one in self.episodes if one.answers is not None])
+        """Share of all answers that kept to the schema."""
+        return sum(one.valid for one in self.episodes) / max(1, sum(one.answers for one in self.episodes))
 
     @property
     def rank(self) -> tuple[float, float, float]:
@@ -81,105 +90,196 @@ class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
         return f"{done} over {len(self.episodes)} episodes"
 
 
+class KeptSearch(msgspec.Struct, frozen=True, kw_only=True):
+    """What a folder keeps of its search: the prompt it began with, the episodes it plays, what is known."""
+
+    start: str
+    seeds: tuple[int, ...]
+    mission: str
+    options: PlayOptions
+    candidates: tuple[PromptCandidate, ...] = ()
+
+
 @dataclass(slots=True)
 class PromptSearch:
     """A search in a folder. `option` is the policy's option that takes a prompt's file; `seeds` are the development
-    episodes; `check` raises `ValueError` for a text that is no prompt; `tell` is given each candidate when its results
-    are known."""
+    episodes; `reviser` makes one whose calls are counted; `check` raises `ValueError` for a text that is no prompt;
+    `tell` is given each candidate when its results are known."""
 
     folder: Path
     options: PlayOptions
     option: str
     seeds: Sequence[int]
-    reviser: PromptReviser
+    reviser: Callable[[ModelCalls], PromptReviser]
     check: Callable[[str], None]
     jobs: int = 1
     tell: Callable[[PromptCandidate], None] = field(default=lambda candidate: None)
 
     def run(self, start: str, rounds: int) -> PromptCandidate:
-        """The best of the prompt and its `rounds` revisions. Raises `UsageError` if the folder holds another search."""
-        known = self._known(start)
-        best = self._played(known, PromptCandidate(number=0, text=start))
-        for number in range(1, rounds + 1):
-            candidate = next((one for one in known if one.number == number), None)
-            if candidate is None:
-                candidate = PromptCandidate(number=number, text=self._revised(best, number))
-            candidate = self._played(known, candidate)
-            best = max(best, candidate, key=lambda one: one.rank)  # the earlier one of equals
-        return best
+        """The best of the prompt and its `rounds` revisions; fewer if one wins every episode.
+
+        Raises `UsageError` if the folder holds another search, is in use or cannot be written, or the money is used
+        up; `InfrastructureError` if an episode cannot be played, or there is no revision.
+        """
+        reviser = self.reviser(CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
+        with alone_in(self.folder, "search of prompts"), _named_limits():
+            known = self._known(start)
+            best = self._played(known, PromptCandidate(number=0, text=start))
+            for number in range(1, rounds + 1):
+                candidate = next((one for one in known if one.number == number), None)
+                if candidate is None and best.tsr == 1.0:
+                    break  # nothing has failed: there is nothing to learn from
+                if candidate is None:
+                    candidate = PromptCandidate(number=number, text=self._revised(reviser, best, number))
+                    self._keep(known, candidate)
+                candidate = self._played(known, candidate)
+                best = max(best, candidate, key=lambda one: one.rank)  # the earlier one of equals
+            return best
+
+    @property
+    def _ledger(self) -> Path | None:
+        """Where money is counted, over all commands that go on with the search."""
+        return None if self.options.max_cost is None else self.folder / LEDGER
 
     def _known(self, start: str) -> list[PromptCandidate]:
-        """What the folder has. A search of another prompt or of other seeds is refused."""
+        """What the folder has. A search of something else is refused."""
         file = self.folder / RESULTS
         if not file.is_file():
             return []
         try:
-            found = msgspec.json.decode(file.read_bytes(), type=list[PromptCandidate])
+            found = msgspec.json.decode(file.read_bytes(), type=KeptSearch)
         except msgspec.DecodeError as error:
             raise UsageError(f"`{file}` holds no search of prompts: {error}", hint="name another folder") from error
-        other = {one.seed for each in found for one in each.episodes} - set(self.seeds)
-        if other or (found and found[0].text != start):
+        now = self._described(start)
+        others = [name for name in now.__struct_fields__[:-1] if getattr(found, name) != getattr(now, name)]
+        if others:
             raise UsageError(
-                f"`{self.folder}` holds the search of another prompt, or on other seeds", hint="name another folder"
+                f"`{self.folder}` holds a search with other {', '.join(others)}", hint="name another with --folder"
             )
-        return found
+        return list(found.candidates)
+
+    def _described(self, start: str) -> KeptSearch:
+        """The search without its candidates."""
+        plain = comparable(self.options)
+        args = {name: value for name, value in plain.policy_args.items() if name not in _ELSEWHERE}
+        return KeptSearch(
+            start=start,
+            seeds=tuple(sorted(self.seeds)),
+            mission=Path(self.options.mission).stem,
+            options=msgspec.structs.replace(plain, policy_args=args),
+        )
 
     def _played(self, known: list[PromptCandidate], candidate: PromptCandidate) -> PromptCandidate:
         """The candidate with the results of all seeds; those that the folder has are not played again."""
         done = next((one for one in known if one.number == candidate.number), candidate)
-        file = self.folder / f"candidate-{candidate.number}.txt"
-        self.folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(candidate.text, encoding="utf-8")
+        write_whole(self._text_file(candidate), candidate.text.encode())
+        failed: EpisodeReport | None = None
         for _ in range(TRIES):
             missing = sorted(set(self.seeds) - {one.seed for one in done.episodes})
-            for task, report in play_apart([self._task(file, candidate, seed) for seed in missing], self.jobs):
-                if report.reason in (ABORTED, INTERRUPTED):
+            for task, report in play_apart(self._tasks(candidate, missing), self.jobs):
+                if report.reason == INTERRUPTED:
                     continue
-                counted = report.metrics
-                episode = PromptEpisode(
-                    seed=task.options.seed, success=report.success, scr=report.scr, trace=report.trace,
-                    answers=counted.json_compliance if counted else None,
-                    error_m=counted.localisation_error_m if counted else None,
-                )  # fmt: skip
-                done = msgspec.structs.replace(done, episodes=(*done.episodes, episode))
+                if report.reason == ABORTED and not report.crashed:
+                    failed = _possible(report)
+                    continue
+                done = msgspec.structs.replace(done, episodes=(*done.episodes, _counted(task.options.seed, report)))
                 self._keep(known, done)
-        if not done.episodes:
+        missing = sorted(set(self.seeds) - {one.seed for one in done.episodes})
+        if missing:
+            told = failed.detail if failed is not None else "it was interrupted"
             raise InfrastructureError(
-                "no development episode could be played", hint="play one with `lingjing run` first"
+                f"{len(missing)} episodes of candidate {candidate.number} could not be played, the first is seed "
+                f"{missing[0]}: {told}",
+                hint="the same command tries them again",
             )
-        self._keep(known, done)
         self.tell(done)
         return done
 
-    def _task(self, file: Path, candidate: PromptCandidate, seed: int) -> EpisodeTask:
-        options = msgspec.structs.replace(
-            self.options,
-            seed=seed,
-            overview=False,
-            policy_args={**self.options.policy_args, self.option: str(file.resolve())},
-        )
-        return EpisodeTask(options, self.folder / f"candidate-{candidate.number}-{seed}")
+    def _tasks(self, candidate: PromptCandidate, seeds: Sequence[int]) -> Iterator[EpisodeTask]:
+        """The episodes, each with what an unfinished try left taken away."""
+        for seed in seeds:
+            folder = self._episode(candidate, seed)
+            take_away(folder)
+            args = {**self.options.policy_args, self.option: str(self._text_file(candidate).resolve())}
+            ledger = "" if self._ledger is None else str(self._ledger.resolve())
+            options = msgspec.structs.replace(self.options, seed=seed, overview=False, policy_args=args, ledger=ledger)
+            yield EpisodeTask(options, folder)
+
+    def _text_file(self, candidate: PromptCandidate) -> Path:
+        return self.folder / f"candidate-{candidate.number}.txt"
+
+    def _episode(self, candidate: PromptCandidate, seed: int) -> Path:
+        return self.folder / f"candidate-{candidate.number}-{seed}"
 
     def _keep(self, known: list[PromptCandidate], candidate: PromptCandidate) -> None:
         """Put a candidate into the folder's results; the file is replaced whole."""
         others = [one for one in known if one.number != candidate.number]
         known[:] = sorted([*others, candidate], key=lambda one: one.number)
-        part = self.folder / f"{RESULTS}.part"
-        part.write_bytes(msgspec.json.format(msgspec.json.encode(known), indent=1))
-        part.replace(self.folder / RESULTS)
+        kept = msgspec.structs.replace(self._described(known[0].text), candidates=tuple(known))
+        write_whole(self.folder / RESULTS, msgspec.json.format(msgspec.json.encode(kept), indent=1))
 
-    def _revised(self, best: PromptCandidate, number: int) -> str:
+    def _revised(self, reviser: PromptReviser, best: PromptCandidate, number: int) -> str:
         """The next candidate's text; what was asked and answered is kept beside it."""
         failed = [one for one in best.episodes if not one.success][:FAILURES]
-        told = [failed_episode(read_trace(Path(one.trace))) for one in failed]
-        revision = self.reviser.revise(best.text, best.line, told)
+        told = [failed_episode(read_trace(self._episode(best, one.seed) / "trace.mcap")) for one in failed]
+        revision = reviser.revise(best.text, best.line, told)
         try:
             self.check(revision.text)
         except ValueError as error:
             raise InfrastructureError(f"the revision {error}", hint="run it again: another may be better") from error
-        (self.folder / f"revision-{number}-asked.txt").write_text(revision.asked, encoding="utf-8")
-        (self.folder / f"revision-{number}-answered.txt").write_text(revision.answered, encoding="utf-8")
+        write_whole(self.folder / f"revision-{number}-asked.txt", revision.asked.encode())
+        write_whole(self.folder / f"revision-{number}-answered.txt", revision.answered.encode("utf-8", "replace"))
         return revision.text
+
+
+class CountedCalls:
+    """`ModelCalls` whose money is counted with that of the episodes. The search keeps what was asked and answered."""
+
+    replaying = False
+
+    def __init__(self, limits: SpendingLimits) -> None:
+        self._limits = limits
+
+    @property
+    def capped(self) -> bool:
+        """Whether money is limited."""
+        return self._limits.money_is_capped
+
+    def begin(self, request: CallRequest) -> None:
+        """Set aside what the question can cost."""
+        self._limits.reserve(request)
+
+    def end(self, request: CallRequest, result: CallResult) -> None:
+        """Count what it has cost."""
+        self._limits.settle(request, result)
+
+
+@contextmanager
+def _named_limits() -> Iterator[None]:
+    """Say of a folder that cannot be written, and of money that is used up, that the search can go on."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(
+            f"cannot write the search of prompts: {error.strerror or error}", hint="make room; the same command goes on"
+        ) from error
+    except SpendingLimitError as error:
+        raise UsageError(str(error), hint="the same command with a higher --max-cost goes on") from error
+
+
+def _possible(report: EpisodeReport) -> EpisodeReport:
+    """The report of an abort that may end otherwise next time. Raises `SpendingLimitError` for one that cannot."""
+    if report.detail.startswith(OUT_OF_LIMITS):
+        raise SpendingLimitError(report.detail)
+    return report
+
+
+def _counted(seed: int, report: EpisodeReport) -> PromptEpisode:
+    answers = report.metrics.answers if report.metrics is not None else 0
+    share = (report.metrics.json_compliance if report.metrics is not None else None) or 0.0
+    return PromptEpisode(
+        seed=seed, success=report.success, scr=report.scr or 0.0, answers=answers, valid=round(share * answers)
+    )
 
 
 def _mean(values: Sequence[float]) -> float:

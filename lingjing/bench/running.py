@@ -41,7 +41,7 @@ CRASHED = "policy-crash"
 LINGERS_S = 60.0
 """How long an episode may take to end after its suite was killed."""
 
-_LIMITS = ("money:", "tokens:")
+OUT_OF_LIMITS = ("money:", "tokens:")
 """How the detail of an abort begins that a limit of the suite itself has caused."""
 
 
@@ -148,7 +148,7 @@ class SuiteRun:
                 continue
             if report.reason == ABORTED and report.detail.startswith("calls:"):
                 raise UsageError(f"{task.folder.name}: {report.detail}", hint=report.hint)
-            if report.reason == ABORTED and report.detail.startswith(_LIMITS):
+            if report.reason == ABORTED and report.detail.startswith(OUT_OF_LIMITS):
                 self.is_out_of_money = True
                 continue
             row = self._row(episode, task.options, report, wall_s)

@@ -329,23 +329,11 @@ def _size(cells: Sequence[SuiteCell], seeds: int) -> str:
 
 def _tell_cost(plan: SuitePlan, cells: Sequence[SuiteCell], seeds: Sequence[int]) -> None:
     """What the episodes will cost, a line for each entrant whose calls cost money."""
-    from lingjing.bench.money import ANSWER_TOKENS, PICTURES, TEXT_TOKENS, estimates
+    from lingjing.bench.money import estimates, in_words
     from lingjing.bench.running import SuiteEpisode
 
-    found = estimates([SuiteEpisode(cell, seed) for seed in seeds for cell in cells], plan.missions, ())
-    for one in found:
-        known = one.most_usd == one.most_usd
-        cost = f": about ${one.about_usd:,.2f}, at most ${one.most_usd:,.2f}" if known else "; its price is not known"
-        _say(f"{one.entrant}: {one.episodes} episodes, at most {one.calls:,} calls{cost}")
-    if found:
-        priced = [one for one in found if one.most_usd == one.most_usd]
-        about, most = sum(one.about_usd for one in priced), sum(one.most_usd for one in priced)
-        rest = " without those whose price is not known" if len(priced) < len(found) else ""
-        _say(f"together about ${about:,.2f}, at most ${most:,.2f}{rest}")
-        _say(
-            f"reckoned with a decision of every agent at every tick, {TEXT_TOKENS:,} tokens of text and {PICTURES} "
-            f"pictures a prompt, {ANSWER_TOKENS} tokens an answer; at most: repairs, full contexts, longest answers"
-        )
+    for line in in_words(estimates([SuiteEpisode(cell, seed) for seed in seeds for cell in cells], plan.missions, ())):
+        _say(line)
 
 
 def _one(row: SuiteRow) -> str:

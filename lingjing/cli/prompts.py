@@ -7,13 +7,15 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
 
 if TYPE_CHECKING:
+    from lingjing.mission.model import Mission
+    from lingjing.play.options import PlayOptions
     from lingjing.plugins.prompts import PromptPlugin
 
 
@@ -42,6 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
     better.add_argument("--policy", default="react", help="whose prompt (default react)")
     better.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
     better.add_argument("--reviser-arg", metavar="K=V", action="append", default=[], help="an option of the reviser")
+    better.add_argument("--max-cost", metavar="USD", help="what all calls of both models may cost")
     better.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="episodes at a time")
     better.add_argument("--folder", metavar="DIR", type=Path, help="where the search is kept (default FILE.search)")
     better.set_defaults(run=_improve)
@@ -79,10 +82,13 @@ def _show(args: argparse.Namespace) -> int:
 def _improve(args: argparse.Namespace) -> int:
     """Play a prompt on development seeds, have a second model revise it from the traces of failed episodes, keep the
     better one, and again; write the best. A search that was stopped goes on with the same command."""
+    from functools import partial
+
     from msgspec.structs import replace
 
     from lingjing.bench.prompt_search import PromptCandidate, PromptSearch
     from lingjing.play.options import PlayOptions, compiled
+    from lingjing.plugins.calls import UnrecordedCalls
 
     seeds, held_out = parse_seeds(args.seeds), parse_seeds(args.held_out)
     if both := sorted(set(seeds) & set(held_out)):
@@ -96,21 +102,61 @@ def _improve(args: argparse.Namespace) -> int:
     plugin = _prompts_of(args.policy)
     start = _text_of(args.start, plugin)
     given = parse_pairs("--policy-arg", args.policy_arg)
-    options = PlayOptions(mission=args.mission, policy=args.policy, mode=args.mode, policy_args={**given})
-    settings = parse_settings(parse_pairs("--set", args.set), compiled(options))
+    options = PlayOptions(
+        mission=args.mission, policy=args.policy, mode=args.mode, policy_args={**given},
+        max_cost=parse_amount("--max-cost", args.max_cost),
+    )  # fmt: skip
+    mission = compiled(options)
+    options = replace(options, settings=parse_settings(parse_pairs("--set", args.set), mission))
+    _check_money(options, mission, episodes=(args.rounds + 1) * len(seeds))
+    asked = parse_pairs("--reviser-arg", args.reviser_arg)
+    plugin.reviser(asked, UnrecordedCalls())  # wrong options are told before anything is played
     folder = args.folder or args.output.with_name(f"{args.output.name}.search")
+    if not (parent := args.output.resolve().parent).is_dir():
+        raise UsageError(f"cannot write `{args.output}`: there is no folder `{parent}`")
 
     def tell(candidate: PromptCandidate) -> None:
         print(f"candidate {candidate.number}: {candidate.line}", file=sys.stderr, flush=True)
 
     search = PromptSearch(
-        folder, replace(options, settings=settings), plugin.option, seeds,
-        plugin.reviser(parse_pairs("--reviser-arg", args.reviser_arg)), plugin.check, args.jobs, tell,
-    )  # fmt: skip
-    best = search.run(start, args.rounds)
+        folder, options, plugin.option, seeds, partial(plugin.reviser, asked), plugin.check, args.jobs, tell
+    )
+    try:
+        best = search.run(start, args.rounds)
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        raise
     write_output(best.text, str(args.output))
     print(f"candidate {best.number} is the best: {best.line}; sha256:{best.sha256}")
     return ExitCode.OK
+
+
+def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
+    """Say what the episodes will cost if their calls cost money. Raises `UsageError` unless that is capped."""
+    from lingjing.bench.columns import Column
+    from lingjing.bench.money import check_ready, estimates, in_words, is_paid
+    from lingjing.bench.planning import Player, SuiteCell
+    from lingjing.bench.running import SuiteEpisode
+    from lingjing.play.policy_files import load_policy
+    from lingjing.plugins.host import PluginHost
+
+    host = PluginHost()
+    model = host.models.get(str(options.policy_args.get("model", "")))
+    name = model.name if model else str(options.policy_args.get("model", options.policy))
+    player = Player(name, "", options.policy, load_policy(options.policy, host), options.policy_args, model)
+    check_ready([player], options.max_cost)
+    if not is_paid(player):
+        return
+    column = Column(Path(options.mission), mission.name, options.mode or mission.modes.default, options.settings)
+    cell = SuiteCell(player, column, args=options.policy_args)
+    for line in in_words(estimates([SuiteEpisode(cell, 0)] * episodes, {mission.name: mission}, ())):
+        print(line, file=sys.stderr)
+    if options.max_cost is None:
+        raise UsageError(
+            "calls of models cost money",
+            hint="say how much may be spent with --max-cost USD; of a server of your own say --policy-arg price_in=0 "
+            "--policy-arg price_out=0",
+        )
 
 
 def _prompts_of(policy: str) -> PromptPlugin:

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from lingjing.plugins.calls import ModelCalls
+
 
 @dataclass(frozen=True, slots=True)
 class Revision:
@@ -36,8 +38,8 @@ class PromptPlugin:
     """The prompts of one policy.
 
     `policy` is the policy's name and `option` the option of it that takes a prompt's name or file. `shipped` gives the
-    texts by name. `check` raises `ValueError` for a text that is no prompt. `reviser` makes one of the given options,
-    and raises `UsageError` for wrong ones.
+    texts by name. `check` raises `ValueError` for a text that is no prompt. `reviser` makes one of the given options
+    that tells the calls of its model to what it is given, and raises `UsageError` for wrong ones.
     """
 
     name: str
@@ -45,7 +47,7 @@ class PromptPlugin:
     option: str
     shipped: Callable[[], Mapping[str, str]]
     check: Callable[[str], None]
-    reviser: Callable[[Mapping[str, str]], PromptReviser]
+    reviser: Callable[[Mapping[str, str], ModelCalls], PromptReviser]
     summary: str = ""
 
 

@@ -7,24 +7,35 @@ import msgspec
 import pytest
 
 from lingjing.bench import prompt_search
-from lingjing.bench.prompt_search import RESULTS, PromptCandidate, PromptSearch
+from lingjing.bench.folder import alone_in
+from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptSearch
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, EpisodeReport
+from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import Revision
+from tests.play.report_kit import blank_metrics
 
-WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3)}
+WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3), "all": (1, 2, 3), "aborting": (), "dear": ()}
 """Which seeds a prompt wins."""
+
+ABORTING = {("aborting", 2): "the camera ended", ("dear", 1): "money: the limit of $1 does not cover another call"}
+"""Which episodes cannot be played, and why."""
 
 
 class Reviser:
-    """Gives the next of its texts; keeps what it was asked."""
+    """Gives the next of its texts; keeps what it was asked, and the calls that it was made with."""
 
     def __init__(self, *texts: str) -> None:
         self.texts = list(texts)
         self.asked: list[tuple[str, str, int]] = []
+        self.calls: ModelCalls | None = None
+
+    def __call__(self, calls: ModelCalls) -> "Reviser":
+        self.calls = calls
+        return self
 
     def revise(self, prompt: str, results: str, failures: Sequence[str]) -> Revision:
         self.asked.append((prompt, results, len(failures)))
@@ -41,10 +52,13 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
             text = Path(str(task.options.policy_args["prompt"])).read_text()
             seed = task.options.seed
             done.append((text, seed))
-            aborted = text == "first" and seed == 3 and done.count((text, seed)) == 1
+            assert not task.folder.exists()
+            task.folder.mkdir(parents=True)
+            aborted = (text == "first" and seed == 3 and done.count((text, seed)) == 1) or (text, seed) in ABORTING
             yield task, EpisodeReport(
                 mission="m", seed=seed, mode="star", policy="react", success=seed in WON[text], scr=0.5, ticks=1,
-                digest="", reason=ABORTED if aborted else "budget", trace=str(task.folder / "trace.mcap"), metrics=None,
+                digest="", reason=ABORTED if aborted else "budget", trace=str(task.folder / "trace.mcap"),
+                detail=ABORTING.get((text, seed), ""), metrics=blank_metrics(answers=seed, json_compliance=1.0),
             )  # fmt: skip
 
     monkeypatch.setattr(prompt_search, "play_apart", play)
@@ -54,8 +68,8 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
 
 
 def search(folder: Path, reviser: Reviser, **changes: object) -> PromptSearch:
-    given = {"check": lambda text: None, "seeds": (1, 2, 3), **changes}
-    return PromptSearch(folder, PlayOptions(mission="m", policy="react"), "prompt", reviser=reviser, **given)  # type: ignore[arg-type]
+    given = {"check": lambda text: None, "seeds": (1, 2, 3), "options": PlayOptions(mission="m", policy="react")}
+    return PromptSearch(folder, option="prompt", reviser=reviser, **{**given, **changes})  # type: ignore[arg-type]
 
 
 def test_the_best_is_kept_and_revised_and_an_equal_one_does_not_take_its_place(tmp_path: Path, played: list):
@@ -80,16 +94,60 @@ def test_a_stopped_search_goes_on_and_plays_nothing_twice(tmp_path: Path, played
     best = search(tmp_path, Reviser("better")).run("first", 2)
     assert best.text == "better"
     assert played[before:] == [("better", 1), ("better", 2), ("better", 3)]
-    kept = msgspec.json.decode((tmp_path / RESULTS).read_bytes(), type=list[PromptCandidate])
-    assert [one.number for one in kept] == [0, 1, 2]
+    kept = msgspec.json.decode((tmp_path / RESULTS).read_bytes(), type=KeptSearch)
+    assert [one.number for one in kept.candidates] == [0, 1, 2]
+    assert [(one.answers, one.valid) for one in kept.candidates[1].episodes] == [(1, 1), (2, 2), (3, 3)]
 
 
 def test_a_folder_of_another_search_is_refused(tmp_path: Path, played: list):
     search(tmp_path, Reviser("worse")).run("first", 1)
-    with pytest.raises(UsageError, match="another prompt, or on other seeds"):
+    with pytest.raises(UsageError, match="a search with other seeds"):
         search(tmp_path, Reviser("worse"), seeds=(7, 8)).run("first", 1)
-    with pytest.raises(UsageError, match="another prompt, or on other seeds"):
-        search(tmp_path, Reviser("worse")).run("second", 1)
+    with pytest.raises(UsageError, match="a search with other start"):
+        search(tmp_path, Reviser("worse")).run("better", 1)
+    other = PlayOptions(mission="m", policy="react", policy_args={"model": "another"})
+    with pytest.raises(UsageError, match="a search with other options"):
+        search(tmp_path, Reviser("worse"), options=other).run("first", 1)
+    elsewhere = PlayOptions(mission="m", policy="react", policy_args={"base_url": "http://localhost:9/v1"})
+    assert search(tmp_path, Reviser(), options=elsewhere).run("first", 1).text == "first"
+    with alone_in(tmp_path, "search of prompts"), pytest.raises(UsageError, match="another search of prompts"):
+        search(tmp_path, Reviser()).run("first", 1)
+
+
+def test_what_a_killed_episode_has_left_is_taken_away(tmp_path: Path, played: list):
+    (tmp_path / "candidate-0-2").mkdir()
+    (tmp_path / "candidate-0-2" / "trace.mcap.part").write_bytes(b"cut short")
+    search(tmp_path, Reviser("worse")).run("first", 1)  # the player refuses a folder that is there
+
+
+def test_candidates_are_compared_on_the_same_episodes_or_not_at_all(tmp_path: Path, played: list):
+    with pytest.raises(InfrastructureError, match="candidate 1 could not be played, the first is seed 2: the camera"):
+        search(tmp_path, Reviser("aborting")).run("first", 1)
+    assert played.count(("aborting", 2)) == 3
+
+
+def test_a_search_ends_when_nothing_fails_any_more(tmp_path: Path, played: list):
+    reviser = Reviser("all")
+    assert search(tmp_path, reviser).run("first", 4).text == "all"
+    assert len(reviser.asked) == 1
+
+
+def test_money_is_counted_over_episodes_and_revisions_and_ends_the_search(tmp_path: Path, played: list):
+    capped = PlayOptions(mission="m", policy="react", max_cost=1.0)
+    with pytest.raises(UsageError, match="money: the limit") as failure:
+        search(tmp_path, Reviser("dear"), options=capped).run("first", 1)
+    assert "higher --max-cost" in str(failure.value.hint)
+    assert played.count(("dear", 1)) == 1
+    reviser = Reviser()
+    with pytest.raises(UsageError, match="money"):
+        search(tmp_path, reviser, options=capped).run("first", 1)
+    assert reviser.calls is not None
+    assert reviser.calls.capped
+    asked = CallRequest(tick=0, number=0, head=b"{}", messages=(), most_usd=0.6, most_tokens=9)
+    assert reviser.calls.begin(asked) is None
+    reviser.calls.end(asked, CallResult(text="x", prompt_tokens=1, cost_usd=0.6))
+    with pytest.raises(SpendingLimitError, match="does not cover another call"):
+        reviser.calls.begin(asked)
 
 
 def test_a_revision_that_is_no_prompt_is_not_played(tmp_path: Path, played: list):
@@ -105,6 +163,21 @@ def test_seeds_of_the_evaluation_are_refused(capsys: pytest.CaptureFixture[str])
     command = ["prompts", "improve", "ssr", "-o", "x.txt", "--seeds", "150-160", "--held-out", "0-199"]
     assert main(command) == ExitCode.USAGE
     assert "150 is both" in capsys.readouterr().err
+
+
+def test_a_paid_search_says_what_it_costs_and_starts_with_a_limit_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-something-long-enough")
+    command = ["prompts", "improve", "ssr", "-o", str(tmp_path / "x.txt"), "--policy-arg", "model=gpt-5.5"]
+    assert main(command) == ExitCode.USAGE
+    told = capsys.readouterr().err
+    assert "100 episodes" in told
+    assert "--max-cost" in told
+    assert not list(tmp_path.iterdir())
+    command[-1] = "model=unheard-of"
+    assert main([*command, "--max-cost", "5"]) == ExitCode.USAGE
+    assert "prices of unheard-of are not known" in capsys.readouterr().err
 
 
 def test_shipped_prompts_are_listed_and_shown(capsys: pytest.CaptureFixture[str]):

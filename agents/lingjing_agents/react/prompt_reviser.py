@@ -6,7 +6,7 @@ import asyncio
 import re
 from collections.abc import Mapping, Sequence
 
-from lingjing.plugins.calls import UnrecordedCalls
+from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.options import Field, read_options
 from lingjing.plugins.policy import InfrastructureError
 from lingjing.plugins.prompts import Revision
@@ -42,9 +42,9 @@ class ReviserOptions(ModelOptions):
 class ModelReviser:
     """Asks one model for revisions; an answer that holds no prompt is asked for once more."""
 
-    def __init__(self, options: ReviserOptions) -> None:
+    def __init__(self, options: ReviserOptions, calls: ModelCalls) -> None:
         self._options = options
-        self._model: AskedModel = open_model(options, UnrecordedCalls())
+        self._model: AskedModel = open_model(options, calls)
 
     def revise(self, prompt: str, results: str, failures: Sequence[str]) -> Revision:
         """A revision of the prompt. Raises `InfrastructureError` if the model gives none."""
@@ -80,6 +80,6 @@ class ModelReviser:
         )
 
 
-def make_reviser(given: Mapping[str, str]) -> ModelReviser:
+def make_reviser(given: Mapping[str, str], calls: ModelCalls) -> ModelReviser:
     """The reviser of the given options. Raises `UsageError` that tells every fault of them."""
-    return ModelReviser(read_options(ReviserOptions, given, "reviser"))
+    return ModelReviser(read_options(ReviserOptions, given, "reviser"), calls)
