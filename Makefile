@@ -45,7 +45,7 @@ study: setup
 	@$(BIN)/lingjing bench $(STUDY)
 
 ray: setup
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt ray
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-warn-conflicts -c constraints.txt ray
 	@$(BIN)/python -m pytest -q -p no:xdist -m ray tests/bench/test_on_ray.py
 
 detector: setup
@@ -64,7 +64,7 @@ model: setup
 
 browser: setup
 	@command -v chromium >/dev/null || { apt-get update -q >/dev/null && apt-get install -y -q --no-install-recommends chromium >/dev/null; }
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt playwright
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-warn-conflicts -c constraints.txt playwright
 	@$(BIN)/python -m pytest -q -p no:xdist tests/viewer/test_in_browser.py
 
 readers: setup
