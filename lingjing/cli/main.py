@@ -115,13 +115,14 @@ def _dispatch(arguments: list[str]) -> int:
         epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
-    subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
+    subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs", prog=parser.prog)
     if chosen is not None and chosen.computes:
         from lingjing.numerics import pin
 
         pin()
     module = import_module(chosen.module) if chosen else None
-    for verb in VERBS:
+    shown = (chosen,) if chosen is not None and arguments[0] == chosen.name else VERBS
+    for verb in shown:  # where a verb comes first, nothing that is printed names the others
         if verb is chosen and module is not None:
             module.add_parser(subparsers)
         else:

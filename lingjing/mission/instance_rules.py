@@ -168,12 +168,15 @@ def _conditions(mission: model.Mission, scope: Scope) -> Iterator[tuple[str, ex.
         yield ("failure", mission.failure)
 
 
-def _needed(expr: ex.Expr) -> Iterator[ex.Expr]:
-    """The parts of a condition that are not on a side of an `or`."""
-    yield expr
-    if not (isinstance(expr, ex.Binary) and expr.operator == "or"):
-        for part in ex.children(expr):
-            yield from _needed(part)
+def _needed(condition: ex.Expr) -> list[ex.Expr]:
+    """The parts of a condition that are not on a side of an `or`, in the order they are read."""
+    found, waiting = [], [condition]
+    while waiting:
+        part = waiting.pop()
+        found.append(part)
+        if not (isinstance(part, ex.Binary) and part.operator == "or"):
+            waiting.extend(reversed(ex.children(part)))
+    return found
 
 
 def _check_member(name: str, group: str, index: ex.Expr, scope: Scope) -> None:

@@ -46,10 +46,10 @@ def instantiate(
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
-    scene = scene_spec(mission, msgspec.structs.replace(scope, areas=_areas(mission, scope)), seed)
+    areas = _areas(mission, scope)
+    scene = scene_spec(mission, msgspec.structs.replace(scope, areas=areas), seed)
     scope = msgspec.structs.replace(scope, members=_members(mission, scope))
     instance_rules.check_members(mission, scope)
-    areas = _areas(mission, scope)
     scope = msgspec.structs.replace(scope, areas=areas)
     members = _entities(mission, scope, seed, scene.datum_m)
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
@@ -263,11 +263,14 @@ def _weather(
 
 def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()) -> dict[str, Area]:
     """The regions in order. Those around entities are left out until the entities are `placed`, those made of roads
-    for good: only the city knows them."""
+    for good: only the city knows them. What the scope has already is what it is."""
     areas: dict[str, Area] = {}
     later: set[str] = set()
     spots = {entity.id: Place(*entity.position) for entity in placed}
     for region in mission.regions:
+        if region.name in scope.areas:
+            areas[region.name] = scope.areas[region.name]
+            continue
         leaves = ex.leaves(region.shape)
         waits = any(isinstance(leaf, ex.Ref) and leaf.kind in ("group", "entity") for leaf in leaves) and not placed
         if waits or region_on_map(region.shape) or any(isinstance(x, ex.Ref) and x.name in later for x in leaves):

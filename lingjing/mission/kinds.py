@@ -146,11 +146,13 @@ class SceneFault(msgspec.Struct, frozen=True):
     hint: str = ""
 
 
+@cache
 def builtin_scenes() -> dict[str, SceneKind]:
     """The scenes that come with the project, by name."""
     return _builtin().by_scene
 
 
+@cache
 def builtin_engines() -> dict[str, EngineKind]:
     """The engines that come with the project, by name."""
     return _builtin().by_engine
@@ -206,10 +208,8 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
     kind = scene_kind(spec.kind)
     if kind is None:
         return
-    known = kind.spelled()
-    everywhere = {name: spelled for other in builtin_scenes().values() for name, spelled in other.spelled().items()}
-    for name in sorted(set(spec.options) - known.keys() - {"datum", "origin"}):
-        spelled = everywhere.get(name, name)
+    for name in sorted(set(spec.options) - kind.spelled().keys() - {"datum", "origin"}):
+        spelled = next((o.spelled()[name] for o in builtin_scenes().values() if name in o.spelled()), name)
         listed = ", ".join(("datum", *kind.options))
         yield SceneFault(spelled, f"scene `{kind.name}` has no option `{spelled}`", f"known: {listed}")
     yield from _choice_faults(spec, kind)

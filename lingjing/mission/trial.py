@@ -60,7 +60,12 @@ def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
     refused = tuple(_with_settings(mission, mode, {}))
     yield from refused
     told: set[tuple[str, str]] = set()
+    tried = [_values(mission, mode, {})]
     for settings in () if refused else _swept(mission, mode):
+        values = _values(mission, mode, settings)
+        if values is not None and values in tried:
+            continue
+        tried.append(values)
         chosen = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
         for refusal in _with_settings(mission, mode, settings):
             if (
@@ -69,6 +74,14 @@ def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
             ) not in told:  # the first value at fault stands for all
                 told.add((refusal.code, refusal.path))
                 yield msgspec.structs.replace(refusal, message=f"with {chosen}, {refusal.message}")
+
+
+def _values(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> dict[str, float] | None:
+    """What a mission's parameters are with these settings; None where they cannot be had."""
+    try:
+        return parameters(mission, mode, settings)
+    except LingjingError:
+        return None
 
 
 def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[TrialFault]:

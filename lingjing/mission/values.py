@@ -75,6 +75,8 @@ def is_finite(value: object) -> TypeGuard[float]:
 
 def as_number(value: Value) -> float:
     """The value as a finite number."""
+    if type(value) is float and abs(value) < math.inf:  # nearly always
+        return value
     if not is_number(value):
         raise MissionError(f"a number is due here, this is {describe(value)}")
     if not math.isfinite(value):
