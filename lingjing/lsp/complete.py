@@ -111,7 +111,8 @@ class _Completer:
                 yield name, type_word(attribute.type)
         else:
             for key in self._known_keys().values():
-                yield key.name, type_word(key.type)
+                if key.proposed:
+                    yield key.name, type_word(key.type)
 
     def _known_keys(self) -> dict[str, PropertyKey]:
         """The properties that the block around the cursor knows."""

@@ -75,7 +75,7 @@ def within(line: str, *, at: str = "  success") -> str:
         ("adjudicate x(v: victim) { when exists q: matched(v, q) and q.| }", {"class"}, {"drift"}),
         ("adjudicate x(v: victim) { when boat.position.| }", {"x", "y"}, {"heading"}),
         ("adjudicate x(v: victim) { when distance_xy(boat, v) <= 5 | }", {"m", "km"}, {"s"}),
-        ("scene residential { | }", {"datum", "origin", "extent"}, {"tick"}),
+        ("scene residential { | }", {"datum", "origin", "extent"}, {"tick", "distractors"}),
         ("inspection x of boat by uav[1] { | }", {"within"}, {"tick"}),
         ("mode |", {"star", "broadcast"}, {"boat"}),
         ("# a comment |", set(), {"region"}),

@@ -54,6 +54,9 @@ def test_a_strangers_scene_is_checked_by_its_file(acme: Path) -> None:
     (found,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
     assert (found.code, found.hint) == ("LJ0508", "give 10 to 300")
     assert "`depth` is 5.0" in found.message
+    text = re.sub(r"scene +bay \{", "scene canyon { wide = 5 m,", shipped)
+    (found,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert (found.code, found.hint) == ("LJ0108", "known: datum, depth, layout, origin")
 
 
 def test_validate_imports_no_plug_in_whose_kinds_are_described(

@@ -113,9 +113,10 @@ class BlockReader:
         name = item.name
         key = keys.get(name.text)
         if key is None:
-            hint = did_you_mean(name.text, keys)
-            close = nearest(name.text, keys)
-            certain = is_certain(name.text, keys.keys() - seen.keys())
+            proposed = [each.name for each in keys.values() if each.proposed]
+            hint = did_you_mean(name.text, proposed)
+            close = nearest(name.text, proposed)
+            certain = is_certain(name.text, set(proposed) - seen.keys())
             self.report.at("LJ0108", name, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain)
             if close is not None:
                 seen.setdefault(close, item)  # so that it is not reported as missing, too

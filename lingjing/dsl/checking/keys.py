@@ -13,7 +13,8 @@ from lingjing.mission.functions import Type
 class PropertyKey(msgspec.Struct, frozen=True):
     """One property of a block. `choices` are the words allowed for a name or a list of names, None for any.
 
-    `public` names where the value becomes visible to agents or engines, so that a hidden one is a leak.
+    `public` names where the value becomes visible to agents or engines, so that a hidden one is a leak. One that is not
+    `proposed` is read, so that what refuses it can say why, and is in no hint and no completion.
     """
 
     name: str
@@ -28,6 +29,7 @@ class PropertyKey(msgspec.Struct, frozen=True):
     high: float | None = None
     above: float | None = None
     whole: bool = False
+    proposed: bool = True
 
 
 def keyed(*keys: PropertyKey) -> dict[str, PropertyKey]:

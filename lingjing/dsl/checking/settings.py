@@ -83,12 +83,14 @@ def scene_keys(kind: str) -> dict[str, PropertyKey]:
     known = scene_kind(kind)
     kinds = (*builtin_scenes().values(), *((known,) if known else ()))
     options = {name: option for each in kinds for name, option in each.options.items()}
-    return _SCENE_KEYS | {name: _option_key(name, option) for name, option in options.items()}
+    own = known.options if known else options
+    return _SCENE_KEYS | {name: _option_key(name, option, name in own) for name, option in options.items()}
 
 
-def _option_key(name: str, option: SceneOption) -> PropertyKey:
+def _option_key(name: str, option: SceneOption, own: bool) -> PropertyKey:
     low, above = (None, 0.0) if option.type == "metres" else (option.low if option.type == "number" else None, None)
-    return PropertyKey(name, _OPTION_TYPES[option.type], _DRAWN if option.drawn else ("=",), low=low, above=above)
+    relations = _DRAWN if option.drawn else ("=",)
+    return PropertyKey(name, _OPTION_TYPES[option.type], relations, low=low, above=above, proposed=own)
 
 
 class SettingsChecker(DeclarationChecker):
