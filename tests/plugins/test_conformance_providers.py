@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -239,4 +240,23 @@ def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch:
     with pytest.raises(PluginError) as told:
         kit.check_kinds("acme")
     assert {fault.where for fault in told.value.faults} == {"scenes[0].extent_m", "scenes[0].lacks[0]"}
+    kinds._plugins.cache_clear()
+
+
+def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text("utf-8")
+    (code,), (file,) = (re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("python", "json"))
+    package, info = tmp_path / "page_canyon", tmp_path / "page_canyon-1.0.dist-info"
+    package.mkdir()
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: page-canyon\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[lingjing]\npage = page_canyon\n")
+    (package / "__init__.py").write_text(code)
+    (package / "kinds.json").write_text(file)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    kinds._plugins.cache_clear()
+    kit.check_kinds("page")
+    kit.check_scene(SceneSpec(kind="canyon", options={"depth_m": 50.0}))
+    with pytest.raises(UsageError, match="`depth` is 5"):
+        kit.check_scene(SceneSpec(kind="canyon", options={"depth_m": 5.0}))
     kinds._plugins.cache_clear()
