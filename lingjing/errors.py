@@ -16,7 +16,7 @@ OtherwiseT = TypeVar("OtherwiseT")
 
 
 class ExitCode(IntEnum):
-    """Exit codes of every verb (DESIGN section 7)."""
+    """Exit codes of every verb."""
 
     OK = 0
     MISSION = 1

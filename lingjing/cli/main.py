@@ -1,4 +1,4 @@
-"""Entry point of the command `lingjing`: pick the verb, run it, answer with an exit code (DESIGN section 7).
+"""Entry point of the command `lingjing`: pick the verb, run it, answer with an exit code.
 
 Only the chosen verb's module is imported, so that `lingjing validate` starts without anything an episode needs.
 """

@@ -2,7 +2,7 @@
 
 Everything is a plain value in SI units and degrees except the rules, which stay expressions over run-time state.
 Two instances of one (mission, seed, mode, settings) are equal; the trace records it whole, so a replay needs no
-mission file. World frame: east, north, elevation over the scene's datum, metres (DESIGN section 4).
+mission file. World frame: east, north, elevation over the scene's datum, metres.
 """
 
 from __future__ import annotations

@@ -514,7 +514,7 @@ class Origin(Record, frozen=True, kw_only=True):
 
 
 class Mission(Record, frozen=True, kw_only=True):
-    """The typed mission. See the module docstring; DESIGN section 2 for the meaning of each part."""
+    """The typed mission: what a text says of it, checked; `docs/language.md` says what each part means."""
 
     format: Literal["lingjing-mission/2"] = "lingjing-mission/2"
     name: str

@@ -2,7 +2,7 @@
 
 An engine owns entities; each entity has exactly one owner. A tick is split into macro-steps of `clock.sync_s`; at
 each, every engine advances by the same interval and then receives the others' states as mirrors (fixed-step Jacobi
-co-simulation, DESIGN section 4). The conformance kit (`lingjing.plugins.conformance`) tests every promise made here.
+co-simulation). The conformance kit (`lingjing.plugins.conformance`) tests every promise made here.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The engines that one process hosts: created by name, reset, commanded and advanced side by side.
 
 Order is by engine name. Within one `advance` every engine sees the others as they were at the interval's start
-(fixed-step Jacobi, DESIGN section 4), so the order decides nothing but the sequence of receipts and events. Mirrors
+(fixed-step Jacobi), so the order decides nothing but the sequence of receipts and events. Mirrors
 are the entities of the others in the instance's order, then their background movers by engine.
 """
 

@@ -1,6 +1,6 @@
 """Starting a worker process: its command, its standard error, and what its caller holds of it.
 
-Rules learnt by trying (DESIGN section 4): `Popen` over a socket pair, because `multiprocessing` breaks scripts
+Rules learnt by trying: `Popen` over a socket pair, because `multiprocessing` breaks scripts
 without a main guard, or a fork server; what chooses code by processor and thread counts fixed in the environment before
 any import; a process group of its own, so that a terminal's Ctrl-C reaches the caller alone.
 """

@@ -1,4 +1,4 @@
-"""The mission graph: one mission as typed nodes and typed edges (DESIGN section 2).
+"""The mission graph: one mission as typed nodes and typed edges.
 
 Modules in the order a mission passes them:
 
