@@ -259,6 +259,20 @@ def test_faults_of_all_phases_are_told_in_one_run() -> None:
 
 
 @pytest.mark.parametrize(
+    ("key", "value", "kind"), [("goalFirePosition", "here", "text 'here'"), ("firePoints", 3, "number 3")]
+)
+def test_hidden_places_that_are_a_text_or_a_number_are_an_error(key: str, value: object, kind: str) -> None:
+    whole = document({key: value, "takeoff_height_m": "high"}, drones=1, cars=1, task_type="fire_rescue")
+    with pytest.raises(MissionError) as caught:
+        read(json.dumps(whole), "w.json", TEMPLATES)
+    state = "$.scenario.taskMatrix[0].initial_state"
+    assert {(one.where, one.message) for one in caught.value.faults} == {
+        (f"{state}.{key}", f"a place or a list of places is due, this is the {kind}"),
+        (f"{state}.takeoff_height_m", "a number is due, this is the text 'high'"),
+    }
+
+
+@pytest.mark.parametrize(
     ("entry", "path", "said"),
     [
         ({"personCount": 2.5}, ".personCount", "is 2.5, a whole number is due"),

@@ -2,7 +2,8 @@
 
 Documents spell these fields in many ways (`goalFirePosition`, `fire_spots`, `leak`, `task_points`, …) and put them into
 the initial state, the task or the scenario, as a list or as a single object. Spellings are compared by their letters
-and digits alone. What is neither a list nor an object is not taken for places; it is kept and noted.
+and digits alone. What is neither a list nor an object is a fault, except under a word that may as well be a remark
+(`congestion: "heavy"`): there it is kept and noted.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lingjing.mission.faults import kind_of
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.shapes import HiddenPlace, folded
 
@@ -85,6 +87,13 @@ FIELDS: tuple[HiddenField, ...] = (
 """In the order in which they claim target groups: what says most comes first."""
 
 
+REMARKS = frozenset({
+    "congestion", "delivery", "depot", "destination", "fracture", "bridgefracture", "house", "leak", "pipelineleak",
+    "pollution", "trafficjam", "warehouse", "仓库", "排队", "队列", "污染源", "目的地", "终点",
+})  # fmt: skip
+"""Spellings that name the thing and not its place: a text or a number under them may be a remark on it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Found:
     """A hidden field of a document: what it is, the key and JSON path it stands at, and its entries."""
@@ -123,7 +132,11 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
         where = f"{path}.{key}"
         items = [value] if isinstance(value, dict) else value
         if not isinstance(items, list):
-            parsed.notes.append(f"{where}: is no list of places; not understood and kept")
+            if folded(key) in REMARKS:
+                parsed.notes.append(f"{where}: is no list of places; not understood and kept")
+            else:
+                hint = "give X and Y in centimetres, or lon and lat in degrees"
+                parsed.report(where, f"a place or a list of places is due, this is {kind_of(value)}", hint)
             continue
         one = isinstance(value, dict)
         read = [_target(item, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items)]
