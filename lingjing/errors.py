@@ -75,6 +75,14 @@ class InfrastructureError(LingjingError):
     exit_code = ExitCode.INFRASTRUCTURE
 
 
+def error_of(code: int, message: str, hint: str = "") -> LingjingError:
+    """The error with which another process of ours ended, by its exit code: of no known one, a fault of ours."""
+    kinds: dict[int, type[LingjingError]] = {
+        kind.exit_code: kind for kind in (UsageError, MissionError, InfrastructureError)
+    }
+    return kinds.get(code, LingjingError)(message, hint=hint)
+
+
 class ErrorCollector:
     """The mistakes of one call, collected while the rest is still read, so that all of them are told together."""
 

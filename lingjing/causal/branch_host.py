@@ -25,7 +25,7 @@ from lingjing.causal.branch_process import (
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, check
 from lingjing.causal.redriven import BranchOptions
-from lingjing.errors import ExitCode, InfrastructureError, LingjingError, MissionError, UsageError
+from lingjing.errors import InfrastructureError, UsageError, error_of
 from lingjing.kernel.world.forking import environment, started_to_last
 from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
 from lingjing.trace.reader import Trace
@@ -34,8 +34,6 @@ HostProgress = Callable[[str, int, int], None]
 """Told what goes on, how much of it is done, and how much there is."""
 
 ReplyT = TypeVar("ReplyT", bound=HostMessage)
-
-_ERRORS = {ExitCode.MISSION: MissionError, ExitCode.USAGE: UsageError, ExitCode.INFRASTRUCTURE: InfrastructureError}
 
 
 class BranchHost:
@@ -139,8 +137,7 @@ class BranchHost:
             if isinstance(told, DrivenTo):
                 self._progress("driving on", told.boundary, len(self.trace.boundaries) - 1)
             elif isinstance(told, HostFailed):
-                error = _ERRORS.get(ExitCode(told.exit_code), LingjingError)
-                raise error(told.message, hint=told.hint)
+                raise error_of(told.exit_code, told.message, told.hint)
 
 
 def _gone() -> InfrastructureError:

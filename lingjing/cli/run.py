@@ -27,7 +27,8 @@ from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_
 from lingjing.play.options import PlayOptions, checked_options, read_options
 from lingjing.play.parallel import EpisodeTask, play_apart, play_here, without_result
 from lingjing.play.report import EpisodeReport, summarise
-from lingjing.play.supervision import SeedFolder, can_supervise, play_supervised
+from lingjing.play.supervised_child import SeedFolder
+from lingjing.play.supervision import can_supervise, play_supervised
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

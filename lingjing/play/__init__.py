@@ -5,8 +5,9 @@ with `policies` for who plays whom, `policy_files` for policies in files and `op
 → `recorded_calls` records what policies ask chat models, or replays it, and `spending` limits what that costs →
 `folders` claims where a run is kept → `episode` plays one (`run`, `Session`) → `report` says what came of it
 (`EpisodeReport`). `parallel` plays several, here or forked from one process, which `sharing` builds cities in;
-`supervision` has them played in a child that a policy may ruin, `raw_output` spells out what that writes past its
-streams, and `descendants` ends what is left of it. `selfcheck` is a tiny episode with a stored digest.
+`supervision` has them played in a child that a policy may ruin: `supervised_child`, which says in `child_messages` what
+it plays. `raw_output` spells out what that writes past its streams, and `descendants` ends what is left of it.
+`selfcheck` is a tiny episode with a stored digest.
 In: `PlayOptions`; out: an `EpisodeReport`, and a trace that holds all there is to know.
 
 Who imports this is about to play: numerical libraries that are not loaded yet are pinned (`lingjing.numerics`).

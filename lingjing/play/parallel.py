@@ -17,12 +17,12 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError, error_of
 from lingjing.kernel.world.forking import ForkedProcess, ForkServer
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
-from lingjing.play.report import ABORTED, EpisodeReport
+from lingjing.play.report import ABORTED, EpisodeReport, end_without_result
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
@@ -205,12 +205,9 @@ def _finish(child: _Worker) -> EpisodeReport:
     code = child.process.wait()
     if code == ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
-    if code < 0:
-        return without_result(child.task, f"its process was killed by signal {-code}")
-    if code == ExitCode.OK:
-        return without_result(child.task, "its process ended without a result (exit code 0)")
-    kinds: dict[int, type[LingjingError]] = {ExitCode.USAGE: UsageError, ExitCode.INFRASTRUCTURE: InfrastructureError}
-    raise kinds.get(code, LingjingError)(complaint.removeprefix("error: ") or f"an episode ended with code {code}")
+    if code <= ExitCode.OK:
+        return without_result(child.task, end_without_result(code))
+    raise error_of(code, complaint.removeprefix("error: ") or f"an episode ended with code {code}")
 
 
 def without_result(task: EpisodeTask, why: str) -> EpisodeReport:

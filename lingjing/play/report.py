@@ -90,6 +90,13 @@ class SeedsReport(msgspec.Struct, frozen=True, kw_only=True):
     episodes: tuple[EpisodeReport, ...]
 
 
+def end_without_result(code: int) -> str:
+    """How the process of an episode ended that left no result: by its exit code, negative for a signal."""
+    if code < 0:
+        return f"its process was killed by signal {-code}"
+    return f"its process ended without a result (exit code {code})"
+
+
 def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> SeedsReport:
     """All episodes of one command as one report; there is at least one."""
     counted = [episode for episode in episodes if episode.reason not in (ABORTED, INTERRUPTED)]

@@ -8,41 +8,39 @@ started ends with the child, and the child with its parent.
 
 from __future__ import annotations
 
-import atexit
 import contextlib
-import errno
 import itertools
-import json
 import mmap
 import os
 import select
 import signal
-import struct
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from types import FrameType
-from typing import NoReturn, Self
+from typing import Self
 
 import msgspec
 
-from lingjing.errors import (
-    ExitCode,
-    InfrastructureError,
-    LingjingError,
-    MissionError,
-    UsageError,
-)
+from lingjing.errors import ExitCode, InfrastructureError, error_of
 from lingjing.kernel.world.deadlines import OwnDeadline
-from lingjing.play.descendants import adopt, adopting, be_told_of_the_end_of, end_children
+from lingjing.play.child_messages import (
+    INTERRUPT,
+    ChildFailed,
+    ChildMessage,
+    ChildRefused,
+    ChildSpoilt,
+    EpisodeBegan,
+    EpisodePlayed,
+    taken_out,
+)
+from lingjing.play.descendants import adopting
 from lingjing.play.folders import release_if_empty
 from lingjing.play.raw_output import RawOutput
-from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
-from lingjing.trace.signals import STOP, deferring_signals
+from lingjing.play.report import INTERRUPTED, EpisodeReport, end_without_result
+from lingjing.play.supervised_child import ENDING, Play, serve
 
 GRACE_S = 60.0
 """How long a child may take to end when it was interrupted, or when it has nothing more to say: seconds of its own
@@ -57,60 +55,8 @@ regular expression that never ends, keeps the interpreter and every deadline in 
 
 _BEAT_S = 0.5
 _PATIENCE_S = 0.05
-_HEADER = struct.Struct("<Q")
-_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 _FROM_OUTSIDE = {signal.SIGKILL, signal.SIGTERM}
 """Signals that an operator or a system without memory sends."""
-_SPOILT = {errno.EBADF, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
-"""What a process meets whose descriptors were closed or used up, or that has no memory left."""
-_KINDS: dict[int, type[LingjingError]] = {
-    ExitCode.USAGE: UsageError,
-    ExitCode.INFRASTRUCTURE: InfrastructureError,
-    ExitCode.MISSION: MissionError,
-}
-
-SeedFolder = tuple[int, Path | None]
-Play = Callable[[Iterator[SeedFolder]], Iterator[EpisodeReport]]
-"""Plays (seed, folder) pairs as it takes them, as `play_here` does."""
-
-
-class _Began(msgspec.Struct, frozen=True, tag=True):
-    """The child begins an episode."""
-
-    seed: int
-    folder: str
-
-
-class _Played(msgspec.Struct, frozen=True, tag=True):
-    """What came of it."""
-
-    report: EpisodeReport
-
-
-class _Failed(msgspec.Struct, frozen=True, tag=True):
-    """The child was given something wrong, or has a fault; the later episodes would fail as well."""
-
-    code: int
-    message: str
-    hint: str = ""
-    trace: str = ""
-
-
-class _Refused(msgspec.Struct, frozen=True, tag=True):
-    """The system refused the child something, as a place to write to."""
-
-    number: int
-    message: str
-    file: str
-
-
-class _Spoilt(msgspec.Struct, frozen=True, tag=True):
-    """The process can play no more; its episode is an abort."""
-
-    detail: str
-
-
-_Message = _Began | _Played | _Failed | _Refused | _Spoilt
 
 
 def can_supervise(*, with_engines: bool = False) -> bool:
@@ -156,37 +102,37 @@ def play_supervised(
 
 
 def _taken(
-    message: _Message, child: _Child, waiting: list[int], abort: Callable[[int, Path, str], EpisodeReport]
+    message: ChildMessage, child: _Child, waiting: list[int], abort: Callable[[int, Path, str], EpisodeReport]
 ) -> Iterator[EpisodeReport]:
     match message:
-        case _Began():
+        case EpisodeBegan():
             child.began = message
-        case _Played(report) if child.began is not None and report.seed == child.began.seed:
+        case EpisodePlayed(report) if child.began is not None and report.seed == child.began.seed:
             child.began = None
             child.interrupts.reported |= report.reason == INTERRUPTED
             waiting.remove(report.seed)
             yield report
-        case _Failed(code, said) if child.began is not None and code == ExitCode.INFRASTRUCTURE:
+        case ChildFailed(code, said) if child.began is not None and code == ExitCode.INFRASTRUCTURE:
             began, child.began = child.began, None
             waiting.remove(began.seed)
             yield _aborted(began, said, abort)
-        case _Failed(code, said, hint, trace):
-            error = _KINDS.get(code, LingjingError)(said, hint=hint)
+        case ChildFailed(code, said, hint, trace):
+            error = error_of(code, said, hint)
             if trace:
                 error.add_note(trace)
             raise error
-        case _Refused(number, said, file):
+        case ChildRefused(number, said, file):
             raise OSError(number, said, file or None)
-        case _Spoilt(detail) if child.began is not None:
+        case ChildSpoilt(detail) if child.began is not None:
             began, child.began = child.began, None
             waiting.remove(began.seed)
             yield _aborted(began, detail, abort, by_policy=True)
-        case _Spoilt(detail):
+        case ChildSpoilt(detail):
             raise InfrastructureError(detail)
 
 
 def _aborted(
-    began: _Began, why: str, abort: Callable[[int, Path, str], EpisodeReport], *, by_policy: bool = False
+    began: EpisodeBegan, why: str, abort: Callable[[int, Path, str], EpisodeReport], *, by_policy: bool = False
 ) -> EpisodeReport:
     folder = Path(began.folder)
     release_if_empty(folder)
@@ -204,7 +150,7 @@ class _Interrupts:
     def __enter__(self) -> Self:
         self._before = {
             number: signal.signal(number, self._heard)
-            for number in (getattr(signal, name) for name in _ENDING)
+            for number in (getattr(signal, name) for name in ENDING)
             if signal.getsignal(number) != signal.SIG_IGN
         }
         return self
@@ -256,7 +202,7 @@ class _Child:
         self, interrupts: _Interrupts, seeds: Sequence[int], claim: Callable[[int], Path | None], play: Play
     ) -> None:
         self.interrupts = interrupts
-        self.began: _Began | None = None
+        self.began: EpisodeBegan | None = None
         reading, writing = os.pipe2(os.O_CLOEXEC)
         parent = os.getpid()
         for stream in (sys.stdout, sys.stderr):
@@ -265,11 +211,11 @@ class _Child:
         self._raw = RawOutput()
         self._pid = os.fork()
         if self._pid == 0:
-            signal.pthread_sigmask(signal.SIG_BLOCK, {_INTERRUPT})  # before there are threads, which take it over
+            signal.pthread_sigmask(signal.SIG_BLOCK, {INTERRUPT})  # before there are threads, which take it over
             os.close(reading)
             self._raw.lead_here()
             self._pulse.beat()
-            _serve(parent, writing, tuple(seeds), claim, play)
+            serve(parent, writing, tuple(seeds), claim, play)
         os.close(writing)
         self._raw.begin()
         self._pidfd = os.pidfd_open(self._pid)
@@ -282,14 +228,14 @@ class _Child:
         if interrupts.have_come():
             self._interrupt()
 
-    def messages(self) -> Generator[_Message, None, None]:
+    def messages(self) -> Generator[ChildMessage, None, None]:
         """What the child says until it ends; it has ended afterwards, whatever happens."""
         os.set_blocking(self._pipe, False)
         buffer = bytearray()
         try:
             while self._has_more(buffer):
-                yield from _decoded(buffer)
-            yield from _decoded(buffer)
+                yield from taken_out(buffer)
+            yield from taken_out(buffer)
         except (ValueError, msgspec.MsgspecError):
             return  # somebody else wrote into the pipe: there is nothing more to be learnt from it
         finally:
@@ -308,10 +254,8 @@ class _Child:
             return f"a policy let nothing else run for {SILENCE_S:.0f} s, in one call that held the interpreter", True
         if self._is_mute:
             return "its process closed what it reports through", True
-        if os.WIFSIGNALED(self._status):
-            number = os.WTERMSIG(self._status)
-            return f"its process was killed by signal {number}", number not in _FROM_OUTSIDE
-        return f"its process ended without a result (exit code {os.WEXITSTATUS(self._status)})", True
+        code = os.waitstatus_to_exitcode(self._status)
+        return end_without_result(code), -code not in _FROM_OUTSIDE
 
     def _has_more(self, buffer: bytearray) -> bool:
         """Wait for the child to say something, and take it in; False when there is nothing more to come."""
@@ -342,7 +286,7 @@ class _Child:
     def _interrupt(self) -> None:
         self._until = OwnDeadline(self._pid, GRACE_S, watched=True)
         with contextlib.suppress(ProcessLookupError):
-            signal.pidfd_send_signal(self._pidfd, _INTERRUPT)
+            signal.pidfd_send_signal(self._pidfd, INTERRUPT)
 
     def _kill_unless_it_ends(self) -> None:
         """Its pipe is closed: it is at its end, or can tell of nothing any more."""
@@ -353,165 +297,3 @@ class _Child:
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
         _, self._status = os.waitpid(self._pid, 0)
-
-
-_INTERRUPT = getattr(signal, "SIGRTMIN", 34) + 3
-"""What the parent tells the child to stop with: none that a terminal, a shell or `timeout` sends to a whole group."""
-
-
-def _decoded(buffer: bytearray) -> Iterator[_Message]:
-    """The whole messages at the beginning of the buffer, which they leave."""
-    while len(buffer) >= _HEADER.size:
-        (size,) = _HEADER.unpack_from(buffer)
-        if len(buffer) < _HEADER.size + size:
-            return
-        text = bytes(buffer[_HEADER.size : _HEADER.size + size])
-        del buffer[: _HEADER.size + size]
-        yield msgspec.convert(json.loads(text), _Message)
-
-
-# -- the child
-
-
-def _serve(parent: int, pipe: int, seeds: Sequence[int], claim: Callable[[int], Path | None], play: Play) -> NoReturn:
-    """Play, tell, end what is left, and leave without a word to the parent's own exit handlers."""
-    code = 1
-    try:
-        atexit._clear()
-        adopt()
-        _listen()
-        if be_told_of_the_end_of(parent, _INTERRUPT):
-            _play(pipe, seeds, claim, play)
-        code = 0
-    except KeyboardInterrupt:
-        code = int(ExitCode.INTERRUPTED)
-    except BaseException as error:  # noqa: BLE001 - whatever it is, the parent is told
-        sys.setrecursionlimit(max(10_000, sys.getrecursionlimit()))  # a policy may have left too little to tell it
-        with contextlib.suppress(OSError):
-            _tell(pipe, _failure(error))
-    finally:
-        try:
-            _leave(code)
-        finally:
-            os._exit(code)  # whatever is left of the interpreter, the parent's code below is not ours to run
-
-
-def _play(pipe: int, seeds: Sequence[int], claim: Callable[[int], Path | None], play: Play) -> None:
-    def places() -> Iterator[SeedFolder]:
-        for seed in seeds:
-            folder = claim(seed)
-            _tell(pipe, _Began(seed, "" if folder is None else str(folder)))
-            yield seed, folder
-
-    episodes = play(places())
-    for report in episodes:
-        with deferring_signals():
-            _tell(pipe, _Played(report))
-        if report.reason == ABORTED:  # nobody knows what is left of this process: a new one plays the next
-            break
-    close = getattr(episodes, "close", None)
-    if close is not None:
-        close()
-
-
-def _tell(pipe: int, message: _Message) -> None:
-    text = json.dumps(msgspec.to_builtins(message)).encode()  # names of files may be no text: JSON escapes them
-    rest = memoryview(_HEADER.pack(len(text)) + text)
-    while rest:
-        rest = rest[os.write(pipe, rest) :]
-
-
-class _Stop:
-    """The parent's interrupt, in the child: a `KeyboardInterrupt` in the main thread, once.
-
-    A thread takes the parent's signal and sends another one to the main thread. The system hands a signal that is meant
-    for a process to any of its threads, to another than the main one while that has one pending, and a main thread that
-    waits for a lock is not woken by what another thread got. It is sent again until it is heard: the interpreter does
-    not look for signals between its last instruction and a call that waits, nor can it raise anything in the finaliser
-    of an object.
-    """
-
-    def __init__(self) -> None:
-        self._main = threading.get_ident()
-        self._raised: SimpleQueue[bool] = SimpleQueue()  # which a signal's handler may write to at any moment
-        self._has_raised = self._is_noting = False
-        sys.unraisablehook = self._note
-        signal.signal(STOP, self._raise)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {STOP})
-        threading.Thread(target=self._pass_on, name="lingjing-interrupts", daemon=True).start()
-
-    def _pass_on(self) -> None:
-        signal.sigwait({_INTERRUPT})
-        while True:
-            signal.pthread_kill(self._main, STOP)
-            with contextlib.suppress(Empty):
-                if self._raised.get(timeout=_BEAT_S):
-                    self._raised.get()  # in vain
-
-    def _raise(self, number: int, frame: FrameType | None) -> None:
-        if self._is_noting:
-            self._raised.put(False)
-        elif not self._has_raised:
-            self._has_raised = True
-            self._raised.put(True)
-            raise KeyboardInterrupt
-
-    def _note(self, ignored: sys.UnraisableHookArgs) -> None:
-        if not issubclass(ignored.exc_type, KeyboardInterrupt):
-            sys.__unraisablehook__(ignored)
-            return
-        self._is_noting, self._has_raised = True, False  # what is raised in here would be ignored as well
-        self._raised.put(False)
-        self._is_noting = False
-
-
-def _listen() -> None:
-    """Hear the parent alone: what a terminal sends to all, it passes on. Children of policies get the usual signals."""
-    for name in _ENDING:
-        if signal.getsignal(getattr(signal, name)) != signal.SIG_IGN:
-            signal.signal(getattr(signal, name), lambda number, frame: None)
-    _Stop()
-
-
-def _failure(error: BaseException) -> _Failed | _Refused | _Spoilt:
-    said = _said(error)
-    if _is_spoilt(error):
-        return _Spoilt(f"a policy left its process unable to go on: {said}")
-    if isinstance(error, LingjingError):
-        hint, trace = error.hint, "".join(traceback.format_exception(error))
-        return _Failed(int(error.exit_code), str(error), hint, trace)
-    if isinstance(error, OSError) and error.errno is not None:
-        return _Refused(error.errno, error.strerror or str(error), str(error.filename or ""))
-    return _Failed(int(ExitCode.BUG), said, "", "".join(traceback.format_exception(error)))
-
-
-def _said(error: BaseException) -> str:
-    """Type, words and place of an exception in one line."""
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" [{Path(frames[-1].filename).name}:{frames[-1].lineno}]" if frames else ""
-    return f"{type(error).__name__}: {error}{place}"
-
-
-def _is_spoilt(error: BaseException | None) -> bool:
-    """Whether it, or what it came from, is for want of descriptors, memory, threads, depth or loaded modules."""
-    if __name__ not in sys.modules:
-        return True
-    while error is not None:
-        if isinstance(error, (RecursionError, MemoryError)) or getattr(error, "errno", None) in _SPOILT:
-            return True
-        if isinstance(error, RuntimeError) and "start new thread" in str(error):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
-
-
-def _leave(code: int) -> NoReturn:
-    """Flush, run what was registered for the end, end the children; never return."""
-    with contextlib.suppress(BaseException):
-        atexit._run_exitfuncs()
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(BaseException):
-            stream.flush()
-    with contextlib.suppress(BaseException):
-        end_children(set())
-    os._exit(code)

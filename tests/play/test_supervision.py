@@ -18,11 +18,13 @@ import pytest
 
 from lingjing.analysis.metrics import StageMetric
 from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
-from lingjing.play import supervision
+from lingjing.play import supervised_child
+from lingjing.play.child_messages import ChildMessage
 from lingjing.play.descendants import _children_by_parent, adopting, children
 from lingjing.play.raw_output import RawOutput
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
-from lingjing.play.supervision import SeedFolder, play_supervised
+from lingjing.play.supervised_child import SeedFolder
+from lingjing.play.supervision import play_supervised
 from tests.play.report_kit import blank_metrics, made_report
 
 METRICS = blank_metrics(kilobytes=1.5, stages=(StageMetric(name="detect", done=1, required=3, cumulative=False),))
@@ -103,13 +105,13 @@ def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, mon
 
 
 def test_nonsense_in_the_pipe_is_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tell = supervision._tell
+    tell = supervised_child.tell
 
-    def scribble(pipe: int, message: supervision._Message) -> None:
+    def scribble(pipe: int, message: ChildMessage) -> None:
         tell(pipe, message)
         os.write(pipe, b"\x03\0\0\0\0\0\0\0{x}")
 
-    monkeypatch.setattr(supervision, "_tell", scribble)
+    monkeypatch.setattr(supervised_child, "tell", scribble)
     assert played(lambda seed: os._exit(0), tmp_path, (1,))[1].reason == ABORTED
 
 
