@@ -32,6 +32,7 @@ from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.repetition import Assignments
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Action, BoundaryRecord, Receipt
+from lingjing.trace.request_ids import is_request_of
 
 OUT_OF_BOUNDS = frozenset({"clipped", "altitude", "outside_world", "unreachable", "water"})
 """Reasons of first receipts that name a bound of place, height or motion."""
@@ -214,8 +215,7 @@ def _places(command: Action) -> bool:
 
 def _first_receipts(record: BoundaryRecord) -> dict[str, Receipt]:
     """The first receipt of each agent's command of this boundary."""
-    prefix = f"c{record.tick}-"
-    own = [one for one in record.receipts if one.request.startswith(prefix)]
+    own = [one for one in record.receipts if is_request_of("command", one.request, record.tick)]
     return {receipt.sender: receipt for receipt in reversed(own)}
 
 

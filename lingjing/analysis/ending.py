@@ -24,6 +24,7 @@ from lingjing.mission.expression import components
 from lingjing.mission.wording import some
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Outcome, Receipt
+from lingjing.trace.request_ids import is_request_of
 
 IDLE_TICKS = 5
 """Idle stretches that are told of are at least so long."""
@@ -222,7 +223,8 @@ def _refused(trace: Trace) -> Iterator[str]:
             if made.decision.command is not None:
                 verbs[made.agent, record.tick] = made.decision.command.verb
         for receipt in record.receipts:
-            if receipt.status == "rejected" and receipt.by != "policy" and not receipt.request.startswith("k"):
+            own = is_request_of("kernel command", receipt.request)
+            if receipt.status == "rejected" and receipt.by != "policy" and not own:
                 found.setdefault((receipt.sender, receipt.reason), []).append(receipt)
     most = sorted(found.items(), key=lambda one: -len(one[1]))
     for (sender, reason), receipts in most[:_MOST]:

@@ -11,13 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lingjing.kernel import assignments
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.registry import Registry, Report, initial
-from lingjing.plugins.policy import REFERENCE
+from lingjing.kernel.registry_update import RegistryUpdate, updated
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
@@ -38,16 +37,16 @@ def registries(trace: Trace) -> Iterator[Rebuilt]:
     adjudicator, budgets, inspections = Adjudicator(instance), Budgets(instance), Inspections(instance)
     registry = initial(instance)
     for record in trace.boundaries:
-        updated = inspections.follow(registry, _updated(registry, record, trace, budgets), record.snapshots)
-        verdict = adjudicator.adjudicate(registry, updated, record.snapshots)
+        after = updated(registry, _update(registry, record, budgets), instance)
+        after = inspections.follow(registry, after, record.snapshots)
+        verdict = adjudicator.adjudicate(registry, after, record.snapshots)
         registry = verdict.registry
         at = adjudicator.instant(registry, registry.states, registry.time_s)
         yield Rebuilt(record, registry, at, verdict.events == record.events)
 
 
-def _updated(registry: Registry, record: BoundaryRecord, trace: Trace, budgets: Budgets) -> Registry:
-    """What the kernel adds to its registry before it adjudicates, in its order."""
-    instance = trace.header.instance
+def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> RegistryUpdate:
+    """What a recorded boundary added to the kernel's registry."""
     own = [command for command in record.commands if command.origin == "kernel"]
     asked = [command for command in record.commands if command.origin == "agent"]
     missing = {one.request for one in record.receipts if one.reason == "no_receipt" and one.by == "kernel"}
@@ -57,22 +56,21 @@ def _updated(registry: Registry, record: BoundaryRecord, trace: Trace, budgets: 
         tally.take_message(report.sender, report.kind)
     for command in asked:
         tally.take_command(command.resource, command.verb)
-    progress = budgets.spend(tally.onto(registry.progress), record.decisions)
-    states = record.snapshots[-1].states if record.snapshots else tuple(registry.states.values())
-    return (
-        registry.with_boundary(record.tick, record.time_s, states, record.unheard, progress)
-        .with_receipts(asked, record.receipts)
-        .with_lost_unlocks(own, missing)
-        .with_events([event for event in record.task_events if not event.name])
-        .with_routes(record.routes)
-        .with_frames([frame for frame in record.frames if frame.camera != REFERENCE], instance)
-        .with_reports(reports)
-        .with_assignments(
-            (
-                *assignments.from_commands(asked, record.receipts),
-                *assignments.from_messages(record.messages, instance.agents),
-            )
-        )
+    return RegistryUpdate(
+        tick=record.tick,
+        time_s=record.time_s,
+        states=record.snapshots[-1].states if record.snapshots else tuple(registry.states.values()),
+        unheard=record.unheard,
+        progress=budgets.spend(tally.onto(registry.progress), record.decisions),
+        asked=asked,
+        own=own,
+        missing=missing,
+        receipts=record.receipts,
+        events=[event for event in record.task_events if not event.name],
+        routes=record.routes,
+        frames=record.frames,
+        reports=reports,
+        messages=record.messages,
     )
 
 

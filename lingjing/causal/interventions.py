@@ -24,6 +24,7 @@ from lingjing.mission.instance import Instance
 from lingjing.suggest import nearest
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Decision, DecisionRecord, Envelope, MessageChange, Substitution
+from lingjing.trace.request_ids import request_id
 
 
 class BranchPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -167,7 +168,9 @@ class InterveningPolicies:
         for made in decisions:
             said = made.decision.messages
             left = tuple(
-                one for place, one in enumerate(said, number + 1) if f"m{tick + 1}-{place}" not in self._withheld
+                one
+                for place, one in enumerate(said, number + 1)
+                if request_id("message", tick + 1, place) not in self._withheld
             )
             number += len(said)
             changed = len(left) != len(said)

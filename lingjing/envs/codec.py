@@ -22,6 +22,7 @@ from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum
 from lingjing.mission.model import Field
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
+from lingjing.trace.request_ids import is_request_of
 
 SpaceValue = npt.NDArray[Any]
 
@@ -181,7 +182,7 @@ class Codec:
 
     def _receipt(self, inbox: Inbox) -> int:
         """The latest word on a command of the agent; 0 if there is none."""
-        mine = [receipt for receipt in inbox.receipts if receipt.request.startswith("c")]
+        mine = [receipt for receipt in inbox.receipts if is_request_of("command", receipt.request)]
         return STATUSES.index(mine[-1].status) + 1 if mine else 0
 
     # -- actions

@@ -9,8 +9,9 @@ In the order of control:
 - `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the `links` between agents;
 - `commands` validates and resolves physical commands (ValidateAndResolve); `budgets` counts what both use up;
 - `world` hosts and couples the engines (`contract` is all that the kernel knows of it);
-- `registry` is G, the shared state: an immutable value that `Update` replaces; `progress` is the part of it that
-  budgets, inspections, stages and constraints keep; `append_only` is the mapping that its growing parts are made of;
+- `registry` is G, the shared state: an immutable value, which `registry_update` replaces (Update); `progress` is the
+  part of it that budgets, inspections, stages and constraints keep; `append_only` is the mapping that its growing parts
+  are made of;
 - `assignments` reads destinations from commands and messages; `inspections` follows routes waypoint by waypoint;
 - `scheduled` are the mission's own events (weather, entities that come and go) at their boundaries;
 - `pictures` decides which pictures are taken and what policies receive of them; `reference_pictures` are those shown at

@@ -22,6 +22,7 @@ from lingjing.kernel.links import MessageLinks
 from lingjing.mission.instance import AgentSpec, Instance, MessageSpec
 from lingjing.plugins.decisions import MESSAGES_PER_CALL
 from lingjing.trace.records import Envelope, Outgoing, Receipt
+from lingjing.trace.request_ids import request_id
 
 
 class Bus(msgspec.Struct, frozen=True):
@@ -80,7 +81,7 @@ class MessageRouter:
         receipts: list[Receipt] = []
         sent = [(sender, place, message) for sender, each in candidates for place, message in enumerate(each)]
         for number, (sender, place, message) in enumerate(sent, 1):
-            candidate = _Candidate(f"m{tick}-{number}", tick, sender, message, place)
+            candidate = _Candidate(request_id("message", tick, number), tick, sender, message, place)
             new, receipt = self._counted(candidate, frames, unheard, tally)
             edges.extend(new)
             receipts.append(receipt)

@@ -23,6 +23,7 @@ from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, In
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.decisions import altitude_band, argument_bounds
 from lingjing.trace.records import Action, Command, Receipt
+from lingjing.trace.request_ids import request_id
 
 PREEMPTING = "stop"
 """The one verb that is admitted while its resource is busy."""
@@ -86,7 +87,7 @@ class CommandValidator:
             if action is None:
                 continue
             number += 1
-            name = f"c{tick}-{number}"
+            name = request_id("command", tick, number)
             resource = self._resource(sender, action)
             fault = self._fault(sender, action, resource, registry, tick, admitted)
             fault = fault or self._conduct_fault(action, resource, tally, at)

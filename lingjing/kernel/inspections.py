@@ -17,6 +17,7 @@ from lingjing.kernel.progress import EpisodeProgress, Inspected
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.instance import InspectionSpec, Instance
 from lingjing.trace.records import BodyState, Command, Route, Snapshot
+from lingjing.trace.request_ids import request_id
 
 PLAN = "route"
 """Verb of the kernel-origin command that asks the asset's engine for a route to a place (`x`, `y`)."""
@@ -109,7 +110,7 @@ def commands_of(wanted: Iterable[Wish], tick: int, sender: str, first: int) -> t
     """Kernel-origin commands that ask for routes; their ids go on from `first`."""
     return tuple(
         Command(
-            id=f"k{tick}-{number}",
+            id=request_id("kernel command", tick, number),
             tick=tick,
             sender=sender,
             resource=asset,

@@ -9,6 +9,7 @@ import msgspec
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.digest import input_digest
 from lingjing.trace.records import DecisionRecord, FrameInfo, InboxRecord, ObservationRecord, Receipt
+from lingjing.trace.request_ids import request_id
 
 
 def observation_record(
@@ -43,7 +44,7 @@ def substitutions(decisions: Sequence[DecisionRecord], tick: int, time_s: float)
     """One receipt for each policy output that had to be replaced, addressed to the agent itself."""
     return tuple(
         Receipt(
-            request=f"p{tick}-{made.agent}",
+            request=request_id("policy answer", tick, made.agent),
             tick=tick,
             sender=made.agent,
             resource="",

@@ -18,7 +18,7 @@ import msgspec
 from msgspec import field
 from msgspec.structs import replace
 
-from lingjing.kernel import assignments, pictures
+from lingjing.kernel import pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, MessageRouter
@@ -29,8 +29,9 @@ from lingjing.kernel.evaluation import MissionEvaluator, combine
 from lingjing.kernel.inspections import Inspections, commands_of
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
-from lingjing.kernel.reference_pictures import ReferencePictures, is_reference
+from lingjing.kernel.reference_pictures import ReferencePictures
 from lingjing.kernel.registry import Registry, Report, initial
+from lingjing.kernel.registry_update import RegistryUpdate, updated
 from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.supported import check_playable
@@ -52,12 +53,11 @@ from lingjing.trace.records import (
     Receipt,
     TaskEvent,
 )
+from lingjing.trace.request_ids import is_request_of, request_id
 from lingjing.trace.signals import deferring_signals
 
 KERNEL: Literal["kernel"] = "kernel"
 """The sender of the kernel's own commands. Their receipts name hidden entities and are no agent's to see."""
-
-_UNLOCK_ID = "k"
 
 Recorder = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
 """The recorder R: receives every committed boundary with its pictures."""
@@ -202,7 +202,7 @@ class Kernel:
         unlocks = tuple(
             [
                 Command(
-                    id=f"{_UNLOCK_ID}{tick}-{number}",
+                    id=request_id("kernel command", tick, number),
                     tick=tick,
                     sender=KERNEL,
                     resource=entity,
@@ -297,7 +297,7 @@ class Kernel:
         answers = [
             self._projector.told(receipt)
             for receipt in receipts
-            if shown != "none" and not receipt.request.startswith(_UNLOCK_ID)
+            if shown != "none" and not is_request_of("kernel command", receipt.request)
         ]
         return {
             agent.id: Inbox(
@@ -319,24 +319,23 @@ class Kernel:
         receipts: Sequence[Receipt],
         frames: Sequence[StoredFrame],
     ) -> Registry:
-        updated = (
-            registry.with_boundary(
-                boundary.tick, boundary.time_s, boundary.snapshots[-1].states, boundary.unheard, inputs.progress
-            )
-            .with_receipts(inputs.resolved.commands, receipts)
-            .with_lost_unlocks(inputs.own, boundary.missing)
-            .with_events(boundary.events)
-            .with_routes(boundary.routes)
-            .with_frames([frame.info for frame in frames if not is_reference(frame)], self.instance)
-            .with_reports(inputs.reports)
-            .with_assignments(
-                (
-                    *assignments.from_commands(inputs.resolved.commands, receipts),
-                    *assignments.from_messages(inputs.envelopes, self.instance.agents),
-                )
-            )
+        update = RegistryUpdate(
+            tick=boundary.tick,
+            time_s=boundary.time_s,
+            states=boundary.snapshots[-1].states,
+            unheard=boundary.unheard,
+            progress=inputs.progress,
+            asked=inputs.resolved.commands,
+            own=inputs.own,
+            missing=boundary.missing,
+            receipts=receipts,
+            events=boundary.events,
+            routes=boundary.routes,
+            frames=[frame.info for frame in frames],
+            reports=inputs.reports,
+            messages=inputs.envelopes,
         )
-        return self._inspections.follow(registry, updated, boundary.snapshots)
+        return self._inspections.follow(registry, updated(registry, update, self.instance), boundary.snapshots)
 
     def _observe(
         self, registry: Registry, happened: Sequence[TaskEvent], answers: Sequence[StoredFrame | Absent]

@@ -3,6 +3,7 @@
 In the order in which an episode meets them:
 
 - `records`    the vocabulary: what engines, agents and the kernel say to each other, and what is kept of it
+- `request_ids` what requests are called: commands, messages, the kernel's own
 - `images`     pictures as bytes and back; policies receive what is stored
 - `encoding`   records as JSON, the same bytes for the same record
 - `digest`     what two runs are compared by: the chain over boundaries, the one over pictures, the digest of one policy

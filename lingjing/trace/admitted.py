@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from lingjing.mission.instance import Datum, Instance
 from lingjing.trace.records import BoundaryRecord
+from lingjing.trace.request_ids import request_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ def _unheard(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[
     for made in record.decisions:
         for message in made.decision.messages:
             number += 1
-            name = f"m{record.tick}-{number}"
+            name = request_id("message", record.tick, number)
             if name in accepted and message.kind in categories:
                 yield AdmittedMessage(
                     name, record.tick, made.agent, message.kind, categories[message.kind], message.body

@@ -15,6 +15,7 @@ from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.trace.admitted import AdmittedMessage, admitted_at, categories_of
 from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt, TaskEvent
+from lingjing.trace.request_ids import is_request_of
 
 KEPT_LINES = 64
 _REFUSED = ("rejected", "timed_out", "substituted")
@@ -156,7 +157,7 @@ class Watched:
                 agent.command, agent.status, agent.refused = command_words(made.decision.command), "asked", False
         for receipt in record.receipts:
             agent = self.agents.get(receipt.sender)
-            if agent is not None and (receipt.request.startswith("c") or receipt.status == "substituted"):
+            if agent is not None and (is_request_of("command", receipt.request) or receipt.status == "substituted"):
                 agent.status, agent.refused = (
                     status_words(receipt),
                     receipt.status in ("rejected", "timed_out", "substituted"),
