@@ -57,8 +57,9 @@ def _columns() -> int:
     with suppress(ValueError):
         if (told := int(os.environ.get("COLUMNS", ""))) > 0:
             return told
-    with suppress(AttributeError, ValueError, OSError):  # no standard output, a closed one, no terminal
-        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
+    with suppress(ValueError, OSError):  # standard output is closed, or no terminal
+        if sys.__stdout__ is not None:
+            return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
     return 80
 
 
