@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.errors import LingjingError
+from lingjing.errors import LingjingError, UsageError
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City, content_sha256
@@ -17,10 +17,23 @@ UNCREDITED = ("", "procedural")
 def city_of(trace: Trace) -> City | None:
     """The city a trace was played in, built again; None if it is no longer to be had exactly as it was."""
     try:
-        city = build_city(trace.header.instance.scene, PluginHost())
+        return rebuilt_city(trace, PluginHost())
     except LingjingError:
         return None  # another machine's map, or a plug-in that is not here: the trace is drawn without
-    return city if content_sha256(city) == trace.header.city_sha256 else None
+
+
+def rebuilt_city(trace: Trace, host: PluginHost) -> City:
+    """The city a trace was played in, built again. Raises `UsageError` that says why it is no longer to be had."""
+    try:
+        city = build_city(trace.header.instance.scene, host)
+    except LingjingError as error:
+        raise UsageError(f"the city of {trace.path} is not to be had here: {error}", hint=error.hint) from error
+    if content_sha256(city) != trace.header.city_sha256:
+        raise UsageError(
+            f"the city of {trace.path} is not to be had here as it was: what is built now is another one",
+            hint="its map, its plug-in or the version that built it has changed",
+        )
+    return city
 
 
 def surroundings_of(trace: Trace) -> Surroundings:

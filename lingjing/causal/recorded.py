@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from lingjing.analysis.played_city import city_of
+from lingjing.analysis.played_city import rebuilt_city
 from lingjing.errors import UsageError
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel, Published, Recorder
@@ -129,7 +129,7 @@ class RecordedRun:
             raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before it began")
         host = host or PluginHost()
         instance = trace.header.instance
-        self.city = _city(trace)
+        self.city = rebuilt_city(trace, host)
         scorers = [host.evaluator(name) for name in trace.header.evaluators]
         evaluators = build_evaluators(scorers, instance, host, trace.header.evaluator_options)
         self.trace = trace
@@ -177,16 +177,6 @@ class RecordedRun:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
-
-
-def _city(trace: Trace) -> City:
-    city = city_of(trace)
-    if city is None:
-        raise UsageError(
-            f"the city of {trace.path} is not to be had here as it was",
-            hint="its map, its plug-in or the version that built it is another",
-        )
-    return city
 
 
 def _absent(request: CaptureRequest, record: BoundaryRecord) -> Absent:

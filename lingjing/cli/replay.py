@@ -53,7 +53,10 @@ def sentence(told: Replay) -> str:
     pictures = "pictures drawn anew" if told.drawn else "boxes of pictures taken from the trace"
     if told.difference is None:
         text = f"{told.path}: confirmed: {told.boundaries} boundaries, digest {told.digest[:16]}, {pictures}"
-        return text + (f"\n  pixels differ first in {told.pixels}" if told.pixels else "")
+        text += f"\n  pixels differ first in {told.pixels}" if told.pixels else ""
+        return text + (
+            f"\n  confirmed though made with other libraries: {', '.join(told.versions)}" if told.versions else ""
+        )
     other = told.difference
     held = f"{told.confirmed} of {told.boundaries} confirmed, {pictures}"
     lines = [f"{told.path}: differs at boundary {other.boundary} ({held})"]

@@ -11,13 +11,19 @@ from lingjing.bench.columns import shipped
 from lingjing.causal.recorded import RecordedRun
 from lingjing.causal.replay import Replay, replay
 from lingjing.cli.main import main
+from lingjing.cli.replay import sentence
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.expression import Number
 from lingjing.play.episode import run
+from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import content_sha256
 from lingjing.trace.digest import START, next_digest
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import Action, BoundaryRecord, Decision
+from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Header
+from tests.kernel import kernel_kit as kit
+from tests.scene.osm_maps import square, town
 
 replace = msgspec.structs.replace
 
@@ -96,6 +102,76 @@ def differs_at_the_end(trace: Trace) -> str:
     return told.difference.field
 
 
+def test_an_edited_command_is_named_by_the_body_that_it_moved(search: Trace) -> None:
+    """Whether or not the digests were computed anew."""
+    tick = next(one.tick for one in search.boundaries if any(_sent(made) for made in one.decisions))
+    decisions = tuple(_elsewhere(made) for made in search.boundaries[tick].decisions)
+    changed = forged(search, tick, decisions=decisions)
+    records = tuple(
+        replace(one, digest=old.digest) for one, old in zip(changed.boundaries, search.boundaries, strict=True)
+    )
+    bare = Trace(search.path, search.header, records, search.outcome, True, search.places)
+    for trace in (changed, bare):
+        at, engine, field = differs(trace)
+        assert (at, engine) == (tick, "multirotor") and ".states[uav[" in field
+
+
+def _sent(made: DecisionRecord) -> bool:
+    command = made.decision.command
+    return made.agent.startswith("scout") and command is not None and "x" in command.arguments
+
+
+def _elsewhere(made: DecisionRecord) -> DecisionRecord:
+    command = made.decision.command
+    if command is None or not _sent(made):
+        return made
+    return replace(
+        made, decision=replace(made.decision, command=replace(command, arguments={**command.arguments, "x": 0.0}))
+    )
+
+
+def test_decisions_of_others_than_the_agents_are_named(search: Trace) -> None:
+    first, *others = search.boundaries[3].decisions
+    for decisions in ((replace(first, agent="nobody"), *others), (*others, first), (first, first, *others)):
+        assert differs(forged(search, 3, decisions=decisions)) == (3, "kernel", "decisions")
+
+
+def test_boundaries_that_are_missing_or_there_twice_are_named(search: Trace) -> None:
+    records = search.boundaries
+    for some in (records[:5] + records[6:], records[:5] + records[4:], records[1:]):
+        other = replay(Trace(search.path, search.header, some, search.outcome, True, search.places), world="inline")
+        assert other.difference is not None and other.confirmed < other.boundaries
+        assert (other.difference.engine, other.difference.field) == ("kernel", "tick")
+
+
+def test_another_weather_another_seer_and_lost_pictures_are_named(search: Trace) -> None:
+    header = search.header
+    weather = replace(header.instance.weather, wind_mps=header.instance.weather.wind_mps + 1.0)
+    headers = {
+        "observations[scout[1]].weather.wind_mps": replace(header, instance=replace(header.instance, weather=weather)),
+        "observations[scout[1]].privileged": replace(header, bindings=()),
+    }
+    for field, other in headers.items():
+        given = Trace(search.path, other, search.boundaries, search.outcome, True, search.places)
+        assert differs(given) == (0, "kernel", field)
+    seen = next(record for record in search.boundaries if record.frames)
+    assert differs(forged(search, seen.tick, frames=()))[0] == seen.tick
+
+
+def test_a_trace_of_another_version_says_so_even_if_it_is_confirmed(search: Trace) -> None:
+    header = replace(search.header, fingerprint={**search.header.fingerprint, "jsbsim": "0.0.1"})
+    told = replay(Trace(search.path, header, search.boundaries, search.outcome, True, search.places), world="inline")
+    assert told.difference is None
+    assert "confirmed though made with other libraries: jsbsim 0.0.1 (here " in sentence(told)
+
+
+def test_a_file_that_is_cut_anywhere_is_run_as_far_as_it_reads(search: Trace, tmp_path: Path) -> None:
+    whole, part = search.path.read_bytes(), tmp_path / "trace.mcap"
+    part.write_bytes(whole[: 6 * len(whole) // 10])
+    told = replay(read_trace(part), world="inline")
+    assert told.difference is None and 1 < told.confirmed == told.boundaries < len(search.boundaries)
+
+
 def test_another_instance_is_not_this_episode(search: Trace) -> None:
     instance = search.header.instance
     moved = tuple(
@@ -117,8 +193,77 @@ def test_a_partial_trace_is_run_to_its_last_boundary(search: Trace) -> None:
 
 def test_a_city_that_is_gone_is_said(search: Trace) -> None:
     header = replace(search.header, city_sha256="0")
-    with pytest.raises(UsageError, match="city of"):
+    with pytest.raises(UsageError, match="what is built now is another one"):
         replay(Trace(search.path, header, search.boundaries, None, False), world="inline")
+
+
+MAPPED = """
+ljs 1
+use std.air { quadrotor }
+mission mapped "In a town" {
+  goal "Go there."
+  scene map { file = "town.osm" }
+  clock { tick = 5 s, sync = 500 ms }
+  budget { ticks <= 9 }
+  region corner = box((0 m, 90 m), (20 m, 110 m))
+  asset uav : quadrotor { position = (300 m, -300 m, 20 m), band = 10 m..60 m, actions { setDestination } }
+  agent pilot as pilot controls uav { observes uav.* }
+  success when uav in corner
+}
+"""
+
+
+def test_a_city_of_a_map_is_built_again_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    town().write(tmp_path / "town.osm")
+    (tmp_path / "mapped.ljs").write_text(MAPPED)
+    trace = read_trace(run("mapped.ljs", policy="random", seed=1, out="episode", world="inline", overview=False).trace)
+    assert replay(trace, world="inline").difference is None
+    more = town()
+    more.way(square(-300.0, 40.0, 30.0), {"building": "yes"})
+    more.write(tmp_path / "town.osm")
+    with pytest.raises(UsageError, match="what is built now is another one"):
+        replay(trace, world="inline")
+    (tmp_path / "town.osm").unlink()
+    with pytest.raises(UsageError, match=r"not to be had here: .*town\.osm"):
+        replay(trace, world="inline")
+
+
+class _Scene:
+    """The kit's city as a plug-in offers it."""
+
+    @hookimpl
+    def lingjing_scenes(self) -> list[ScenePlugin]:
+        return [ScenePlugin(name="kit", build=lambda spec: kit.CITY)]
+
+
+class _Faster(kit.Glider):
+    """Another version of the engine: what it is told to do takes it a little further."""
+
+    def advance(self, until, mirrors):  # type: ignore[no-untyped-def]
+        made = super().advance(until, mirrors)
+        states = tuple(
+            replace(one, position=(one.position[0] + 1e-6 * self.time_s, *one.position[1:])) for one in made.states
+        )
+        return replace(made, states=states)
+
+
+def test_an_engine_of_a_plug_in_is_confirmed_and_another_version_of_it_is_named() -> None:
+    instance, records = kit.make_instance(), list[BoundaryRecord]()
+    kernel = kit.make_kernel(instance)
+    records.append(kernel.reset().record)
+    idle = {"scout_1": Decision(), "scout_2": Decision(), "skipper": kit.does("go", x=50.0, y=0.0)}
+    records += [kernel.step(kit.decisions(**idle)).record for _ in range(3)]
+    header = Header(instance=instance, bindings=(), fingerprint={}, city_sha256=content_sha256(kit.CITY))
+    trace = Trace(Path("kit.mcap"), header, tuple(records), None, False)
+    told = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin())))
+    assert told.difference is None and told.confirmed == 4
+    other = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin(glider=_Faster)))).difference
+    assert other is not None and (other.boundary, other.engine) == (1, "glider")
+    assert other.field.endswith(".states[uav[1]].position[0]")
+    with pytest.raises(UsageError, match="no engine is called `glider`"):
+        replay(trace, world="inline", host=PluginHost(extra=(_Scene(),)))
 
 
 def test_a_run_goes_on_from_any_boundary_with_other_decisions(search: Trace) -> None:
