@@ -1,0 +1,102 @@
+"""An episode of a chat model that is branched: answered from its record up to the branch, asked anew beyond it; a real
+server on loopback. Where it cannot be, the branch says so."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from agents.tests.chat_server import NOOP, ChatServer, Reply, serve
+from lingjing.causal.branch_host import BranchHost
+from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.redriven import BranchOptions
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.trace.call_store import CALLS_NAME
+from lingjing.trace.reader import Trace, read_trace
+
+TEXT = """\
+ljs 1
+use std.air { quadrotor }
+use std.sensors { nadir_hd }
+
+mission rise "One goes up" {
+  goal "Go up."
+  scene bay
+  clock { tick = 2 s, sync = 500 ms }
+  budget { ticks <= 4, policy <= 30 s, engine <= 60 s, capture <= 60 s }
+  asset uav[1..2] : quadrotor {
+    position = at(i, [(100 m, -700 m), (140 m, -700 m)], spread 8 m), band = 20 m..60 m
+    camera nadir : nadir_hd { size = 320 by 180 }
+    actions { takeoff, takePhoto }
+  }
+  agent scout as scout controls uav[1] { observes uav[1].*, events }
+  success when distance_xy(uav[1], uav[2]) <= 0 m
+}
+"""
+LOOK = {
+    **NOOP,
+    "thought": "look",
+    "command": {"verb": "takePhoto", "arguments": {"camera": "nadir"}, "resource": "uav[1]"},
+}
+RISE = {**NOOP, "thought": "rise", "command": {"verb": "takeoff", "arguments": {}, "resource": "uav[1]"}}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ChatServer]:
+    """Says to look down; then, once the episode is over, to rise."""
+    with serve([Reply(LOOK)]) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def seen(server: ChatServer, tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    folder = tmp_path_factory.mktemp("rise")
+    (folder / "rise.ljs").write_text(TEXT)
+    report = lingjing.run(
+        folder / "rise.ljs", policy="react", policy_args={"model": "m", "base_url": server.url}, overview=False,
+        world="inline", out=folder / "episode",
+    )  # fmt: skip
+    server.script = [Reply(RISE)]
+    return read_trace(report.trace)
+
+
+def options(trace: Trace, calls: str = "live") -> BranchOptions:
+    return BranchOptions(trace=str(trace.path), calls=calls, referenced=())
+
+
+def test_answers_are_recorded_ones_up_to_the_branch_and_live_beyond_it(
+    server: ChatServer, seen: Trace, tmp_path: Path
+) -> None:
+    asked = len(server.requests)
+    assert asked == 4
+    with BranchHost(seen, options(seen)) as host:
+        (null,) = host.play([BranchPlan(at=4)])
+        assert (null.failed, null.differs, len(server.requests)) == ("", None, asked)
+        (branch,) = host.play([BranchPlan(at=2, out=str(tmp_path / "branch"))])
+    assert (branch.failed, branch.differs, branch.swayed) == ("", 3, 3)
+    assert len(server.requests) == asked + 2
+    made = read_trace(branch.path)
+    assert made.boundaries[:3] == seen.boundaries[:3]
+    thoughts = [one.decision.thought for record in made.boundaries for one in record.decisions]
+    assert thoughts == ["look", "look", "rise", "rise"]
+    told = str(server.requests[-2]["messages"])
+    assert told.count("look") > 1  # the model is told what it itself said up to the branch
+
+
+def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
+    server: ChatServer, seen: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = len(server.requests)
+    assert main(["fork", str(seen.path), "--at", "2"]) == ExitCode.USAGE
+    told = capsys.readouterr().err
+    assert "`scout` asked chat models: beyond the branch nothing is recorded" in told and "--calls live" in told
+    alone = tmp_path / "trace.mcap"
+    alone.write_bytes(seen.path.read_bytes())
+    with (
+        pytest.raises(UsageError, match=f"no record of model calls .`{CALLS_NAME}`"),
+        BranchHost(seen, options(read_trace(alone))),
+    ):
+        pass
+    assert len(server.requests) == asked
