@@ -45,7 +45,7 @@ RISE = {**NOOP, "thought": "rise", "command": {"verb": "takeoff", "arguments": {
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[ChatServer]:
-    """Says to look down; then, once the episode is over, to rise."""
+    """Says to look down; then, once the episode is over, to rise and to look down."""
     with serve([Reply(LOOK)]) as opened:
         yield opened
 
@@ -58,7 +58,8 @@ def seen(server: ChatServer, tmp_path_factory: pytest.TempPathFactory) -> Trace:
         folder / "rise.ljs", policy="react", policy_args={"model": "m", "base_url": server.url}, overview=False,
         world="inline", out=folder / "episode",
     )  # fmt: skip
-    server.script = [Reply(RISE)]
+    answers = iter([RISE, LOOK])
+    server.script = lambda request: Reply(next(answers))
     return read_trace(report.trace)
 
 
@@ -80,7 +81,7 @@ def test_answers_are_recorded_ones_up_to_the_branch_and_live_beyond_it(
     made = read_trace(branch.path)
     assert made.boundaries[:3] == seen.boundaries[:3]
     thoughts = [one.decision.thought for record in made.boundaries for one in record.decisions]
-    assert thoughts == ["look", "look", "rise", "rise"]
+    assert thoughts == ["look", "look", "rise", "look"]
     told = str(server.requests[-2]["messages"])
     assert told.count("look") > 1  # the model is told what it itself said up to the branch
 

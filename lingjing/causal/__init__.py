@@ -9,6 +9,6 @@
 - `redriven`  an episode with its policies in one process, to be forked; `shared_camera` draws for all branches
 - `branching` one branch, in a fork; `branch_process` holds boundaries and forks ← `branch_host`, its caller's end
 - `blame`     the search for what repairs ← `shapley` (shares), `placebos` (luck); `message_value` what was worth saying
-- `telling`   all of that in words
+- `telling`   all of that in words; `processor_time` what a process has cost
 - `lookback`  pictures that no agent asked for, drawn from the states that a trace holds
 """

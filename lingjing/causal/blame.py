@@ -88,7 +88,7 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
     `repairs` are all smallest repairing sets, those that replace the fewest records first; with `complete` all sets of
     that size were tried. `departed` counts the pairs in which agents departed from their references at all. `exhausted`
     says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches, `driven_s` that of
-    running the episode again.
+    running the episode again, `camera_s` that of the `drawn` pictures.
     """
 
     path: str
@@ -105,6 +105,8 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
     exhausted: bool = False
     cpu_s: float = 0.0
     driven_s: float = 0.0
+    drawn: int = 0
+    camera_s: float = 0.0
 
 
 def blame(trace: Trace, options: BlameOptions | None = None, progress: HostProgress | None = None) -> Blame:
@@ -159,6 +161,8 @@ class _Search:
             exhausted=self._short,
             cpu_s=self._host.cpu_s,
             driven_s=self._host.driven_s,
+            drawn=self._host.drawn,
+            camera_s=self._host.camera_s,
         )
 
     # -- branches

@@ -47,6 +47,8 @@ class BranchHost:
         self.played = 0
         self.cpu_s = 0.0
         self.driven_s = 0.0
+        self.drawn = 0
+        self.camera_s = 0.0
         self._progress: HostProgress = progress or (lambda what, done, due: None)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         command = [sys.executable, "-P", "-m", "lingjing.causal.branch_process"]
@@ -96,6 +98,8 @@ class BranchHost:
             results[told.index] = told.result
             self.played += 1
             self.cpu_s += told.result.cpu_s
+            self.drawn += told.result.drawn
+            self.camera_s = told.camera_s
         self._progress(what, len(plans), len(plans))
         return tuple(results[index] for index in range(len(plans)))
 

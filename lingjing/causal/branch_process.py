@@ -25,8 +25,9 @@ from typing import NoReturn
 
 import msgspec
 
-from lingjing.causal.branching import BranchResult, cpu_of, play_branch
+from lingjing.causal.branching import BranchResult, play_branch
 from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.processor_time import cpu_of
 from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
@@ -80,10 +81,11 @@ class EpisodeDriven(HostMessage, frozen=True, kw_only=True):
 
 
 class BranchPlayed(HostMessage, frozen=True, kw_only=True):
-    """Branch `index` of those asked for has ended."""
+    """Branch `index` of those asked for has ended. `camera_s` is what drawing has taken so far."""
 
     index: int
     result: BranchResult
+    camera_s: float
 
 
 class HostFailed(HostMessage, frozen=True, kw_only=True):
@@ -277,7 +279,8 @@ class _Server:
         del running[descriptor]
         lost = BranchResult(failed="the process of the branch ended without a word")
         result = msgspec.msgpack.decode(told, type=BranchResult) if told else lost
-        self._say(BranchPlayed(index=index, result=result))
+        assert self._episode is not None
+        self._say(BranchPlayed(index=index, result=result, camera_s=self._episode.camera.cpu_s))
 
 
 def _refuse_threads() -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import os
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -162,13 +160,3 @@ def _header(trace: Trace, plan: BranchPlan, reference: str) -> Header:
             reference=reference if plan.substitutions else "",
         ),
     )
-
-
-def cpu_of(pid: int) -> float:
-    """CPU seconds that another process has taken so far (clock_getcpuclockid(3))."""
-    return time.clock_gettime((~pid << 3) | 2)
-
-
-def own_parent_cpu() -> float:
-    """CPU seconds of the process that this one was forked from."""
-    return cpu_of(os.getppid())

@@ -15,6 +15,7 @@ import socket
 from collections.abc import Sequence
 from typing import NoReturn
 
+from lingjing.causal.processor_time import cpu_of
 from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.engine_group import start_engines
@@ -40,10 +41,19 @@ class SharedCamera:
         self._door, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel: tuple[int, PacketSocket] | None = None
         parent = os.getpid()
-        if os.fork() == 0:
+        self._process = os.fork()
+        if self._process == 0:
             self._door.close()
             _serve(theirs, instance, city, host, parent)
         theirs.close()
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU seconds that drawing has taken so far; 0.0 if the camera has ended."""
+        try:
+            return cpu_of(self._process)
+        except OSError:
+            return 0.0
 
     def capture(
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]

@@ -157,7 +157,8 @@ def _placebo_line(placebos: Placebos) -> str:
 
 def _cost(told: Blame) -> str:
     more = ", and the budget did not suffice for all" if told.exhausted else ""
-    return f"cost: {_count(told.branches, 'branch')}, {told.cpu_s + told.driven_s:.0f} s CPU{more}"
+    drawn = f" and {told.camera_s:.0f} s for {_count(told.drawn, 'picture')}" if told.drawn else ""
+    return f"cost: {_count(told.branches, 'branch')}, {told.cpu_s + told.driven_s:.0f} s CPU{drawn}{more}"
 
 
 def value_text(episodes: Sequence[EpisodeValues]) -> str:
