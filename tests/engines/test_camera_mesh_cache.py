@@ -14,7 +14,8 @@ from lingjing.data import CACHE_OFF
 from lingjing.engines.camera import cityscape, mesh_cache
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
-from lingjing.engines.camera.mesh_cache import MeshCache
+from lingjing.engines.camera.mesh_cache import MeshCache, Texture, kept_texture
+from lingjing.engines.camera.noise import grain_texture
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
 from lingjing.scene.city import City, Prop
 from tests.engines.camera_town import WHY_NOT, look, pieces, ready
@@ -46,6 +47,31 @@ def counted() -> tuple[Callable[[], TileMesh], list[int]]:
 def bytes_of(given: TileMesh) -> tuple[object, ...]:
     parts = tuple((name, p.vertices.tobytes(), p.index.tobytes()) for name, p in given.parts.items())
     return parts, given.coarse, given.boxes.tobytes(), given.low.tobytes(), given.high.tobytes()
+
+
+def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: Path) -> None:
+    made: list[int] = []
+
+    def make() -> Texture:
+        made.append(1)
+        return grain_texture()
+
+    first, second = kept_texture("grain", make), kept_texture("grain", make)
+    assert (first.shape, first.dtype, first.tobytes()) == (second.shape, second.dtype, second.tobytes())
+    assert len(made) == 1
+    (file,) = folder.iterdir()
+    file.write_bytes(file.read_bytes()[:-1] + b"?")
+    assert kept_texture("grain", make).tobytes() == first.tobytes()
+    assert len(made) == 2
+    assert kept_texture("another", make).tobytes() == first.tobytes()
+    assert len(list(folder.iterdir())) == 2
+
+
+def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder.parent.write_bytes(b"no folder")
+    assert kept_texture("grain", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
+    monkeypatch.setenv(CACHE_OFF, "1")
+    assert kept_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 
 
 def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:

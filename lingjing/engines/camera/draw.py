@@ -28,6 +28,7 @@ from lingjing.engines.camera.ground import SHORE_REACH_M, Ground, LandSurface
 from lingjing.engines.camera.instances import Batch, afloat, in_sight, visible
 from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
+from lingjing.engines.camera.mesh_cache import kept_texture
 from lingjing.engines.camera.mesh_rows import MeshPart
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
@@ -111,9 +112,9 @@ class Renderer:
         self._far_corners = self.context.buffer((corners * np.float32(SPAN_M / SEA_SPAN_M)).tobytes())
         noise = noise_texture()
         self._noise, self._lace = self.texture(noise), lace_texture()
-        grain = grain_texture()
+        grain = kept_texture("grain", grain_texture)
         self._grains = {name: self.texture(np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()}
-        self._clouds = self.texture(cloud_texture())
+        self._clouds = self.texture(kept_texture("clouds", cloud_texture))
         self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         self._sea = (self._sea_texture(), self._sea_texture())
         self._sea_scales = ((1.0, 1.0), (1.0, 1.0))

@@ -1,23 +1,26 @@
 """Meshes of a city's tiles on disk (`$XDG_CACHE_HOME/lingjing/meshes`), so that a city is meshed once and not by every
-process that draws it.
+process that draws it; with them the textures that are the same in every city.
 
-A file is named by what decides its content: the city's (its props apart, which are in no mesh), the code that meshes
-(this package and that of scenes), the versions and the instructions of the libraries that compute, and the tile. It is
-kept by `lingjing.kept_files`; a mesh whose indices are wrong is made again too. Where nothing can be written nothing is
-kept. Together the files take `MOST_BYTES` at most, and what one process has written since it last looked. With
-`LINGJING_NO_CACHE` nothing is read and nothing is kept.
+A file is named by what decides its content: the city's (its props apart, which are in no mesh) and the tile, or the
+texture's name; the code (this package and that of scenes), the versions and the instructions of the libraries that
+compute. It is kept by `lingjing.kept_files`; a mesh whose indices are wrong is made again too. Where nothing can be
+written nothing is kept. Together the files take `MOST_BYTES` at most, and what one process has written since it last
+looked. With `LINGJING_NO_CACHE` nothing is read and nothing is kept.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from lingjing import scene
 from lingjing.data import cache_folder, cache_is_off
@@ -27,6 +30,8 @@ from lingjing.kept_files import prune, read_kept, write_kept
 from lingjing.numerics import taken
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.tiles import TileKey
+
+Texture = npt.NDArray[np.uint8]
 
 MOST_BYTES = 1 << 30
 MOST_FILES = 1 << 20
@@ -77,11 +82,34 @@ class MeshCache:
             self._folder = None
 
 
+def kept_texture(name: str, make: Callable[[], Texture]) -> Texture:
+    """A texture that nothing decides but the code and its libraries: the kept one, else what `make` gives, which is
+    then kept where that is possible."""
+    if cache_is_off():
+        return make()
+    file = Path(cache_folder(), "meshes", f"{_key(name)}.texture")
+    with suppress(OSError, ValueError):
+        data = read_kept(str(file))
+        if data is not None:
+            return np.lib.format.read_array(BytesIO(data), allow_pickle=False)
+    made = make()
+    stream = BytesIO()
+    np.lib.format.write_array(stream, made, allow_pickle=False)
+    with suppress(OSError):
+        write_kept(str(file), stream.getvalue())
+        prune(str(file.parent), most_bytes=MOST_BYTES, most_files=MOST_FILES)
+    return made
+
+
 def _city_key(city: City) -> str:
+    return _key(_standing_sha256(city))
+
+
+def _key(content: str) -> str:
+    """What content, code and libraries decide."""
     chosen = taken()
     told = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {chosen[name]}" for name in _CHOSEN]
-    parts = (_standing_sha256(city), _code_sha256(), *told)
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:40]
+    return hashlib.sha256("\n".join((content, _code_sha256(), *told)).encode()).hexdigest()[:40]
 
 
 def _standing_sha256(city: City) -> str:
