@@ -60,6 +60,7 @@ def test_the_papers_models_are_listed_in_its_order_and_each_can_be_reached():
         assert entry.images, name
         assert entry.priced == (name != "qwen3-vl-flash"), name  # of that one no price was to be found
         assert bool(entry.price_source) == bool(entry.price_in), name
+        assert entry.price_source in PluginHost().models[name].summary
         if entry.tier == "open":
             assert (entry.service, entry.context, entry.price_in, entry.price_out) == ("vllm", 16_384, 0.0, 0.0), name
     assert sum(table.models[name].tier == "commercial" for name in PAPER[:12]) == 5

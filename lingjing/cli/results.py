@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 _LOOK = "the trace holds what happened before; `lingjing doctor` checks this machine"
+_GONE = "no trace is left of it; if something clears its folder, choose another with -o; see `lingjing doctor`, too"
 NARROWEST = 60
 """Columns of a terminal; in a narrower one lines are easier to read than a table."""
 
@@ -43,8 +44,12 @@ def explain(episodes: Sequence[EpisodeReport]) -> None:
             _say(f"interrupted: seed {episode.seed} at tick {episode.ticks}; the partial trace is {episode.trace}")
         if episode.reason == ABORTED:
             _say(f"error: seed {episode.seed} was aborted: {episode.detail}")
-    for hint in dict.fromkeys(episode.hint or _LOOK for episode in episodes if episode.reason == ABORTED):
+    for hint in dict.fromkeys(_hint(episode) for episode in episodes if episode.reason == ABORTED):
         _say(f"hint: {hint}")
+
+
+def _hint(aborted: EpisodeReport) -> str:
+    return aborted.hint or (_LOOK if Path(aborted.trace).exists() else _GONE)
 
 
 def _say(line: str) -> None:

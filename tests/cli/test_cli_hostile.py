@@ -125,6 +125,7 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
     said = f"the trace out/ssr-broadcast-0-1/trace.mcap{said}"
     assert first["detail"].startswith(said)
     assert f"error: seed 0 was aborted: {said}" in done.stderr
+    assert ("hint: no trace is left of it" in done.stderr) == (deed == "vanish")
     assert read_trace(short / second["trace"]).complete
 
 

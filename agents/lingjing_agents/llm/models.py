@@ -173,8 +173,9 @@ def known_models() -> tuple[ModelPlugin, ...]:
 def _summary(entry: ModelEntry, service: ServiceEntry) -> str:
     key = f"key in {service.key_variable}" if service.key_variable else "no key"
     context = f"{entry.context:,} tokens" if entry.context else "context not known"
-    sight = "pictures" if entry.images else "text alone"
-    return f"{entry.title or entry.served}: {entry.served} at {entry.service}, {key}; {context}, {sight}"
+    takes = "pictures" if entry.images else "text alone"
+    price = f"; price: {entry.price_source}" if entry.price_source else ""
+    return f"{entry.title or entry.served}: {entry.served} at {entry.service}, {key}; {context}, {takes}{price}"
 
 
 def _configuration() -> Path:
