@@ -12,7 +12,8 @@ import msgspec
 from lingjing.cli.files import print_columns
 from lingjing.cli.option_listing import OptionSpec, option_specs
 from lingjing.errors import ExitCode, PluginError, UsageError
-from lingjing.mission.kinds import SceneOption, scene_kind
+from lingjing.mission.kinds import scene_kind
+from lingjing.mission.kinds_format import SceneOption
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_model

@@ -10,7 +10,7 @@ Modules in the order a mission passes them:
   words, and the bounds they set).
 - `hidden_reads`: whether a condition reads what agents may not know.
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
-  data; `kinds_file`: a plug-in's file of it, checked.
+  data; `kinds_format`: the file that says it; `kinds_file`: a plug-in's, checked.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
   JSON value, by its schema.
 - `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with places,

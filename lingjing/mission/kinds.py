@@ -12,13 +12,14 @@ import math
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 import msgspec
 
 from lingjing.errors import Fault, UsageError
 from lingjing.mission.geometry2d import Polygon, left_of
 from lingjing.mission.instance import Option, SceneSpec
+from lingjing.mission.kinds_format import EngineKind, KindsFile, SceneKind, SceneOption, joined, names_of
 
 FILE = "kinds.json"
 
@@ -31,111 +32,7 @@ SEA_M = -3.0
 LINE_MOST_M = 25_000.0
 """How far from the origin a line or an outline may lead: the widest scene's extent and as much again."""
 
-Surface = Literal["ground", "road", "roof", "facade", "bridge", "pipe", "water"]
-"""What a thing can stand on in a scene."""
-
 _BUILTIN = Path(__file__).parents[1] / "engines" / FILE
-_SUFFIXES = {"metres": ("_m",), "size": ("_rows", "_columns"), "range": ("_low_m", "_high_m")}
-
-
-class _Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    pass
-
-
-class SceneOption(_Record, frozen=True, kw_only=True):
-    """An option of a scene.
-
-    `low` and `high` bound a number and both numbers of a size or a range, `points` says how many points a line or an
-    outline has at least, `within` that it lies in the scene. `default` is what counts where a mission names none.
-    `needs_shore`: it makes no sense in a scene without a shore. `without` is an option that excludes this one.
-    `drawn`: an author may draw the value (`~`).
-    """
-
-    type: Literal["text", "number", "metres", "size", "range", "positions", "region"]
-    help: str = ""
-    low: float | None = None
-    high: float | None = None
-    points: Annotated[int, msgspec.Meta(ge=0)] = 0
-    default: float | tuple[float, float] | None = None
-    within: bool = False
-    needs_shore: bool = False
-    without: str = ""
-    drawn: bool = False
-
-
-class SceneKind(_Record, frozen=True, kw_only=True):
-    """A kind of scene.
-
-    `like` names a kind of the same file that says what this one leaves out; options are joined one by one.
-    `extent_m` is the width of a scene without the option `extent`, `outskirts_m` how far its city reaches beyond its
-    extent on each side, `wider_by` the options with which it may reach farther. `shore` says whether the sea lies
-    beside dry ground at elevation 0: always (`own`), where the option `shore` gives it (`given`), or never (`none`).
-    `lacks` are the surfaces that it has not, `unless` the options that bring one nevertheless. `level` are those whose
-    elevation is known: water lies at the datum, a road on the ground at 0 or, where the option `bridge` names one, up
-    to its `deck`. `land` are outlines of dry land that every city of the kind has. `aside_m` is how far it
-    may move what stands on no declared surface. Exactly one of the options `one_of` must be given, as `one_of_hint`
-    says.
-    """
-
-    name: str
-    like: str = ""
-    summary: str = ""
-    options: dict[str, SceneOption] = {}
-    extent_m: Annotated[float, msgspec.Meta(gt=0)] | None = None
-    outskirts_m: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    wider_by: tuple[str, ...] = ()
-    shore: Literal["own", "given", "none"] = "none"
-    lacks: tuple[Surface, ...] = ()
-    unless: dict[str, str] = {}
-    level: tuple[Surface, ...] = ()
-    land: tuple[Polygon, ...] = ()
-    aside_m: Annotated[float, msgspec.Meta(ge=0)] = 250.0
-    one_of: tuple[str, ...] = ()
-    one_of_hint: str = ""
-
-    def spelled(self) -> dict[str, str]:
-        """Each option as an instance has it → as an author spells it."""
-        return {name: spelled for spelled, option in self.options.items() for name in names_of(spelled, option)}
-
-    def default(self, spelled: str) -> tuple[float, ...]:
-        """The numbers of an option that a mission leaves out; none where the scene works them out."""
-        given = self.options[spelled].default if spelled in self.options else None
-        return () if given is None else given if isinstance(given, tuple) else (given,)
-
-
-class EngineKind(_Record, frozen=True, kw_only=True):
-    """A kind of engine.
-
-    `acts`: its entities can perform interactions. `landbound`: its bodies are never under the ground or the sea.
-    `stands_on` is the surface that they are always on. `anywhere`: they may begin outside of the scene, which they
-    cross at once. `orbits`: elements place them. `standard_properties`: speeds, endurances and loads mean what the
-    language says.
-    """
-
-    name: str
-    acts: bool = True
-    landbound: bool = False
-    stands_on: Surface | Literal[""] = ""
-    anywhere: bool = False
-    orbits: bool = False
-    standard_properties: bool = False
-
-
-class KindsFile(_Record, frozen=True, kw_only=True):
-    """What one file says, with `like` resolved (`joined`)."""
-
-    scenes: tuple[SceneKind, ...] = ()
-    engines: tuple[EngineKind, ...] = ()
-
-    @property
-    def by_scene(self) -> dict[str, SceneKind]:
-        """The scenes by name."""
-        return {kind.name: kind for kind in self.scenes}
-
-    @property
-    def by_engine(self) -> dict[str, EngineKind]:
-        """The engines by name."""
-        return {kind.name: kind for kind in self.engines}
 
 
 class SceneFault(msgspec.Struct, frozen=True):
@@ -178,29 +75,10 @@ def is_described(kind: Literal["scene", "engine"], name: str) -> bool:
 
 def described_by(plugin: str) -> KindsFile:
     """What the file of an installed entry point describes; nothing if it has none. `PluginError` if it has faults."""
-    from lingjing.mission.kinds_file import read
-
     file = next((file for name, file in _files() if name == plugin), None)
     if file is None:
         return KindsFile()
-    return _builtin() if file.samefile(_BUILTIN) else read(file, plugin)
-
-
-def joined(document: object) -> Any:
-    """The decoded text of a file with `like` resolved: each scene with all that the ones it is like say.
-
-    What is of another type than it should be stays as it is.
-    """
-    scenes = document.get("scenes") if isinstance(document, dict) else None
-    if not isinstance(document, dict) or not isinstance(scenes, list):
-        return document
-    named = {scene["name"]: scene for scene in scenes if isinstance(scene, dict) and isinstance(scene.get("name"), str)}
-    return document | {"scenes": [_joined(scene, named) if isinstance(scene, dict) else scene for scene in scenes]}
-
-
-def names_of(spelled: str, option: SceneOption) -> tuple[str, ...]:
-    """What an instance calls the values of an option: `height` is `height_low_m` and `height_high_m`."""
-    return tuple(spelled + suffix for suffix in _SUFFIXES.get(option.type, ("",)))
+    return _builtin() if file.samefile(_BUILTIN) else _read(file, plugin)
 
 
 def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
@@ -293,9 +171,13 @@ def _builtin() -> KindsFile:
 @cache
 def _plugins() -> tuple[KindsFile, ...]:
     """The files of the plug-ins that are installed, in the order of their names."""
-    from lingjing.mission.kinds_file import read
+    return tuple(_read(file, name) for name, file in _files() if not file.samefile(_BUILTIN))
 
-    return tuple(read(file, name) for name, file in _files() if not file.samefile(_BUILTIN))
+
+def _read(file: Path, plugin: str) -> KindsFile:
+    from lingjing.mission.kinds_file import read  # its checks are needed only where a plug-in has a file
+
+    return read(file, plugin, _builtin())
 
 
 def _files() -> Iterator[tuple[str, Path]]:
@@ -311,23 +193,6 @@ def _files() -> Iterator[tuple[str, Path]]:
             file = (within if within.is_dir() else within.parent) / FILE
             if file.is_file():
                 yield point.name, file
-
-
-def _joined(scene: dict[str, Any], named: dict[str, Any], passed: tuple[str, ...] = ()) -> dict[str, Any]:
-    like = scene.get("like")
-    if not isinstance(like, str) or like not in named or like in passed:
-        return scene
-    base = _joined(named[like], named, (*passed, like))
-    given, own = base.get("options", {}), scene.get("options", {})
-    inherited = {field: value for field, value in base.items() if field not in ("name", "like")}
-    if not isinstance(given, dict) or not isinstance(own, dict):
-        return inherited | scene
-    options = {name: _option_joined(given.get(name), option) for name, option in own.items()}
-    return inherited | scene | {"options": given | options}
-
-
-def _option_joined(base: object, option: object) -> object:
-    return base | option if isinstance(base, dict) and isinstance(option, dict) else option
 
 
 def _choice_faults(spec: SceneSpec, kind: SceneKind) -> Iterator[SceneFault]:

@@ -15,14 +15,7 @@ import msgspec
 
 from lingjing.errors import Fault, PluginError
 from lingjing.mission.faults import lines_of, schema_faults
-from lingjing.mission.kinds import (
-    KindsFile,
-    SceneOption,
-    builtin_engines,
-    builtin_scenes,
-    joined,
-    names_of,
-)
+from lingjing.mission.kinds_format import KindsFile, SceneOption, joined, names_of
 
 _NAME = re.compile(r"[^\W\d]\w*")
 _EVERY_SCENE = ("datum", "layout", "origin")
@@ -30,8 +23,11 @@ _NUMBERS = {"number": 1, "metres": 1, "size": 2, "range": 2}
 """How many numbers the default of an option has, by its type; the other types have no default."""
 
 
-def read(file: Path, plugin: str) -> KindsFile:
-    """The kinds that a plug-in's file describes. `PluginError` that names both and tells every fault of the file."""
+def read(file: Path, plugin: str, builtin: KindsFile) -> KindsFile:
+    """The kinds that a plug-in's file describes, none of which may be `builtin`.
+
+    `PluginError` that names both and tells every fault of the file.
+    """
     told = f"plug-in `{plugin}`: {file} does not describe kinds of scenes and engines"
     hint = "docs/scenes.md says what the file holds"
     try:
@@ -39,7 +35,7 @@ def read(file: Path, plugin: str) -> KindsFile:
     except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise PluginError(f"{told}: {error}", hint=hint) from error
     document = joined(given)
-    faults = _where_said(document, dict.fromkeys((*_type_faults(document), *_meaning_faults(document))))
+    faults = _where_said(document, dict.fromkeys((*_type_faults(document), *_meaning_faults(document, builtin))))
     if faults:
         hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
         raise PluginError(f"{told}:\n{lines_of(faults)}", hint="; ".join(hints) or hint, faults=faults)
@@ -78,14 +74,14 @@ def _type_faults(document: object) -> tuple[Fault, ...]:
     return ()
 
 
-def _meaning_faults(document: object) -> Iterator[Fault]:
+def _meaning_faults(document: object, builtin: KindsFile) -> Iterator[Fault]:
     """What no type says: of the parts that are of their types, so that one run tells all."""
-    for part, builtin in (("scenes", builtin_scenes()), ("engines", builtin_engines())):
+    for part, taken in (("scenes", builtin.by_scene), ("engines", builtin.by_engine)):
         records = _records(document, part)
         counts = Counter(name for _, record in records if isinstance(name := record.get("name"), str))
         for place, record in records:
             name = record.get("name")
-            if isinstance(name, str) and name in builtin:
+            if isinstance(name, str) and name in taken:
                 yield Fault(f"{place}.name", f"`{name}` is built in", "give it a name of its own")
             if isinstance(name, str) and counts[name] > 1:
                 yield Fault(f"{place}.name", f"`{name}` is described {counts[name]} times", "describe it once")

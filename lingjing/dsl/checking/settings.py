@@ -15,7 +15,8 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
-from lingjing.mission.kinds import SceneOption, builtin_scenes, scene_kind
+from lingjing.mission.kinds import builtin_scenes, scene_kind
+from lingjing.mission.kinds_format import SceneOption
 from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
 from lingjing.mission.vocabulary import MODES
 

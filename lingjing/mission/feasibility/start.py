@@ -16,7 +16,8 @@ from lingjing.mission.feasibility.outline import Body, Outline, of_mission, too_
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import Estimate, exactly
-from lingjing.mission.kinds import SceneKind, scene_kind
+from lingjing.mission.kinds import scene_kind
+from lingjing.mission.kinds_format import SceneKind
 from lingjing.mission.values import Value
 
 _NOW = "now"
