@@ -13,10 +13,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.trace.records import CameraPose
-
-UnitBox = tuple[float, float, float, float]
-"""A normalised box: x0, y0, x1, y1 as shares of a picture's width and height."""
+from lingjing.trace.records import CameraPose, UnitBox
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.foxglove_city import city_update
-from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, FrameInfo, Snapshot
+from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, FrameInfo, Snapshot, UnitBox
 from lingjing.trace.surroundings import CityMesh
 from lingjing.trace.topics import CITY, HIDDEN, SCENE, TRANSFORMS, camera_topic, entity_topic
 from lingjing.trace.wire import field
@@ -41,9 +41,6 @@ from lingjing.trace.wire import field
 Topic = str
 Derived = tuple[Topic, ContainerSchema, bytes]
 """A message on its way into the container: topic, schema, encoded bytes."""
-
-UnitBox = tuple[float, float, float, float]
-"""Left, top, right, bottom as shares of a picture's width and height."""
 
 WORLD = "world"
 _COLOURS = {"asset": (0.10, 0.45, 0.90), "target": (0.95, 0.35, 0.10)}

@@ -32,6 +32,10 @@ DORMANT = "dormant"
 """The status of an entity that has not appeared yet or is gone: not drawn, not hit, seen by nobody."""
 
 
+UnitBox = tuple[float, float, float, float]
+"""Left, top, right, bottom as shares of a picture's width and height; origin top left."""
+
+
 class BodyState(TraceRecord, frozen=True, kw_only=True):
     """One entity at one instant, as its owner reports it; also the mirror that other engines receive.
 
@@ -183,7 +187,7 @@ class Box(TraceRecord, frozen=True, kw_only=True):
 
     entity: str
     cls: str
-    box: tuple[float, float, float, float]
+    box: UnitBox
     pixels: int
     contrast: float | None = None
 

@@ -13,8 +13,17 @@ from lingjing.mission.instance import Datum, Instance
 from lingjing.trace import foxglove
 from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.encoding import to_json
-from lingjing.trace.foxglove import Derived, UnitBox
-from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, FrameInfo, Score, Thought, TraceRecord
+from lingjing.trace.foxglove import Derived
+from lingjing.trace.records import (
+    BodyState,
+    BoundaryRecord,
+    CameraPose,
+    FrameInfo,
+    Score,
+    Thought,
+    TraceRecord,
+    UnitBox,
+)
 from lingjing.trace.schemas import container_schema
 from lingjing.trace.surroundings import Surroundings
 from lingjing.trace.topics import SCORE, agent_topic

@@ -17,12 +17,12 @@ MOST_CAMERAS = 8
 MOST_AGENTS = 8
 """Of so many there are panels."""
 
-Json = bool | int | float | str | None | Sequence["Json"] | Mapping[str, "Json"]
+LayoutValue = bool | int | float | str | None | Sequence["LayoutValue"] | Mapping[str, "LayoutValue"]
 
 
 def foxglove_layout(instance: Instance, *, truth: bool) -> str:
     """The layout as JSON. Hidden targets and true boxes are switched off without `truth`; they are in the file."""
-    panels: dict[str, Json] = {
+    panels: dict[str, LayoutValue] = {
         "3D!world": _world(instance, truth=truth),
         "Plot!score": _plot(("score", "score"), ("scr", "subtask completion rate")),
         "RosOut!log": {"topicToRender": "/log", "minLogLevel": 1, "searchTerms": []},
@@ -67,7 +67,7 @@ def foxglove_layout(instance: Instance, *, truth: bool) -> str:
     return json.dumps(made, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _stack(panels: Sequence[str], direction: str) -> Json:
+def _stack(panels: Sequence[str], direction: str) -> LayoutValue:
     """Panels beside each other, each as large as the others."""
     if len(panels) == 1:
         return panels[0]
@@ -79,7 +79,7 @@ def _stack(panels: Sequence[str], direction: str) -> Json:
     }
 
 
-def _world(instance: Instance, *, truth: bool) -> Json:
+def _world(instance: Instance, *, truth: bool) -> LayoutValue:
     places = _places(instance)
     wide = max((math.dist(a, b) for a in places for b in places), default=0.0)
     east, north = _middle(places)
@@ -101,7 +101,7 @@ def _world(instance: Instance, *, truth: bool) -> Json:
     }  # fmt: skip
 
 
-def _image(topic: str, *, truth: bool) -> Json:
+def _image(topic: str, *, truth: bool) -> LayoutValue:
     return {
         "imageMode": {
             "imageTopic": topic,
@@ -112,7 +112,7 @@ def _image(topic: str, *, truth: bool) -> Json:
     }
 
 
-def _plot(*series: tuple[str, str]) -> Json:
+def _plot(*series: tuple[str, str]) -> LayoutValue:
     return {
         "paths": [
             {"value": f"{SCORE}.{field}", "label": label, "enabled": True, "timestampMethod": "receiveTime"}
@@ -151,6 +151,6 @@ def _middle(places: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
 
 
-def _centre(instance: Instance) -> Json:
+def _centre(instance: Instance) -> LayoutValue:
     latitude, longitude = instance.scene.origin
     return {"lat": latitude, "lon": longitude}

@@ -18,9 +18,9 @@ from lingjing.errors import UsageError
 from lingjing.mission.instance import Entity
 from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.surroundings import OVERHEAD_M
-from lingjing.trace.foxglove import UnitBox, body_turn, camera_axes, geodetic, log_lines
+from lingjing.trace.foxglove import body_turn, camera_axes, geodetic, log_lines
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receipt, Snapshot
+from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receipt, Snapshot, UnitBox
 from lingjing.trace.shown import ReportedBoxes, cameras_at
 from lingjing.trace.topics import entity_topic
 from lingjing.viewer.told import ToldEpisode
