@@ -1,8 +1,10 @@
 """`blame`: what would have had to be different for a lost episode to be won, found by branches of it.
 
 The search goes from coarse to fine. A null fork must be the episode itself. Then each (faculty, agent) pair in which
-an agent departed from its reference is replaced from its first departure on, alone; where none repairs, smaller and
-smaller sets of them are (delta debugging; Zeller and Hildebrandt 2002), and all pairs. What repairs is narrowed to the
+an agent departed from its reference is replaced from its first departure on, alone; where none repairs, all are at
+once. If that does not win either, what agents then get wrong that they never came to before is replaced too, until it
+wins or nothing new shows. Then smaller and smaller sets are tried (delta debugging; Zeller and Hildebrandt 2002), and
+all sets of two. What repairs is narrowed to the
 smallest window of boundaries that still does, by bisection over the boundaries at which something was replaced. Shares
 are Shapley values of the game "which replaced pairs win": exact for few players, else by sampled permutations (Castro,
 Gómez and Tejada 2009) from named streams. Placebos say how often a branch wins that has no right to: one record
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
+from typing import cast
 
 import msgspec
 from msgspec.structs import replace
@@ -62,7 +65,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """One faculty of one agent that is to be blamed. `boundary` is where it began: the agent's first departure from
     its reference, or, of an agent that never decides as its reference does, the last boundary from which the repair
     still works. `first` to `last` is the smallest window of boundaries in which replacing it repairs; `replaced` counts
-    the records that are replaced in it."""
+    the records that are replaced in it. A `masked` one shows only where others are replaced: `boundary` is that of its
+    first departure there."""
 
     agent: str
     faculty: Faculty
@@ -70,6 +74,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     first: int
     last: int
     replaced: int
+    masked: bool = False
 
 
 class Repair(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,9 +91,9 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be blamed for a lost episode.
 
     `repairs` are all smallest repairing sets, those that replace the fewest records first; with `complete` all sets of
-    that size were tried. `departed` counts the pairs in which agents departed from their references at all. `exhausted`
-    says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches, `driven_s` that of
-    running the episode again, `camera_s` that of the `drawn` pictures.
+    that size were tried. `departed` counts the pairs in which agents departed from their references in the trace.
+    `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches,
+    `driven_s` that of running the episode again, `camera_s` that of the `drawn` pictures.
     """
 
     path: str
@@ -139,6 +144,7 @@ class _Search:
         self._options = options
         self._won: dict[frozenset[AgentFaculty], BranchResult] = {}
         self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
+        self._masked: dict[AgentFaculty, int] = {}
         self._short = False
 
     def run(self, told: Blame) -> Blame:
@@ -190,8 +196,9 @@ class _Search:
     def _plan(
         self, pairs: Iterable[AgentFaculty], windows: Mapping[AgentFaculty, tuple[int, int | None]] | None = None
     ) -> BranchPlan:
-        """The pairs replaced, each from its first departure on or in its window."""
-        spans = {pair: (windows or {}).get(pair, (self._departures[pair][0], None)) for pair in pairs}
+        """The pairs replaced, each from its first departure on or in its window; masked ones as early as any."""
+        since = {pair: (self._masked.get(pair, ticks[0]), None) for pair, ticks in self._departures.items()}
+        spans = {pair: (windows or {}).get(pair, since[pair]) for pair in pairs}
         return BranchPlan(
             at=min(first for first, _ in spans.values()),
             substitutions=tuple(
@@ -213,18 +220,36 @@ class _Search:
         pairs = list(self._departures)
         singles = [frozenset((pair,)) for pair in pairs]
         found = [one for one, won in zip(singles, self._try(singles, "one at a time"), strict=True) if won]
-        if found or len(pairs) < 2:
+        if found or not pairs:
             return found, not self._short
-        whole = frozenset(pairs)
-        if not self._try([whole], "all at once")[0]:
+        if not self._all_repair():
             return [], not self._short
+        pairs = list(self._departures)
         one = self._reduced(pairs)
-        twos = [frozenset(two) for two in combinations(pairs, 2)][:MOST_PAIRS]
+        twos = [frozenset(two) for two in combinations(pairs, 2) if not self._masked.keys() >= set(two)][:MOST_PAIRS]
         found = [two for two, won in zip(twos, self._try(twos, "two at a time"), strict=True) if won]
-        every = not self._short and len(pairs) * (len(pairs) - 1) // 2 <= MOST_PAIRS
+        every = not self._short and len(twos) < MOST_PAIRS
         if found:
             return found, every
         return [one], every and len(one) <= 2
+
+    def _all_repair(self) -> bool:
+        """Whether replacing everything wins. Where it does not, what shows only then is added to what there is, and it
+        is tried again."""
+        begun = min(ticks[0] for ticks in self._departures.values())
+        while self._left:
+            whole = frozenset(self._departures)
+            (result,) = self._play([replace(self._plan(whole), watch=True)], "all at once")
+            self._won[whole] = result
+            shown: dict[AgentFaculty, list[int]] = {}
+            for part in result.departed:
+                shown.setdefault((cast("Faculty", part.faculty), part.agent), []).append(part.boundary)
+            if result.success or not shown:
+                return result.success
+            self._masked |= dict.fromkeys(shown, begun)
+            self._departures |= {pair: tuple(ticks) for pair, ticks in shown.items()}
+        self._short = True
+        return False
 
     def _reduced(self, pairs: Sequence[AgentFaculty]) -> frozenset[AgentFaculty]:
         """A set that repairs and of which no pair can be left out."""
@@ -287,6 +312,7 @@ class _Search:
             first=first,
             last=ticks[-1] if ticks else onset,
             replaced=len(ticks),
+            masked=pair in self._masked,
         )
 
     # -- how much, and by luck
@@ -304,7 +330,8 @@ class _Search:
         return [0.0 if one == empty else float(self._won[one].success) if one in self._won else None for one in sets]
 
     def _placebos(self, sets: Sequence[frozenset[AgentFaculty]]) -> Placebos:
-        innocent = {pair: ticks for pair, ticks in self._departures.items() if not any(pair in one for one in sets)}
+        involved = {pair for one in sets for pair in one} | set(self._masked)
+        innocent = {pair: ticks for pair, ticks in self._departures.items() if pair not in involved}
         number = min(self._options.placebos, self._left)
         self._short |= number < self._options.placebos
         return played_placebos(

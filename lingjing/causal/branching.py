@@ -30,7 +30,8 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
 
     `differs` is the first boundary whose digest is not the trace's (None: all are equal, to the end). `swayed` is the
     first that other decisions led to, but for what was withheld (None: nobody decided otherwise). `replaced` are the
-    records that the plan replaced. `drawn` pictures had to be drawn. `cpu_s` is what the branch took, its fork's
+    records that the plan replaced, `departed` those in which agents departed from their references in other faculties,
+    if the plan watches. `drawn` pictures had to be drawn. `cpu_s` is what the branch took, its fork's
     `fork_s` included, without the camera. `failed` says why the branch says nothing: an engine, the camera or a
     reference failed.
     """
@@ -45,6 +46,7 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     differs: int | None = None
     swayed: int | None = None
     replaced: tuple[ReplacedPart, ...] = ()
+    departed: tuple[ReplacedPart, ...] = ()
     drawn: int = 0
     cpu_s: float = 0.0
     fork_s: float = 0.0
@@ -59,7 +61,8 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
         episode.advance()
     pictures = episode.run.pictures
     pictures.until, pictures.camera = episode.tick, episode.camera.capture
-    episode.references.keep({one.agent for one in plan.substitutions})
+    if not plan.watch:
+        episode.references.keep({one.agent for one in plan.substitutions})
     episode.kernel.transit = transit(plan.messages)
     if episode.calls is not None:
         episode.calls.branched = True
@@ -82,6 +85,7 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
         differs=_differs(episode.trace, plan.at, [record.digest for record in records], outcome),
         swayed=_swayed(episode.trace, records[1 + any(one.act == "withhold" for one in plan.messages) :]),
         replaced=tuple(policies.replaced),
+        departed=tuple(policies.departed) if plan.watch else (),
         drawn=pictures.drawn,
         failed=(outcome.detail or outcome.reason) if outcome.reason in CUT_SHORT else "",
         hint=outcome.hint,

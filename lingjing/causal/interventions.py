@@ -31,7 +31,8 @@ class BranchPlan(msgspec.Struct, frozen=True, kw_only=True):
     """A branch: it leaves the trace at boundary `at`, whose decisions are the first that may differ.
 
     `replacements` (agent, boundary) → a decision are put in the place of what an agent decides there, whatever that
-    is. With `out` the branch is written as a trace into that folder.
+    is. With `out` the branch is written as a trace into that folder. With `watch` every agent's reference is asked, and
+    it is noted in what else agents depart from theirs.
     """
 
     at: int
@@ -39,10 +40,11 @@ class BranchPlan(msgspec.Struct, frozen=True, kw_only=True):
     messages: tuple[MessageChange, ...] = ()
     replacements: tuple[tuple[str, int, Decision], ...] = ()
     out: str = ""
+    watch: bool = False
 
 
 class ReplacedPart(msgspec.Struct, frozen=True, order=True):
-    """Something that a branch replaced: at which boundary, of whom, which faculty's."""
+    """A part of a decision that a branch replaced, or could have: at which boundary, of whom, which faculty's."""
 
     boundary: int
     agent: str
@@ -116,7 +118,10 @@ def _check_message(change: MessageChange, trace: Trace) -> None:
 
 
 class InterveningPolicies:
-    """The policies of a branch, in the place of the barrier's: `replaced` lists what was replaced so far."""
+    """The policies of a branch, in the place of the barrier's.
+
+    `replaced` lists what was replaced so far, `departed` what agents whose references are asked got wrong besides.
+    """
 
     def __init__(self, policies: PolicyBarrier, references: References, kernel: Kernel, plan: BranchPlan) -> None:
         self._policies = policies
@@ -124,7 +129,9 @@ class InterveningPolicies:
         self._kernel = kernel
         self._plan = plan
         self._withheld = frozenset(one.message for one in plan.messages if one.act == "withhold")
+        self._pairs = frozenset((one.faculty, one.agent) for one in plan.substitutions)
         self.replaced: list[ReplacedPart] = []
+        self.departed: list[ReplacedPart] = []
 
     def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
         """What the policies decide, with what the plan replaces."""
@@ -133,7 +140,8 @@ class InterveningPolicies:
         due = self._references.decide(published)
         decisions = self._policies.decide(published, exhausted)
         made = tuple(self._altered(one, due, scenes, tick) for one in decisions)
-        self._references.note(decisions, due, scenes)
+        found = self._references.note(decisions, due, scenes)
+        self.departed += [ReplacedPart(tick, who, what) for what, who in found if (what, who) not in self._pairs]
         return self._without_withheld(made, tick)
 
     def close(self) -> None:

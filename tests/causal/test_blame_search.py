@@ -1,0 +1,99 @@
+"""The search of `blame` over branches that are made up: what it tries, and what it concludes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lingjing.causal.blame import Blame, BlameOptions, _Search
+from lingjing.causal.branching import BranchResult
+from lingjing.causal.interventions import BranchPlan, ReplacedPart
+from lingjing.causal.telling import blame_text
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import Header
+from tests.kernel import kernel_kit as kit
+
+WAY, ORDER, LATE = ("waypoint", "skipper", 4), ("execution", "scout[1]", 9), ("handoff", "scout[2]", 12)
+
+
+class MadeUp:
+    """A host whose episode is won where all of `needed` are replaced at their boundaries. Each of them shows only where
+    those before it are replaced, and an agent goes on as it began for three boundaries."""
+
+    cpu_s = driven_s = camera_s = 0.0
+    drawn = 0
+
+    def __init__(self, *needed: tuple[str, str, int]) -> None:
+        header = Header(instance=kit.make_instance(), bindings=(), fingerprint={})
+        self.trace = Trace(Path("made-up.mcap"), header, (), None, False)
+        self.needed, self.played, self.asked = needed, 0, [""]
+
+    def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+        faculty, agent, tick = self.needed[0]
+        return {(faculty, agent): tuple(range(tick, tick + 3))}
+
+    def play(self, plans: Sequence[BranchPlan], what: str) -> tuple[BranchResult, ...]:
+        self.played += len(plans)
+        self.asked += [what] * len(plans)
+        return tuple(map(self._result, plans))
+
+    def _result(self, plan: BranchPlan) -> BranchResult:
+        """Branches that change nothing are the episode itself."""
+        spans = {(one.faculty, one.agent): (one.first, one.last) for one in plan.substitutions}
+        replaced: list[ReplacedPart] = []
+        for faculty, agent, tick in self.needed:
+            first, last = spans.get((faculty, agent), (99, None))
+            parts = [ReplacedPart(at, agent, faculty) for at in range(tick, tick + 3)]
+            mine = [part for part in parts if first <= part.boundary and (last is None or part.boundary <= last)]
+            replaced += mine
+            if tick not in {part.boundary for part in mine}:
+                shown = () if not plan.watch or (faculty, agent) in spans else tuple(parts)
+                return BranchResult(reason="budget", replaced=tuple(replaced), departed=shown)
+        return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
+
+
+def searched(host: MadeUp, branches: int = 60) -> Blame:
+    told = Blame(path="made-up.mcap", success=False, reason="budget", score=0.0)
+    return _Search(host, BlameOptions(branches=branches, placebos=0)).run(told)  # type: ignore[arg-type]
+
+
+def causes(told: Blame) -> list[list[tuple[str, str, int, bool]]]:
+    return [[(one.faculty, one.agent, one.boundary, one.masked) for one in repair.causes] for repair in told.repairs]
+
+
+def test_one_fault_is_named_where_it_began() -> None:
+    told = searched(MadeUp(WAY))
+    assert causes(told) == [[(*WAY, False)]]
+    assert told.complete and told.repairs[0].causes[0].replaced == 1
+
+
+def test_a_fault_that_another_one_hides_is_named_beside_it() -> None:
+    told = searched(MadeUp(WAY, ORDER))
+    assert causes(told) == [[(*WAY, False), (*ORDER, True)]]
+    assert told.complete and told.departed == 1
+    assert [(one.agent, one.share) for one in told.shares] == [("skipper", 0.5), ("scout[1]", 0.5)]
+    assert "execution of scout[1], from boundary 9 (1 record replaced, boundary 9; it shows only where" in blame_text(
+        told
+    )
+
+
+def test_faults_that_hide_each_other_in_a_row_are_found_one_after_the_other() -> None:
+    host = MadeUp(WAY, ORDER, LATE)
+    told = searched(host)
+    assert causes(told) == [[(*WAY, False), (*ORDER, True), (*LATE, True)]]
+    assert host.asked.count("all at once") == 3
+
+
+def test_what_no_replacement_wins_is_said() -> None:
+    class Lost(MadeUp):
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            return replace_success(super()._result(plan))
+
+    host = Lost(WAY, ORDER)
+    told = searched(host)
+    assert told.repairs == () and not told.exhausted
+    assert host.asked.count("all at once") == 2
+    assert searched(Lost(WAY, ORDER), branches=3).exhausted
+
+
+def replace_success(result: BranchResult) -> BranchResult:
+    """The branch as one that is lost for a reason that no faculty shows."""
+    return BranchResult(reason="budget", replaced=result.replaced, departed=result.departed)
