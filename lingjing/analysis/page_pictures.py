@@ -69,6 +69,11 @@ class ShownFrame:
 
 def draw_trails(trace: Trace, path: Path) -> None:
     """Write the map of an episode as a PNG. Raises `OSError` if it cannot be written."""
+    path.write_bytes(trails_png(trace))
+
+
+def trails_png(trace: Trace) -> bytes:
+    """The map of an episode with the trails, as a PNG of `MAP_IN` inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -79,7 +84,9 @@ def draw_trails(trace: Trace, path: Path) -> None:
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.01, 0.085, 0.98, 0.875))
     draw_map(axes, history_of(trace), city_of(trace), credit(trace.header.attribution), legend_columns=5)
-    figure.savefig(path, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
+    return out.getvalue()
 
 
 def best_frames(traces: Iterable[Trace]) -> list[ShownFrame]:
@@ -125,6 +132,11 @@ def in_order(shown: Iterable[ShownFrame]) -> list[ShownFrame]:
 
 
 def write_frame(shown: ShownFrame, path: Path) -> None:
+    """Write the frame as a JPEG of page width, a thin box around each target in it."""
+    path.write_bytes(frame_jpeg(shown))
+
+
+def frame_jpeg(shown: ShownFrame) -> bytes:
     """The frame as a JPEG of page width, a thin box around each target in it."""
     image = Image.open(io.BytesIO(shown.jpeg)).convert("RGB")
     if image.width > FRAME_WIDTH:
@@ -134,7 +146,9 @@ def write_frame(shown: ShownFrame, path: Path) -> None:
     for box in shown.info.boxes:
         if box.entity in shown.targets and shown.info.camera != REFERENCE:
             pen.rectangle(_grown(box.box, image.width, image.height), outline=TRUTH, width=2)
-    image.save(path, format="JPEG", quality=FRAME_QUALITY, optimize=True)
+    out = io.BytesIO()
+    image.save(out, format="JPEG", quality=FRAME_QUALITY, optimize=True)
+    return out.getvalue()
 
 
 # -- private

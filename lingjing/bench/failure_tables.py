@@ -26,7 +26,7 @@ UNGROUPED = "All"
 OTHERS = "Others"
 """The same where some have one."""
 
-_NAMES: Mapping[FailureFamily, str] = {
+FAMILY_NAMES: Mapping[FailureFamily, str] = {
     "perception_miss": "Perception miss",
     "object_confusion": "Object confusion",
     "localisation_error": "Localization error",
@@ -51,11 +51,11 @@ def failure_tables(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable
         for column in columns_of(own):
             few = [row for row in own if (row.mission, row.mode) == column]
             shares = _shares(few)
-            cells = (ResultCell(str(len(few)), len(few)), *(percent(shares[family]) for family in _NAMES))
+            cells = (ResultCell(str(len(few)), len(few)), *(percent(shares[family]) for family in FAMILY_NAMES))
             lines.append(ResultLine(own[0].group, (_called(own[0], condition), few[0].column), cells))
     yield ResultTable(
         "failures", titled(title, "failure families of each entrant (%)"), ("Entrant", "Column"),
-        ("Lost", *_NAMES.values()), tuple(lines), (_NOTE,),
+        ("Lost", *FAMILY_NAMES.values()), tuple(lines), (_NOTE,),
     )  # fmt: skip
 
 
@@ -64,7 +64,7 @@ def _balanced(tiers: Mapping[str, Sequence[SuiteRow]], title: str) -> ResultTabl
     means = {tier: _mean(list(each.values())) for tier, each in found.items()}
     lines = [
         ResultLine("", (name,), (*(percent(means[tier][family]) for tier in tiers), _most_in(family, found.values())))
-        for family, name in _NAMES.items()
+        for family, name in FAMILY_NAMES.items()
     ]
     heads = (*(f"{tier} (n = {len(own)})" for tier, own in tiers.items()), "Most in")
     note = (
@@ -140,4 +140,4 @@ def _called(row: SuiteRow, condition: str) -> str:
     return f"{name} ({condition})" if condition else name
 
 
-__all__ = ["drift_table", "failure_tables"]
+__all__ = ["FAMILY_NAMES", "drift_table", "failure_tables"]

@@ -14,7 +14,11 @@ _KEPT_APART = "merge those of one version each, or put them together all the sam
 
 def merge_results(places: Sequence[Path], *, other_code: bool = False) -> list[SuiteRow]:
     """The rows of all places, each episode once. Raises `UsageError` where they may not stand in one table."""
-    found = [(place, row) for place in places for row in read_results(place)]
+    return merge_rows([(place, row) for place in places for row in read_results(place)], other_code=other_code)
+
+
+def merge_rows(found: Sequence[tuple[Path, SuiteRow]], *, other_code: bool = False) -> list[SuiteRow]:
+    """The same of rows that were read already, each with its place."""
     _check_alike("suite", found, "merge results of one suite")
     if not other_code:
         _check_alike("code", found, _KEPT_APART)
@@ -80,4 +84,4 @@ def _named(row: SuiteRow) -> str:
     return f"{row.entrant}, {row.column}{row.condition and f', {row.condition}'}, seed {row.seed}"
 
 
-__all__ = ["merge_results"]
+__all__ = ["merge_results", "merge_rows"]

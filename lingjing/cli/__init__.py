@@ -12,6 +12,7 @@
 - `verify`, `replay`, `why`, `metrics`             a trace: is it what was written, does it happen again, why and what
 - `fork`, `blame`, `value` ← `branches`            a trace: what would have had to be different, what was worth saying
 - `view`, `film`                                   a trace to look at: in the browser, as a film
+- `report`                                         many episodes as the paper's figures
 - `shrink`                                         the smallest mission that fails as a trace did
 - `calls`                                          what an episode's policies asked chat models
 - `prompts`                                        a policy's prompts; a better one from failed traces

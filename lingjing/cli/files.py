@@ -27,12 +27,26 @@ def read_mission(path: str) -> Mission:
     return mission
 
 
-def write_output(text: str, output: str | None) -> None:
-    """Write to the file that is named, whole or not at all, or to standard output (None or `-`)."""
+def write_output(content: str | bytes, output: str | None) -> None:
+    """Write to the file that is named, whole or not at all, or a text to standard output (None or `-`)."""
     if output in (None, "-"):
-        write_data(text)
+        write_data(content if isinstance(content, str) else content.decode())
     else:
-        write_whole(str(output), text)
+        write_whole(str(output), content)
+
+
+def check_output(output: str) -> None:
+    """Raise `UsageError` where a file cannot be written, before long work is done for it."""
+    target = Path(output).resolve()
+    if output == "-" or (target.exists() and not target.is_file() and not target.is_dir()):
+        return
+    if target.is_dir():
+        raise UsageError(f"cannot write `{output}`: it is a folder", hint="name a file")
+    try:
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass
+    except OSError as error:
+        raise UsageError(f"cannot write `{output}`: {error.strerror}", hint="choose another place with -o") from None
 
 
 def print_columns(rows: Sequence[tuple[str, ...]]) -> None:
@@ -43,25 +57,26 @@ def print_columns(rows: Sequence[tuple[str, ...]]) -> None:
         print("  ".join([*cells, row[-1]]).rstrip())
 
 
-def write_whole(path: str, text: str) -> None:
+def write_whole(path: str, content: str | bytes) -> None:
     """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written.
 
-    A device or a pipe gets the text itself. A link is followed.
+    A device or a pipe gets the content itself. A link is followed. Texts are UTF-8.
     """
+    data = content.encode() if isinstance(content, str) else content
     target = Path(path).resolve()
     if target.is_dir():
         raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
     if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
-        with target.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with target.open("wb") as file:
+            file.write(data)
         return
     try:
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from None
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
         Path(temporary).chmod(0o666 & ~_umask())
         Path(temporary).replace(target)
     except BaseException:

@@ -48,6 +48,7 @@ VERBS = (
     CommandVerb("view", "lingjing.cli.view", "show an episode in the browser, or as one HTML file", computes=True),
     CommandVerb("film", "lingjing.cli.film", "make a film of an episode, MP4 or GIF", computes=True),
     CommandVerb("metrics", "lingjing.cli.metrics", "compute the paper's metrics of traces"),
+    CommandVerb("report", "lingjing.cli.report", "make the paper's figures of one's own runs", computes=True),
     CommandVerb("validate", "lingjing.cli.validate", "report every error of mission files"),
     CommandVerb("explain", "lingjing.cli.explain", "say what an error code means"),
     CommandVerb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),

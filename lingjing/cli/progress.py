@@ -1,4 +1,5 @@
-"""The live line of an episode: tick, simulated time, real-time factor, last event. Only on a terminal."""
+"""The live line of an episode (tick, simulated time, real-time factor, last event), and of work that is counted. Only
+on a terminal."""
 
 from __future__ import annotations
 
@@ -45,6 +46,32 @@ class LiveProgress:
             self._bar.update(
                 self._bar.task_ids[0], completed=boundary.tick, total=boundary.ticks, text=describe(boundary)
             )
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+class CountProgress:
+    """A context manager to be called with how much of how much is done; silent if standard error is no terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._bar: Bar | None = None
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            self._bar = _bar()
+            self._bar.start()
+            self._bar.add_task(self._title, total=None, text="")
+        return self
+
+    def __call__(self, done: int, whole: int) -> None:
+        """Show this much."""
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=done, total=whole)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -16,10 +16,6 @@ from typing import Literal, Self, Unpack
 
 import msgspec
 
-from lingjing.analysis.behaviour import actions, counted_by_tercile
-from lingjing.analysis.families import attribute
-from lingjing.analysis.incidents import incidents
-from lingjing.analysis.metrics import metrics
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.barrier import PolicyBarrier
@@ -33,12 +29,12 @@ from lingjing.kernel.world.forking import WorkerDoor
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
-from lingjing.numerics import versions, withdrawn
+from lingjing.numerics import versions
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.recorded_calls import EpisodeCalls
-from lingjing.play.report import ABORTED, EpisodeReport
+from lingjing.play.report import ABORTED, EpisodeReport, report_of
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy, options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
@@ -46,7 +42,7 @@ from lingjing.scene.city import City, content_sha256
 from lingjing.scene.displacement import displacements
 from lingjing.scene.surroundings import surroundings
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
+from lingjing.trace.records import AgentBinding, Header
 from lingjing.trace.writer import PictureParts, TraceWriter, disturbed, gone
 
 NOT_PROMISED = "this digest is not promised on other processors"
@@ -249,34 +245,9 @@ def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeRepor
         trace = read_trace(path)
     except UsageError as error:
         raise disturbed(path, str(error)) from error
-    outcome = trace.outcome or _unknown(trace)
-    deviations = withdrawn(outcome.processes)
-    instance, attributed = trace.header.instance, attribute(trace)
-    return EpisodeReport(
-        mission=instance.mission,
-        seed=instance.seed,
-        mode=instance.mode,
-        policy=options.policy,
-        policy_seed=trace.header.policy_seed,
-        success=outcome.success,
-        reason=outcome.reason,
-        scr=outcome.scr,
-        score=outcome.score,
-        ticks=outcome.ticks,
-        digest=outcome.digest,
-        frames_digest=outcome.frames_digest,
-        trace=str(path),
-        metrics=metrics(trace),
-        detail=outcome.detail,
-        hint=outcome.hint,
-        warnings=(*_warnings(trace, deviations), *(_draw_overview(trace, city) if city is not None else ())),
-        attribution=trace.header.attribution,
-        incidents=incidents(trace),
-        happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
-        withdrawn=deviations,
-        family=None if attributed is None else attributed.family,
-        terciles=counted_by_tercile(actions(trace)),
-    )
+    report = report_of(trace, options.policy)
+    said = (*_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
+    return msgspec.structs.replace(report, warnings=said)
 
 
 def _draw_overview(trace: Trace, city: City) -> tuple[str, ...]:
@@ -306,16 +277,3 @@ def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:
     if deviations:
         said.append(f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}")
     return tuple(said)
-
-
-def _unknown(trace: Trace) -> Outcome:
-    last: BoundaryRecord | None = trace.boundaries[-1] if trace.boundaries else None
-    return Outcome(
-        success=False,
-        reason="interrupted",
-        scr=last.scr if last else 0.0,
-        score=last.reward if last else 0.0,
-        ticks=last.tick if last else 0,
-        digest=last.digest if last else "",
-        frames_digest="",
-    )

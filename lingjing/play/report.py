@@ -9,11 +9,13 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.analysis.behaviour import ActionCounts
-from lingjing.analysis.families import FailureFamily
-from lingjing.analysis.incidents import Incident
-from lingjing.analysis.metrics import Metrics
-from lingjing.trace.records import TaskEvent
+from lingjing.analysis.behaviour import ActionCounts, actions, counted_by_tercile
+from lingjing.analysis.families import FailureFamily, attribute
+from lingjing.analysis.incidents import Incident, incidents
+from lingjing.analysis.metrics import Metrics, metrics
+from lingjing.numerics import withdrawn
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import Outcome, TaskEvent
 
 ABORTED = "infrastructure-abort"
 INTERRUPTED = "interrupted"
@@ -95,6 +97,48 @@ def end_without_result(code: int) -> str:
     if code < 0:
         return f"its process was killed by signal {-code}"
     return f"its process ended without a result (exit code {code})"
+
+
+def report_of(trace: Trace, policy: str) -> EpisodeReport:
+    """What a trace says of its episode, which `policy` played; one without an end counts as interrupted."""
+    instance, outcome, attributed = trace.header.instance, trace.outcome or _unknown(trace), attribute(trace)
+    return EpisodeReport(
+        mission=instance.mission,
+        seed=instance.seed,
+        mode=instance.mode,
+        policy=policy,
+        policy_seed=trace.header.policy_seed,
+        success=outcome.success,
+        reason=outcome.reason,
+        scr=outcome.scr,
+        score=outcome.score,
+        ticks=outcome.ticks,
+        digest=outcome.digest,
+        frames_digest=outcome.frames_digest,
+        trace=str(trace.path),
+        metrics=metrics(trace),
+        detail=outcome.detail,
+        hint=outcome.hint,
+        attribution=trace.header.attribution,
+        incidents=incidents(trace),
+        happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
+        withdrawn=withdrawn(outcome.processes),
+        family=None if attributed is None else attributed.family,
+        terciles=counted_by_tercile(actions(trace)),
+    )
+
+
+def _unknown(trace: Trace) -> Outcome:
+    last = trace.boundaries[-1] if trace.boundaries else None
+    return Outcome(
+        success=False,
+        reason="interrupted",
+        scr=last.scr if last else 0.0,
+        score=last.reward if last else 0.0,
+        ticks=last.tick if last else 0,
+        digest=last.digest if last else "",
+        frames_digest="",
+    )
 
 
 def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> SeedsReport:

@@ -446,16 +446,17 @@ def _placed(
     )
 
 
-_FONTS: dict[int, ImageFont.FreeTypeFont] = {}
+_FONTS: dict[tuple[int, bool], ImageFont.FreeTypeFont] = {}
 
 
-def font(size: int) -> ImageFont.FreeTypeFont:
+def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
     """The sans-serif font that ships with matplotlib."""
-    if size not in _FONTS:
+    if (size, bold) not in _FONTS:
         import matplotlib as mpl
 
-        _FONTS[size] = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), size)
-    return _FONTS[size]
+        name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+        _FONTS[size, bold] = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts/ttf" / name), size)
+    return _FONTS[size, bold]
 
 
 def _short(text: str, most: int) -> str:

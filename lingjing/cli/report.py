@@ -1,0 +1,93 @@
+"""`lingjing report PLACE... -o report.html`: the paper's figures from one's own runs, as one page or one by one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.cli.files import check_output, print_columns, write_output
+from lingjing.cli.process import say
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.report.evidence import ReportEvidence
+    from lingjing.report.figure import FigureKind
+
+TITLE = "Lingjing report"
+_SUFFIXES = (".svg", ".png")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("report", help="make the paper's figures of one's own runs", description=__doc__)
+    parser.add_argument(
+        "places", metavar="PLACE", nargs="*", type=Path,
+        help="traces, folders of runs, results of suites, and folders of prompt searches, probes, frames and twins",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", metavar="FILE", help="default report.html; with --figure an .svg or .png")
+    parser.add_argument("--figure", metavar="NAME", help="write this one alone (default NAME.svg)")
+    parser.add_argument("--list", action="store_true", help="list the figures")
+    parser.add_argument("--title", metavar="TEXT", default=TITLE, help=f"the page's title (default: {TITLE})")
+    parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="read N traces at a time")
+    parser.add_argument("--other-code", action="store_true", help="put rows of several versions of the code together")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Write the page or the figure; list the figures."""
+    from lingjing.report.figure_kinds import FIGURES, figure_named
+
+    if args.list:
+        print_columns([(kind.name, kind.title, kind.source) for kind in FIGURES])
+        return ExitCode.OK
+    if not args.places:
+        raise UsageError("nothing to report", hint="name traces or folders: lingjing report runs/ -o report.html")
+    if args.jobs < 1:
+        raise UsageError(f"-j {args.jobs}: at least one")
+    kind = figure_named(args.figure) if args.figure is not None else None
+    output = args.output or (f"{kind.name}.svg" if kind is not None else "report.html")
+    if kind is not None and output != "-" and Path(output).suffix.lower() not in _SUFFIXES:
+        raise UsageError(f"-o {output}: a figure is an .svg or .png", hint=f"for example: -o {kind.name}.svg")
+    check_output(output)
+    evidence = _gathered(args)
+    written = _page(evidence, args.title) if kind is None else _figure(evidence, kind, output)
+    write_output(written, output)
+    if output != "-":
+        say(f"wrote {output} ({Path(output).stat().st_size / 1e6:.1f} MB)")
+    return ExitCode.OK
+
+
+def _gathered(args: argparse.Namespace) -> ReportEvidence:
+    from lingjing.cli.progress import CountProgress
+    from lingjing.report.gathering import gather
+
+    with CountProgress("reading traces") as tell:
+        evidence = gather(args.places, jobs=args.jobs, other_code=args.other_code, tell=tell)
+    for note in evidence.left_out:
+        say(f"note: {note}")
+    return evidence
+
+
+def _page(evidence: ReportEvidence, title: str) -> str:
+    from lingjing.cli.progress import CountProgress
+    from lingjing.report.figure_kinds import FIGURES
+    from lingjing.report.page import report_page
+
+    made = []
+    with CountProgress("drawing figures") as tell:
+        for number, kind in enumerate(FIGURES, 1):
+            made.append((kind, list(kind.make(evidence))))
+            tell(number, len(FIGURES))
+    return report_page(evidence, made, title)
+
+
+def _figure(evidence: ReportEvidence, kind: FigureKind, output: str) -> str | bytes:
+    from lingjing.report.raster import png_file
+    from lingjing.report.sheet import sheet_of
+    from lingjing.report.vector import svg_file
+
+    sheet = sheet_of(kind, list(kind.make(evidence)))
+    if sheet is None:
+        raise UsageError(f"there is nothing to show in the figure `{kind.name}`", hint=f"run {kind.needs}")
+    return png_file(sheet) if output.lower().endswith(".png") else svg_file(sheet)

@@ -1,0 +1,142 @@
+"""Numbers of figures with their 95 % intervals and how many episodes they are over, taken from rows of episodes.
+
+Shares of episodes have Wilson's interval; means, medians and pooled rates are bootstrapped over episodes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lingjing.analysis.metrics import Metrics
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.statistics import ConfidenceBounds, bootstrap, bounds_of, drawn_samples, wilson
+from lingjing.bench.table_cells import UNDEFINED, ResultCell
+
+
+class BoundedEstimate(NamedTuple):
+    """A value (nan where it is not defined), the ends of its interval, and the `number` of episodes behind it."""
+
+    value: float
+    low: float
+    high: float
+    number: int
+
+    def times(self, factor: float) -> BoundedEstimate:
+        """The same in other units."""
+        return BoundedEstimate(self.value * factor, self.low * factor, self.high * factor, self.number)
+
+    @property
+    def known(self) -> bool:
+        """Whether it is defined."""
+        return not math.isnan(self.value)
+
+    def text(self, spec: str) -> str:
+        """`62 [48, 74]`, or N/A."""
+        if not self.known:
+            return UNDEFINED
+        ends = "" if math.isnan(self.low) else f" [{self.low:{spec}}, {self.high:{spec}}]"
+        return f"{self.value:{spec}}{ends}"
+
+    def cell(self, spec: str = ".0f") -> ResultCell:
+        """The entry of a table."""
+        return ResultCell(self.text(spec), self.value)
+
+
+UNKNOWN = BoundedEstimate(math.nan, math.nan, math.nan, 0)
+
+RowMeasure = Callable[[Sequence[SuiteRow]], BoundedEstimate]
+"""What makes one number of episodes."""
+
+
+def share(flags: Iterable[bool]) -> BoundedEstimate:
+    """The percentage of what is true, with Wilson's interval."""
+    known = list(flags)
+    if not known:
+        return UNKNOWN
+    low, high = wilson(sum(known), len(known))
+    return BoundedEstimate(sum(known) / len(known), low, high, len(known)).times(100.0)
+
+
+def mean(values: Iterable[float | None]) -> BoundedEstimate:
+    """The mean of what is defined."""
+    known = [float(value) for value in values if value is not None and not math.isnan(value)]
+    if not known:
+        return UNKNOWN
+    return _bounded(sum(known) / len(known), bootstrap(known), len(known))
+
+
+def middle(values: Iterable[float | None]) -> BoundedEstimate:
+    """The median of what is defined."""
+    known = np.array([value for value in values if value is not None], dtype=np.float64)
+    if not len(known):
+        return UNKNOWN
+    drawn = np.median(known[drawn_samples(len(known))], axis=1)
+    return _bounded(float(np.median(known)), bounds_of(drawn), len(known))
+
+
+def pooled(parts: Iterable[tuple[float, float]]) -> BoundedEstimate:
+    """The sum of all first numbers over the sum of all second ones: a rate over one pool of all episodes."""
+    known = np.array([part for part in parts if part[1] > 0], dtype=np.float64).reshape(-1, 2)
+    if not len(known):
+        return UNKNOWN
+    drawn = known[drawn_samples(len(known))].sum(axis=1)
+    whole = known.sum(axis=0)
+    return _bounded(float(whole[0] / whole[1]), bounds_of(drawn[:, 0] / drawn[:, 1]), len(known))
+
+
+def tsr(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+    """Task success rate, percent."""
+    return share(row.report.success for row in rows)
+
+
+def scr(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+    """Mean subtask completion rate, percent."""
+    return mean(row.report.scr for row in rows).times(100.0)
+
+
+def metric(name: str, factor: float = 1.0) -> RowMeasure:
+    """What takes the mean of a metric over the episodes that have it."""
+    return lambda rows: mean(getattr(one, name) for one in metrics_of(rows)).times(factor)
+
+
+def median_of(name: str) -> RowMeasure:
+    """What takes the median of a metric over the episodes that have it."""
+    return lambda rows: middle(getattr(one, name) for one in metrics_of(rows))
+
+
+def weighted(name: str, weight: str, factor: float = 1.0) -> RowMeasure:
+    """What pools a rate over what `weight` counts in each episode."""
+
+    def measured(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+        parts = [(getattr(one, name), getattr(one, weight)) for one in metrics_of(rows)]
+        return pooled((value * count, count) for value, count in parts if value is not None).times(factor)
+
+    return measured
+
+
+def unmatched(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+    """1 - F1 of detection over the pooled counts."""
+    found = [one for one in metrics_of(rows) if (one.f1, one.precision, one.recall) != (None, None, None)]
+    wrong = [float(one.false_positives + one.misses) for one in found]
+    return pooled((each, 2.0 * one.detections + each) for each, one in zip(wrong, found, strict=True))
+
+
+def metrics_of(rows: Iterable[SuiteRow]) -> list[Metrics]:
+    """The metrics of all that have any."""
+    return [row.report.metrics for row in rows if row.report.metrics is not None]
+
+
+def _bounded(value: float, bounds: ConfidenceBounds, count: int) -> BoundedEstimate:
+    if count == 1:  # one episode says nothing of how others vary
+        return BoundedEstimate(value, math.nan, math.nan, 1)
+    return BoundedEstimate(value, bounds.low, bounds.high, count)
+
+
+__all__ = [
+    "UNKNOWN", "BoundedEstimate", "RowMeasure", "mean", "median_of", "metric", "metrics_of", "middle", "pooled", "scr",
+    "share", "tsr", "unmatched", "weighted",
+]  # fmt: skip

@@ -1,0 +1,103 @@
+"""How well the calls behind the stages saw: the paper's panel (b) of subtask provenance and its table of perception."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from lingjing.bench.played import rows_by
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
+from lingjing.report.charts import BarGroup, ChartBar, bar_chart
+from lingjing.report.drawing import Drawing
+from lingjing.report.estimates import UNKNOWN, BoundedEstimate, mean, median_of, metrics_of, unmatched, weighted
+from lingjing.report.evidence import ReportEvidence, ReportStudy
+from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
+
+MEASURES = ("1 - F1", "miss rate", "location error, of the largest", "calibration error (ECE)")
+
+_MISS = weighted("miss_rate", "frames")
+_ECE = weighted("calibration_error", "reports")
+_LOCATED = median_of("localisation_error_m")
+_RATES = ("miss_rate", "hallucination_rate", "confusion_rate")
+
+
+def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
+    for study in evidence.played():
+        judged = [
+            row for row in study.plain if row.report.metrics is not None and row.report.metrics.miss_rate is not None
+        ]
+        if not judged:
+            continue
+        cells = rows_by(judged, lambda row: (row.mission, row.mode, row.entrant, row.condition))
+        errors = [_LOCATED(rows).value for rows in cells.values()]
+        farthest = max((error for error in errors if not math.isnan(error)), default=math.nan)
+        columns = rows_by(judged, lambda row: (row.mission, row.mode))
+        yield FigurePart(
+            heading=heading_of(study, evidence),
+            drawings=tuple(_drawn(study, column_words(*column), rows, farthest) for column, rows in columns.items()),
+            tables=(_panel(cells, farthest), _backbones(study, evidence)),
+        )
+
+
+def _measured(rows: Sequence[SuiteRow], farthest: float) -> tuple[BoundedEstimate, ...]:
+    """The four measures, each from 0 to 1, higher being worse."""
+    normal = _LOCATED(rows).times(1 / farthest) if farthest > 0 else UNKNOWN
+    return unmatched(rows), _MISS(rows), normal, _ECE(rows)
+
+
+def _drawn(study: ReportStudy, title: str, rows: Sequence[SuiteRow], farthest: float) -> Drawing:
+    each = rows_by(rows, lambda row: (row.entrant, row.condition))
+    measured = [(own[0], called(own[0], key[1]), _measured(own, farthest)) for key, own in each.items()]
+    groups = [
+        BarGroup(
+            name, tuple(ChartBar(who, study.number(row), values[number]) for row, who, values in measured), ".2f", 1.0
+        )
+        for number, name in enumerate(MEASURES)
+    ]
+    return bar_chart(title, groups)
+
+
+def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthest: float) -> ResultTable:
+    lines = []
+    for (mission, mode, _, condition), rows in cells.items():
+        wrong, missed, normal, calibrated = _measured(rows, farthest)
+        frames = sum(one.frames for one in metrics_of(rows))
+        entries = (
+            ResultCell(str(len(rows)), len(rows)), ResultCell(f"{frames:,}", frames), wrong.cell(".2f"),
+            missed.cell(".2f"), calibrated.cell(".2f"), _LOCATED(rows).cell(), normal.cell(".2f"),
+        )  # fmt: skip
+        lines.append(ResultLine(column_words(mission, mode), (called(rows[0], condition),), entries))
+    heads = ("n", "Frames", "1-F1", "Miss", "ECE", "LocErr m", "LocErr norm.")
+    note = (
+        "F1 is pooled, Miss and ECE are weighted by frames and by reports; LocErr is the median of episodes' medians, "
+        "normalised by the largest of the table; intervals are bootstrapped over episodes"
+    )
+    return ResultTable("panel", "Perception by mission", ("Entrant",), heads, tuple(lines), (note,))
+
+
+def _backbones(study: ReportStudy, evidence: ReportEvidence) -> ResultTable:
+    """The paper's table by backbone; attention is of models whose maps lie beside their traces."""
+    lines = []
+    for entrant, rows in rows_by(study.plain, lambda row: row.entrant).items():
+        looked = [one.value for one in evidence.attention if (one.study, one.entrant) == (study.name, entrant)]
+        cells = (
+            ResultCell(str(len(rows)), len(rows)),
+            *(weighted(name, "frames", 100.0)(rows).cell() for name in _RATES),
+            mean(looked).cell(".2f"),
+        )
+        lines.append(ResultLine(rows[0].group, (called(rows[0]),), cells))
+    heads = ("n", "Miss", "Halluc.", "Confus.", "Attn-IoU")
+    note = "percent of frames, but for Attn-IoU: N/A without attention.npz beside a trace (docs/metrics.md)"
+    compared = marked(lines, lower=(1, 2, 3), only=(1, 2, 3, 4))
+    return ResultTable("perception", "Perception by entrant", ("Entrant",), heads, compared, (note,))
+
+
+KIND = FigureKind(
+    name="perception",
+    title="Perception",
+    source="fig:subtask-provenance (b), tab:perc",
+    about="Errors of detection reports against the true boxes of their frames; higher is worse in all bars.",
+    needs="lingjing bench provenance (or any run of a mission that judges reports: lingjing run ssr --seeds 0-9)",
+    make=_parts,
+)

@@ -1,0 +1,78 @@
+"""How much the prompt decides: the paper's figure of prompts, evaluation and development."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
+from lingjing.report.charts import BarGroup, ChartBar, ChartSeries, bar_chart, line_chart
+from lingjing.report.conditions import PROMPT, varied_columns
+from lingjing.report.estimates import mean, median_of, pooled, scr, share, tsr, weighted
+from lingjing.report.evidence import PromptTrial, ReportEvidence
+from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
+
+_JSON = weighted("json_compliance", "answers", 100.0)
+_LOCATED = median_of("localisation_error_m")
+
+
+def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
+    yield from _evaluated(evidence)
+    for trial in evidence.searches:
+        if trial.candidates:
+            yield _developed(trial)
+
+
+def _evaluated(evidence: ReportEvidence) -> Iterator[FigurePart]:
+    for study in evidence.played():
+        for column in varied_columns(study):
+            if PROMPT not in column.options:
+                continue
+            groups, lines = [], []
+            for (_, condition), rows in column.conditions(of=PROMPT).items():
+                name = condition or "default"
+                bars = (ChartBar("TSR", 0, tsr(rows)), ChartBar("SCR", 1, scr(rows)), ChartBar("JSON", 2, _JSON(rows)))
+                groups.append(BarGroup(f"{called(rows[0])}: {name}", bars))
+                cells = (ResultCell(str(len(rows)), len(rows)), tsr(rows).cell(), scr(rows).cell(),
+                         _JSON(rows).cell(), _LOCATED(rows).cell())  # fmt: skip
+                lines.append(ResultLine(called(rows[0]), (name,), cells))
+            title = column_words(column.mission, column.mode)
+            heads = ("n", "TSR %", "SCR %", "JSON %", "LocErr m")
+            compared = marked(lines, lower=(4,), only=(1, 2, 3, 4))
+            table = ResultTable("prompts", f"{title}: prompts, held-out episodes", ("Prompt",), heads, compared)
+            yield FigurePart(
+                heading=heading_of(study, evidence, title),
+                drawings=(bar_chart(f"{title}: held-out episodes", groups, unit="%", most=100.0),),
+                tables=(table,),
+            )
+
+
+def _developed(trial: PromptTrial) -> FigurePart:
+    """The trajectory of a search on its development episodes."""
+    steps = [f"{one.number}" for one in trial.candidates]
+    wins = tuple(share(each.success for each in one.episodes) for one in trial.candidates)
+    kept = tuple(pooled((each.valid, each.answers) for each in one.episodes).times(100.0) for one in trial.candidates)
+    done = tuple(mean(each.scr for each in one.episodes).times(100.0) for one in trial.candidates)
+    series = [ChartSeries("TSR", wins, 0), ChartSeries("SCR", done, 1), ChartSeries("JSON", kept, 2)]
+    lines = []
+    for at, one in enumerate(trial.candidates):
+        values = (cells[at].cell() for cells in (wins, done, kept))
+        entries = (ResultCell(str(len(one.episodes)), len(one.episodes)), *values, ResultCell(one.sha256[:12]))
+        lines.append(ResultLine("", (f"revision {one.number}" if one.number else "start",), entries))
+    heads = ("n", "TSR %", "SCR %", "JSON %", "SHA-256")
+    title = f"{trial.name}: development episodes"
+    return FigurePart(
+        heading=title,
+        drawings=(line_chart(title, steps, series, unit="%", most=100.0, below="revision"),),
+        tables=(ResultTable("trajectory", title, ("Prompt",), heads, tuple(lines)),),
+        notes=("the best one so far is revised, so that a revision may be worse than the one before",),
+    )
+
+
+KIND = FigureKind(
+    name="prompts",
+    title="Prompts",
+    source="fig:prompt",
+    about="Prompts on the same held-out seeds, and the trajectory of a search for a better one on development seeds.",
+    needs="lingjing bench prompts --max-cost USD; lingjing prompts improve ssr --mode broadcast -o P2.txt",
+    make=_parts,
+)

@@ -1,0 +1,52 @@
+"""Where chains of subtasks break: cumulative stage success, the paper's panel (a) of subtask provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.bench.played import Played, rows_by
+from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
+from lingjing.report.charts import ChartSeries, line_chart
+from lingjing.report.estimates import share
+from lingjing.report.evidence import ReportEvidence
+from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
+
+
+def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
+    for study in evidence.played():
+        drawings, tables = [], []
+        for (mission, mode), rows in rows_by(study.plain, lambda row: (row.mission, row.mode)).items():
+            names = tuple(Played(tuple(rows)).stages())
+            if len(names) < 2:
+                continue
+            series, lines = [], []
+            for (_, condition), own in rows_by(rows, lambda row: (row.entrant, row.condition)).items():
+                done = [
+                    {stage.name: stage.cumulative for stage in row.report.metrics.stages}
+                    for row in own
+                    if row.report.metrics is not None
+                ]
+                values = tuple(share(each[name] for each in done if name in each) for name in names)
+                name = called(own[0], condition)
+                series.append(ChartSeries(name, values, study.number(own[0])))
+                cells = (ResultCell(str(len(done)), len(done)), *(value.cell() for value in values))
+                lines.append(ResultLine(own[0].group, (name,), cells))
+            title = column_words(mission, mode)
+            drawings.append(line_chart(title, names, series, unit="%", most=100.0, below="up to this stage"))
+            tables.append(
+                ResultTable("stages", f"{title}: episodes that completed all up to a stage (%)", ("Entrant",),
+                            ("n", *names), tuple(lines))
+            )  # fmt: skip
+        if drawings:
+            yield FigurePart(heading=heading_of(study, evidence), drawings=tuple(drawings), tables=tuple(tables))
+
+
+KIND = FigureKind(
+    name="provenance",
+    title="Subtask provenance",
+    source="fig:subtask-provenance (a)",
+    about="Percent of episodes that completed every stage up to and including the one named, with Wilson intervals. A "
+    "steep step is where episodes are lost.",
+    needs="lingjing bench provenance (or any run of a mission with stages: lingjing run ssr --seeds 0-9)",
+    make=_parts,
+)

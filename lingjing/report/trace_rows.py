@@ -1,0 +1,95 @@
+"""Traces that are no suite's as rows: who played, and under what, told from the traces alone.
+
+What differs among the traces of one mission and mode are the conditions: parameters of the mission, and options of the
+policies. A condition is the baseline where it is the mission's own values without options.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+
+from lingjing.bench.played import rows_by
+from lingjing.bench.rows import SuiteRow
+from lingjing.mission.instance import GivenOption
+from lingjing.play.options import PlayOptions
+from lingjing.play.report import report_of
+from lingjing.report.swept import parameters_of
+from lingjing.trace.reader import Trace
+
+
+def row_of(trace: Trace) -> SuiteRow:
+    """The row of one trace; its condition is not known yet."""
+    header = trace.header
+    instance, arguments = header.instance, dict[str, GivenOption]()
+    for binding in header.bindings:
+        arguments |= binding.arguments
+    policy = "+".join(dict.fromkeys(binding.policy for binding in header.bindings))
+    model = arguments.pop("model", "")
+    report = report_of(trace, policy)
+    return SuiteRow(
+        suite="",
+        entrant=str(model) if isinstance(model, str) and model else policy,
+        mission=instance.mission,
+        mode=instance.mode,
+        seed=instance.seed,
+        policy=policy,
+        model=str(model),
+        privileged=any(binding.privileged for binding in header.bindings),
+        policy_seed=header.policy_seed,
+        version=header.fingerprint.get("lingjing", ""),
+        options=PlayOptions(
+            mission=instance.mission, policy=policy, policy_args=arguments, mode=instance.mode, seed=instance.seed,
+            settings=dict(instance.settings),
+        ),
+        report=msgspec.structs.replace(report, happened=(), incidents=()),  # of a thousand traces, what is needed
+    )  # fmt: skip
+
+
+def with_conditions(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
+    """The rows with their conditions, and with the places of entrants and conditions in tables."""
+    named: list[SuiteRow] = []
+    for (mission, mode), own in rows_by(rows, lambda row: (row.mission, row.mode)).items():
+        settings = _differing([row.options.settings for row in own])
+        usual = parameters_of(mission, mode)
+        for some in rows_by(own, lambda row: row.entrant).values():
+            options = _differing([row.options.policy_args for row in some])
+            for row in some:
+                given = {name: row.options.policy_args[name] for name in options if name in row.options.policy_args}
+                chosen = {name: row.options.settings.get(name) for name in settings}
+                words = [f"{name} = {value:g}" for name, value in chosen.items() if value is not None]
+                words += [f"{name} = {value}" for name, value in given.items()]
+                plain = not given and all(value == usual.get(name) for name, value in chosen.items())
+                named.append(
+                    msgspec.structs.replace(
+                        row, condition=", ".join(words), baseline=bool(settings or options) and plain
+                    )
+                )
+    return _placed(named)
+
+
+def _placed(rows: Sequence[SuiteRow]) -> list[SuiteRow]:
+    entrants = sorted({(row.privileged, row.entrant) for row in rows})
+    places = {name: at for at, (_, name) in enumerate(entrants)}
+    conditions = sorted({(not row.baseline, _values(row), row.condition) for row in rows})
+    order = {name: at for at, (_, _, name) in reversed(list(enumerate(conditions)))}
+    return [
+        msgspec.structs.replace(row, entrant_place=places[row.entrant], condition_place=order[row.condition])
+        for row in rows
+    ]
+
+
+def _values(row: SuiteRow) -> tuple[float, ...]:
+    """So that `uavs = 10` comes after `uavs = 9`."""
+    words = (part.rpartition(" = ")[2] for part in row.condition.split(", "))
+    return tuple(float(word) if word.replace(".", "", 1).isdecimal() else 0.0 for word in words)
+
+
+def _differing(each: Sequence[Mapping[str, GivenOption]] | Sequence[Mapping[str, float]]) -> list[str]:
+    """The names that do not have one value in all of them."""
+    names = sorted({name for one in each for name in one})
+    return [name for name in names if len({repr(one.get(name)) for one in each}) > 1]
+
+
+__all__ = ["row_of", "with_conditions"]

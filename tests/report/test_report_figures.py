@@ -1,0 +1,234 @@
+"""The numbers of figures against rows by hand, and what each of them is made of."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.analysis.behaviour import ActionCounts
+from lingjing.analysis.metrics import StageMetric
+from lingjing.bench.frame_sets.balance import class_set
+from lingjing.bench.frame_sets.folder import write_set
+from lingjing.bench.frame_sets.probe import ProbedFrame, probe_cell
+from lingjing.bench.frame_sets.twins import TWINS, TwinRecord, TwinSet
+from lingjing.bench.prompt_search import RESULTS, PromptCandidate, PromptEpisode
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.table_cells import ResultTable
+from lingjing.play.options import PlayOptions
+from lingjing.report.drawing import PaneMark, PictureMark, SpotMark, WordsMark
+from lingjing.report.estimates import pooled, share, unmatched
+from lingjing.report.evidence import ReportEvidence
+from lingjing.report.figure import FigurePart
+from lingjing.report.figure_kinds import FIGURES, figure_named
+from lingjing.report.gathering import gather
+from tests.bench.frame_kit import VICTIM, made_frame, picture, pictures_of
+from tests.bench.suite_kit import made_row
+from tests.play.report_kit import blank_metrics, made_report
+
+PERSON = VICTIM.cls
+
+
+def parts_of(name: str, evidence: ReportEvidence) -> list[FigurePart]:
+    return list(figure_named(name).make(evidence))
+
+
+def entries(table: ResultTable) -> dict[tuple[str, ...], dict[str, str]]:
+    """The texts of a table by the labels of lines and the heads of columns."""
+    return {
+        line.label: {head: cell.text for head, cell in zip(table.heads, line.cells, strict=True)}
+        for line in table.lines
+    }
+
+
+def words_of(part: FigurePart) -> list[str]:
+    return [mark.text for drawing in part.drawings for mark in drawing.marks if isinstance(mark, WordsMark)]
+
+
+def row(*, metrics: dict[str, object] | None = None, settings: dict[str, float] | None = None,
+        args: dict[str, object] | None = None, success: bool = True, family: str | None = None,
+        terciles: tuple[ActionCounts, ...] = (), **changes: object) -> SuiteRow:  # fmt: skip
+    """A counted row; what its report and its options hold is given by their names."""
+    report = made_report(
+        success=success, scr=1.0 if success else 0.5, metrics=blank_metrics(**(metrics or {})), family=family,
+        terciles=terciles,
+    )  # fmt: skip
+    options = PlayOptions(mission="ssr", policy="p", settings=settings or {}, policy_args=args or {})
+    return made_row(report=report, options=options, **changes)
+
+
+# -- estimates
+
+
+def test_estimates_by_hand() -> None:
+    won = share([True, True, False, False])
+    assert won.value == 50.0 and won.number == 4 and won.low == pytest.approx(15.0, abs=0.1)
+    assert won.text(".0f") == "50 [15, 85]"
+    rate = pooled([(1, 10), (9, 10), (0, 0)])
+    assert rate.value == 0.5 and rate.number == 2 and (rate.low, rate.high) == (0.1, 0.9)
+    assert math.isnan(share([]).value) and share([]).text(".0f") == "N/A"
+    alone = pooled([(1, 4)])
+    assert alone.text(".2f") == "0.25", "one episode has no interval"
+    seen = row(metrics={"f1": 0.5, "detections": 3, "false_positives": 1, "misses": 1})
+    assert unmatched([seen]).value == pytest.approx(2 / 8)
+
+
+# -- figures
+
+
+def test_the_main_figure_is_the_main_table(results: Callable[..., Path]) -> None:
+    rows = [
+        row(entrant=name, mode=mode, seed=seed, success=won)
+        for name, won in (("a", True), ("b", False)) for mode in ("star", "broadcast") for seed in (0, 1)
+    ]  # fmt: skip
+    (part,) = parts_of("main", gather([results(rows)]))
+    assert [table.kind for table in part.tables] == ["success", "intervals"]
+    assert entries(part.tables[1])["a",]["SSR^s"] == "100 [34, 100] (2/2)"
+    assert words_of(part).count("100") == 3 and words_of(part).count("0") == 3, "two modes and the average of each"
+    assert not any("episodes are counted" in note for table in part.tables for note in table.notes)
+
+
+def test_modes_are_compared_on_seeds_that_were_played_in_both(results: Callable[..., Path]) -> None:
+    rows = [row(mode="star", seed=seed, metrics={"messages": 5}) for seed in (0, 1, 2)]
+    rows += [row(mode="broadcast", seed=seed, success=False, metrics={"messages": 9 + seed}) for seed in (1, 2, 3)]
+    (part,) = parts_of("communication", gather([results(rows)]))
+    told = entries(part.tables[0])
+    assert told["SSR", "Msg"] == {"Matched seeds": "2", "Star": "5 [5, 5]", "Broadcast": "10 [10, 11]"}
+    assert told["SSR", "Gap"]["Star"] == "N/A"
+    assert next(line for line in part.tables[0].lines if line.label[1] == "Msg").cells[1].mark == "best"
+    assert entries(part.tables[1])["e, SSR star", "e, SSR broadcast"]["Only first won"] == "2"
+
+
+def test_a_sweep_needs_its_parameter_alone_to_differ(results: Callable[..., Path]) -> None:
+    rows = [
+        row(condition=f"{uavs} UAVs", settings={"uavs": uavs}, mode="broadcast", seed=seed, success=uavs > 1,
+            baseline=uavs == 3)
+        for uavs in (1, 2, 3) for seed in (0, 1)
+    ]  # fmt: skip
+    rows += [row(condition="low", settings={"altitude": 60.0}, mode="broadcast", metrics={"coverage": 0.64})]
+    evidence = gather([results(rows)])
+    (scaled,) = parts_of("scaling", evidence)
+    told = entries(scaled.tables[0])
+    assert {label: cells["n"] for label, cells in told.items()} == {("1",): "2", ("2",): "2", ("3",): "2"}
+    assert told["1",]["Success (TSR) %"] == "0 [0, 66]" and told["3",]["Success (TSR) %"] == "100 [34, 100]"
+    (sensed,) = parts_of("robustness", evidence)
+    assert sensed.heading == "SSR (broadcast) by altitude"
+    assert [*entries(sensed.tables[0])] == [("60 m",), ("100 m",)], "the default is the mission's own"
+    assert entries(sensed.tables[0])["60 m",]["Search coverage %"] == "64"
+
+
+def test_ablations_compare_with_the_baseline_and_the_sweep(results: Callable[..., Path]) -> None:
+    rows = [row(condition="Full", baseline=True, seed=seed, metrics={"tokens": 100, "calls": 1}) for seed in (0, 1)]
+    rows += [row(condition="Once", args={"research": 0}, seed=seed, metrics={"tokens": 70, "calls": 1})
+             for seed in (0, 1)]  # fmt: skip
+    rows += [row(condition="Sweep", args={"decider": "sweep"}, seed=seed, success=False) for seed in (0, 1)]
+    evidence = gather([results(rows)])
+    (part,) = parts_of("ablations", evidence)
+    assert (
+        entries(part.tables[0])["Once",]["Cost x"] == "0.70" and entries(part.tables[0])["Sweep",]["Cost x"] == "0.00"
+    )
+    assert entries(part.tables[1])["e",]["Difference of SR"] == "+100 [+100, +100]"
+    (spent,) = parts_of("cost", evidence)
+    assert entries(spent.tables[0])["e (Once)",]["Cost x"] == "0.70"
+    assert ("e (Sweep)",) not in entries(spent.tables[0]), "it calls no model"
+    assert parts_of("prompts", evidence) == [] and parts_of("last-mile", evidence) == []
+
+
+def test_prompts_and_interventions_are_told_by_their_options(results: Callable[..., Path]) -> None:
+    rows = [
+        row(condition=name, args={"prompt": name}, metrics={"json_compliance": 0.5, "answers": 4})
+        for name in ("P0", "P1")
+    ]
+    rows += [
+        row(mission="ld", condition=name, args={"intervention": name}, seed=seed, metrics={"last_mile": 3 + at})
+        for at, name in enumerate(("A0", "A1")) for seed in (0, 1)
+    ]  # fmt: skip
+    evidence = gather([results(rows)])
+    (prompts,) = parts_of("prompts", evidence)
+    assert entries(prompts.tables[0])["P1",]["JSON %"] == "50"
+    (mile,) = parts_of("last-mile", evidence)
+    assert entries(mile.tables[0])["e (A0)",]["S4"] == "0/2" and entries(mile.tables[0])["e (A1)",]["S4"] == "2/2"
+    assert parts_of("ablations", evidence) == []
+
+
+def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> None:
+    stages = (StageMetric(name="detect", done=3, required=3, cumulative=True),
+              StageMetric(name="locate", done=2, required=3, cumulative=False))  # fmt: skip
+    terciles = tuple(ActionCounts(actions=10, adherent=9 - third, following=9) for third in range(3))
+    seen = {"stages": stages, "coverage": 0.5, "first_discovery_tick": 4, "frames": 10, "miss_rate": 0.2, "reports": 2}
+    families = ("perception_miss", "perception_miss", "context_drift", "unattributed")
+    rows = [
+        row(seed=seed, success=False, family=one, terciles=terciles, metrics=seen) for seed, one in enumerate(families)
+    ]
+    evidence = gather([results(rows)])
+    (chain,) = parts_of("provenance", evidence)
+    assert entries(chain.tables[0])["e",] == {"n": "4", "detect": "100 [51, 100]", "locate": "0 [0, 49]"}
+    (lost,) = parts_of("failures", evidence)
+    panes = [mark for mark in lost.drawings[0].marks if isinstance(mark, PaneMark)]
+    assert [round(pane.width + 1) for pane in panes] == [178, 89, 89] and "Perception miss 50 %" in panes[0].told
+    (drift,) = parts_of("drift", evidence)
+    assert entries(drift.tables[0])["e", "Late"]["Adher."] == "70 [70, 70]"
+    (search,) = parts_of("signatures", evidence)
+    assert entries(search.tables[0])["e",]["search coverage, %"] == "50 [50, 50]"
+    (panel,) = parts_of("perception", evidence)
+    assert entries(panel.tables[0])["e",]["Miss"] == "0.20 [0.20, 0.20]"
+    assert entries(panel.tables[1])["e",]["Attn-IoU"] == "N/A"
+
+
+def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
+    folder = tmp_path / "P2.txt.search"
+    folder.mkdir()
+    (folder / "candidate-0.txt").write_text("start")
+    episode = PromptEpisode(seed=1000, success=False, scr=0.5, answers=10, valid=4)
+    better = msgspec.structs.replace(episode, success=True, scr=1.0, valid=10)
+    found = [PromptCandidate(number=0, text="start", episodes=(episode, episode)),
+             PromptCandidate(number=1, text="more", episodes=(episode, better))]  # fmt: skip
+    (folder / RESULTS).write_bytes(msgspec.json.encode(found))
+    (part,) = parts_of("prompts", gather([tmp_path]))
+    told = entries(part.tables[0])
+    assert told["start",]["JSON %"] == "40 [40, 40]" and told["revision 1",]["TSR %"] == "50 [9, 91]"
+
+
+def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
+    said = [ProbedFrame(detector="d", cls=PERSON, name=str(at), truth=at < 2, said=at < 2, twin_said=at < 1)
+            for at in range(4)]  # fmt: skip
+    (tmp_path / "probe").mkdir()
+    (tmp_path / "probe" / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in said))
+    (tmp_path / "probe" / "counts.json").write_bytes(msgspec.json.encode([probe_cell(said)]))
+    frames = [made_frame(number, boxes=(VICTIM,) if number == 2 else ()) for number in (1, 2)]
+    write_set(tmp_path / "set", [class_set(frames, PERSON)], pictures_of(frames))
+    (tmp_path / "twins" / PERSON).mkdir(parents=True)
+    data, file = picture(3), f"{PERSON}/twin.jpg"
+    digest = hashlib.sha256(data).hexdigest()
+    (tmp_path / "twins" / file).write_bytes(data)
+    taken = tuple(TwinRecord(cls=PERSON, name=one.name, file=file, sha256=digest) for one in frames)
+    (tmp_path / "twins" / TWINS).write_bytes(msgspec.json.encode(TwinSet(taken=taken, refused=())))
+    probe, pairs = parts_of("appearance", gather([tmp_path]))
+    assert entries(probe.tables[0])[PERSON, "d"]["F1 frames"].startswith("1.00 [")
+    assert entries(probe.tables[0])[PERSON, "d"]["F1 twins"].startswith("0.67 [")
+    bars = [mark.told for mark in probe.drawings[0].marks if isinstance(mark, PaneMark) and mark.told]
+    assert bars[0].startswith("simulator's frames: 1.00") and bars[1].startswith("twins: 0.67")
+    assert [sum(isinstance(mark, PictureMark) for mark in drawing.marks) for drawing in pairs.drawings] == [2]
+    assert pairs.notes == ("2 pairs, 0 edits refused",)
+
+
+def test_episodes_that_can_be_looked_at_make_pictures(evidence: ReportEvidence) -> None:
+    (said,) = parts_of("conversations", evidence)
+    assert [drawing.title.split(",")[0] for drawing in said.drawings] == ["SSR star", "SSR broadcast"]
+    messages = [m for d in said.drawings for m in d.marks if isinstance(m, SpotMark) and " to " in m.told]
+    counted = [one.row.report.metrics for one in evidence.traced]
+    assert len(messages) >= 1 and all(one is not None for one in counted)
+    (seen,) = parts_of("frames", evidence)
+    assert all(drawing.marks for drawing in seen.drawings)
+
+
+def test_what_is_not_there_has_no_parts_and_says_what_to_run() -> None:
+    nothing = ReportEvidence()
+    for kind in FIGURES:
+        assert list(kind.make(nothing)) == [], kind.name
+        assert kind.needs.startswith("lingjing "), kind.name
+    assert len({kind.name for kind in FIGURES}) == len(FIGURES)

@@ -1,0 +1,140 @@
+"""What is found where, what is counted once, what is left out and said to be."""
+
+from __future__ import annotations
+
+import gc
+import shutil
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.play.options import PlayOptions
+from lingjing.report import gathering
+from lingjing.report.evidence import ReportEvidence
+from lingjing.report.gathering import gather
+from lingjing.report.trace_rows import with_conditions
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.writer import TraceWriter
+from tests.bench.suite_kit import made_row
+
+
+def copied(runs: Path, place: Path, *, keep: float = 1.0) -> Path:
+    """The star episode's trace elsewhere, or the first part of its bytes as one that was cut."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    data = (runs / "star" / "trace.mcap").read_bytes()
+    place.write_bytes(data[: int(keep * len(data))])
+    return place
+
+
+def of_tomorrow(runs: Path, place: Path) -> Path:
+    """A trace whose header names a format that nobody reads yet."""
+    trace = read_trace(runs / "star" / "trace.mcap")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    writer = TraceWriter(place, msgspec.structs.replace(trace.header, format="lingjing-trace/999"))
+    writer.boundary(msgspec.structs.replace(trace.boundaries[0], frames=(), observations=()))
+    return writer.abandon()
+
+
+def test_traces_become_rows(evidence: ReportEvidence) -> None:
+    (study,) = evidence.studies
+    assert [(row.entrant, row.mission, row.mode, row.condition, row.seed) for row in study.rows] == [
+        ("oracle", "ssr", "star", "", 1), ("oracle", "ssr", "broadcast", "", 1),
+    ]  # fmt: skip
+    assert all(
+        row.privileged and row.report.metrics is not None and row.report.metrics.ticks == 12 for row in study.rows
+    )
+    assert len(evidence.traced) == 2 and evidence.left_out == ()
+
+
+def test_a_trace_that_is_found_twice_counts_once(runs: Path, tmp_path: Path) -> None:
+    copied(runs, tmp_path / "again" / "trace.mcap")
+    found = gather([runs, runs / "star", tmp_path])
+    assert found.episodes == 2
+    assert "counted already" in found.left_out[0]
+
+
+def test_what_was_cut_short_is_in_no_rate_and_said(runs: Path, tmp_path: Path) -> None:
+    cut = copied(runs, tmp_path / "cut" / "trace.mcap.part", keep=0.6)
+    found = gather([runs, tmp_path])
+    assert found.episodes == 2
+    assert str(cut) in found.left_out[0] and "cut short" in found.left_out[0]
+    with pytest.raises(UsageError, match="none of what was found counts") as error:
+        gather([cut])
+    assert str(cut) in error.value.hint
+
+
+def test_a_trace_of_another_version_is_an_error_where_it_was_named_and_a_note_where_it_was_found(
+    runs: Path, tmp_path: Path
+) -> None:
+    strange = of_tomorrow(runs, tmp_path / "new" / "trace.mcap")
+    with pytest.raises(UsageError, match="lingjing-trace/999"):
+        gather([runs, strange])
+    found = gather([runs, tmp_path])
+    assert found.episodes == 2
+    assert "cannot be read" in found.left_out[0] and "lingjing-trace/999" in found.left_out[0]
+
+
+def test_nothing_where_something_was_named_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UsageError, match="holds no trace and no results"):
+        gather([tmp_path / "empty"])
+    with pytest.raises(UsageError, match="there is no"):
+        gather([tmp_path / "gone"])
+    (tmp_path / "text.mcap").write_text("no trace")
+    with pytest.raises(UsageError):
+        gather([tmp_path / "text.mcap"])
+
+
+def test_the_traces_of_a_suite_are_told_by_its_rows(runs: Path, results: Callable[..., Path]) -> None:
+    folder = results([made_row(seed=1, report=None)])
+    shutil.copytree(runs / "star", folder / "runs" / "one")
+    assert gather([folder]).episodes == 1, "a trace inside of results is no further episode"
+    row = made_row(seed=1)
+    kept = msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace="runs/one/trace.mcap"))
+    found = gather([results([kept])])
+    assert [one.path for one in found.traced] == [folder / "runs" / "one" / "trace.mcap"]
+
+
+def test_one_trace_at_a_time_is_in_memory(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in range(4):
+        copied(runs, tmp_path / str(number) / "trace.mcap")
+    alive = most = 0
+
+    def gone() -> None:
+        nonlocal alive
+        alive -= 1
+
+    def reading(path: Path) -> Trace:
+        nonlocal alive, most
+        gc.collect()
+        trace = read_trace(path)
+        alive += 1
+        most = max(most, alive)
+        weakref.finalize(trace, gone)
+        return trace
+
+    monkeypatch.setattr(gathering, "read_trace", reading)
+    told: list[tuple[int, int]] = []
+    gather([tmp_path], tell=lambda done, whole: told.append((done, whole)))
+    assert most == 1 and told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_processes_give_the_same(runs: Path, evidence: ReportEvidence) -> None:
+    assert gather([runs], jobs=2) == evidence
+
+
+def test_what_differs_among_traces_are_the_conditions() -> None:
+    def played(seed: int, uavs: float, **args: object) -> object:
+        options = PlayOptions(mission="ssr", policy="react", settings={"uavs": uavs, "victims": 3.0}, policy_args=args)
+        return made_row(seed=seed, mode="broadcast", entrant="m", options=options)
+
+    rows = with_conditions([played(1, 3.0), played(1, 10.0), played(1, 3.0, research=0)])  # type: ignore[list-item]
+    assert [(row.condition, row.baseline, row.condition_place) for row in rows] == [
+        ("uavs = 3", True, 0), ("uavs = 10", False, 2), ("uavs = 3, research = 0", False, 1),
+    ]  # fmt: skip
+    alone = with_conditions([played(1, 3.0), played(2, 3.0)])  # type: ignore[list-item]
+    assert {(row.condition, row.baseline) for row in alone} == {("", False)}

@@ -1,0 +1,63 @@
+"""The page in a real browser: on a desk, on a phone, in print, light and dark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
+from tests.browser import browser, opened, skip_without_a_browser
+
+skip_without_a_browser()
+
+LEAST_PX = 8.5
+"""The smallest letters of a drawing that is not to be moved sideways."""
+
+SMALLEST = """() => Math.min(...[...document.querySelectorAll('figure.panel svg')].flatMap(svg => {
+    const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+    return [...svg.querySelectorAll('text')].map(text => scale * parseFloat(text.getAttribute('font-size')));
+}))"""
+OUTSIDE = """() => [...document.querySelectorAll('figure.panel text')].filter(text => {
+    const own = text.getBoundingClientRect(), box = text.closest('svg').getBoundingClientRect();
+    return own.left < box.left - 2 || own.right > box.right + 2;
+}).map(text => text.textContent)"""
+INK = "() => getComputedStyle(document.querySelector('figure.panel text.f-ink')).fill"
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def page_url(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    assert main(["report", str(runs), "-o", str(path)]) == ExitCode.OK
+    return path.as_uri()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_sticks_out_and_everything_can_be_read(chromium: Any, page_url: str, width: int) -> None:
+    with opened(chromium, page_url, viewport={"width": width, "height": 844}) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(SMALLEST) >= LEAST_PX
+        assert page.evaluate(OUTSIDE) == []
+        assert page.locator("svg[role=img] > title").count() == page.locator("svg").count()
+        page.locator("nav a", has_text="Maps").click()
+        assert page.evaluate("document.querySelector('#maps').getBoundingClientRect().top") < 400
+
+
+def test_dark_and_print(chromium: Any, page_url: str) -> None:
+    with opened(chromium, page_url, color_scheme="dark") as page:
+        dark = page.evaluate(INK)
+        page.emulate_media(media="print")
+        assert page.evaluate(INK) != dark, "paper is white"
+        assert page.locator("nav").is_hidden()
+        page.set_viewport_size({"width": 720, "height": 1000})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 720
+        assert page.pdf(format="A4").startswith(b"%PDF")
