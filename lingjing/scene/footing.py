@@ -66,10 +66,16 @@ class Footing:
         return True
 
     def is_water(self, x: float, y: float) -> bool:
-        """Whether a place is in the water: in a body of water and on no land."""
-        waters = self._city.waters
-        wet = any(contains(w.polygon, x, y) and not any(contains(h, x, y) for h in w.holes) for w in waters)
-        return wet and not any(contains(land.polygon, x, y) for land in self._city.lands)
+        """Whether a place is in the water: in a body of water and on no land above that."""
+        levels = (
+            water.level_m
+            for water in self._city.waters
+            if contains(water.polygon, x, y) and not any(contains(hole, x, y) for hole in water.holes)
+        )
+        level = max(levels, default=None)
+        return level is not None and not any(
+            land.top_m > level and contains(land.polygon, x, y) for land in self._city.lands
+        )
 
     def roof_over(self, x: float, y: float) -> float | None:
         """The top of the highest building at a place, if there is one."""

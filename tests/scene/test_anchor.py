@@ -1,6 +1,7 @@
 """Entities of the nine missions stand on what they are declared to stand on, deterministically and within reach."""
 
 import os
+import random
 import subprocess
 import sys
 from functools import cache
@@ -21,11 +22,12 @@ from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import reach_m
 from lingjing.scene.anchor import anchor
-from lingjing.scene.city import City
+from lingjing.scene.city import City, Land
 from lingjing.scene.districts.palette import WHITE
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import point_at, project
 from lingjing.scene.store import write_store
+from lingjing.scene.terrain import Terrain
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NINE = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
@@ -324,6 +326,19 @@ def test_what_is_always_on_a_surface_is_refused_where_the_city_has_it_elsewhere(
             anchor(alone, city)
     else:
         anchor(alone, city)
+
+
+@pytest.mark.parametrize("name", ["bi", "ssr"])
+def test_what_is_put_into_the_water_floats_there(name: str) -> None:
+    """The anchor and the engines agree on where water is, also over land that lies under it."""
+    city = city_of(name, 0)
+    deep = Land(polygon=((600.0, -300.0), (900.0, -300.0), (900.0, 300.0)), top_m=-20.0, surface="sand")
+    city = msgspec.structs.replace(city, lands=(*city.lands, deep))
+    footing, terrain, chance = Footing(city), Terrain(city), random.Random(3)
+    places = [(chance.uniform(-900.0, 1500.0), chance.uniform(-900.0, 900.0)) for _ in range(300)]
+    wet = [footing.is_water(*place) for place in places]
+    assert wet == [terrain.water_level(*place) is not None for place in places]
+    assert 5 < len(wet) - sum(wet) < 295
 
 
 def test_an_asset_without_an_elevation_stands_on_the_ground_and_not_at_the_waters_level() -> None:
