@@ -146,10 +146,10 @@ async def ask(client: ModelClient, seconds: float, tries: int = 1):
 @pytest.mark.parametrize(("what", "client"), cases(TOO_LONG))
 async def test_no_answer_is_read_beyond_its_bound(what: str, client):
     with serve_raw(once(completion("hi"))) as url:
-        assert (await ask(client(url), 60)).text == "hi"  # what is loaded once is loaded now
+        assert (await ask(client(url), 600)).text == "hi"  # what is loaded once is loaded now
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with serve_raw(TOO_LONG[what]) as url, pytest.raises(ModelError) as failure:
-        await ask(client(url), 60)
+        await ask(client(url), 600)
     assert failure.value.fault == "service" and len(str(failure.value).splitlines()) == 1
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
 
@@ -158,7 +158,7 @@ async def test_no_answer_is_read_beyond_its_bound(what: str, client):
 async def test_the_deadline_ends_what_never_ends(what: str, client):
     if client is not direct:  # its import takes seconds of the first deadline
         with serve_raw(once(completion("hi"))) as url:
-            await ask(client(url), 60)
+            await ask(client(url), 600)
     with serve_raw(LATE[what]) as url, pytest.raises(ModelError) as failure:
         await ask(client(url), 1.0)
     assert failure.value.fault == "time"
@@ -168,13 +168,13 @@ async def test_the_deadline_ends_what_never_ends(what: str, client):
 async def test_of_a_refusal_its_beginning_is_told(client):
     refusal = endless(CHUNKED.replace(b"200 OK", b"402 Pay"), CHUNK.replace(b" ", b"$"))
     with serve_raw(refusal) as url, pytest.raises(ModelError, match=r"\$\$\$") as failure:
-        await ask(client(url), 60)
+        await ask(client(url), 600)
     assert failure.value.status == 402
 
 
 async def test_a_packed_refusal_keeps_its_status():
     with serve_raw(once(gzip_bomb("401 No"))) as url, pytest.raises(ModelError) as failure:
-        await ask(direct(url), 60)
+        await ask(direct(url), 600)
     assert failure.value.status == 401
 
 
@@ -189,7 +189,7 @@ async def test_redirects_are_not_followed_with_a_key(client):
     with serve_raw(elsewhere) as other:
         away = once(answered("307 Temporary Redirect", b"", f"location: {other}/chat/completions"))
         with serve_raw(away) as url, pytest.raises(ModelError, match="307"):
-            await ask(client(url), 60)
+            await ask(client(url), 600)
     assert not asked
 
 
@@ -198,7 +198,7 @@ async def test_a_packed_answer_of_a_service_that_packs_all_the_same_is_read():
 
     plain = completion("hi").split(b"\r\n\r\n", 1)[1]
     with serve_raw(once(answered("200 OK", gzip.compress(plain), "content-encoding: GZIP"))) as url:
-        assert (await ask(direct(url), 60)).text == "hi"
+        assert (await ask(direct(url), 600)).text == "hi"
 
 
 @pytest.mark.parametrize(
@@ -211,13 +211,13 @@ async def test_a_packed_answer_of_a_service_that_packs_all_the_same_is_read():
 )
 async def test_a_good_answer_in_an_old_or_an_odd_form_is_read(answer: bytes):
     with serve_raw(once(answer)) as url:
-        assert (await ask(direct(url), 60)).text == "hi"
+        assert (await ask(direct(url), 600)).text == "hi"
 
 
 async def test_an_answer_up_to_the_bound_is_read():
     text = "x" * (ANSWER_BYTES - 1000)
     with serve_raw(once(completion(text))) as url:
-        assert (await ask(direct(url), 60)).text == text
+        assert (await ask(direct(url), 600)).text == text
 
 
 @pytest.mark.parametrize(
@@ -248,8 +248,10 @@ def test_a_date_counts_from_the_clock_of_the_service(until: str, now: str, found
 
 
 def test_a_date_without_a_clock_of_the_service_counts_from_ours():
-    until = format_datetime(dt.datetime.now(dt.UTC) + dt.timedelta(seconds=60), usegmt=True)
-    assert pause_s(until, "yesterday") == pytest.approx(60, abs=5)
+    until = dt.datetime.now(dt.UTC).replace(microsecond=0) + dt.timedelta(hours=1)
+    found = pause_s(format_datetime(until, usegmt=True), "yesterday")
+    assert found is not None
+    assert (until - dt.datetime.now(dt.UTC)).total_seconds() <= found <= 3600  # whatever it took to get here
 
 
 @pytest.mark.parametrize("pause", ["99999999999", "9" * 400, LATER])
@@ -257,17 +259,17 @@ def test_a_date_without_a_clock_of_the_service_counts_from_ours():
 async def test_a_pause_beyond_the_deadline_is_not_made(client, pause: str):
     busy = answered("429 Busy", b"come back later", f"retry-after: {pause}")
     with serve_raw(once(busy)) as url, pytest.raises(ModelError, match="come back later"):
-        await ask(client(url), 60)
+        await ask(client(url), 600)
 
 
 async def test_milliseconds_are_honoured_where_they_are_given():
     answers = iter([answered("429 Busy", b"{}", "retry-after: 3600", "retry-after-ms: 10"), completion("hi")])
     with serve_raw(lambda request: iter([next(answers)])) as url:
-        assert (await ask(direct(url), 60, tries=2)).text == "hi"
+        assert (await ask(direct(url), 600, tries=2)).text == "hi"
 
 
 @pytest.mark.parametrize("client", CLIENTS)
 async def test_a_retry_after_that_is_no_number_is_as_good_as_none(client):
     answers = iter([answered("429 Busy", b"{}", "retry-after: \xb2"), completion("hi")])
     with serve_raw(lambda request: iter([next(answers)])) as url:
-        assert (await ask(client(url), 60, tries=2)).text == "hi"
+        assert (await ask(client(url), 600, tries=2)).text == "hi"

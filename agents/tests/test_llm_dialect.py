@@ -40,7 +40,7 @@ def strict(request: dict[str, Any]) -> Reply:
 
 
 async def mind(url: str, model: str, **arguments: str) -> ReactPolicy:
-    policy = react(model=model, base_url=url, deadline="60", **arguments)
+    policy = react(model=model, base_url=url, deadline="600", **arguments)
     await policy.reset(brief("scout[1]"))
     return policy
 

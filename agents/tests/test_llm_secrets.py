@@ -128,7 +128,7 @@ async def test_exceptions_their_causes_and_logs_hold_no_key(client, monkeypatch,
     monkeypatch.setenv("SERVICE_KEY", key)
     caplog.set_level(logging.DEBUG)
     with serve_raw(echo("401 Unauthorized", str)) as url:
-        policy = react(base_url=url, api_key_env="SERVICE_KEY", deadline="60", **client_arguments(client))
+        policy = react(base_url=url, api_key_env="SERVICE_KEY", deadline="600", **client_arguments(client))
         await policy.reset(brief("scout[1]"))
         for tick in range(PATIENCE):
             with pytest.raises((NoDecisionError, InfrastructureError)) as failure:

@@ -61,7 +61,7 @@ HERE = view("uav[1]", (306.0, -620.0, 96.5))
 
 
 async def mind(url: str, agent: str = "scout[1]", mode: str = "broadcast", **arguments: str) -> ReactPolicy:
-    policy = react(model="test-model", base_url=url, **{"deadline": "10", **arguments})
+    policy = react(model="test-model", base_url=url, **{"deadline": "600", **arguments})
     await policy.reset(brief(agent, mode))
     return policy
 
@@ -413,7 +413,7 @@ async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch
             model="openai/test-model",
             base_url=server.url,
             client="litellm",
-            deadline="60",
+            deadline="600",
             api_key_env="REACT_TEST_KEY",
         )
         await policy.reset(brief())

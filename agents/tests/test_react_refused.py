@@ -11,7 +11,7 @@ from lingjing.plugins.policy import InfrastructureError
 
 
 async def mind(url: str, **arguments: str) -> ReactPolicy:
-    policy = react(model="m", base_url=url, **{"deadline": "60", "tries": "1", **arguments})
+    policy = react(model="m", base_url=url, **{"deadline": "600", "tries": "1", **arguments})
     await policy.reset(brief("scout[1]"))
     return policy
 
