@@ -14,6 +14,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import msgspec
+
 from lingjing.analysis.memo import once_per_trace
 from lingjing.analysis.messages import admitted
 from lingjing.plugins.frame_detector import UnitBox
@@ -54,6 +56,22 @@ class MatchedReport:
     def false(self) -> bool:
         """Whether it was compared with the truth and matches no target."""
         return self.judged and self.target is None
+
+
+class PerceptionCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """What rates of perception over several episodes need of one.
+
+    `missing`, `hallucinating` and `confusing` of the aligned `frames` have one or more of each. `errors_m` are the
+    distances of matched reports from their targets, `confidences` what compared reports said of
+    themselves and whether they matched.
+    """
+
+    frames: int = 0
+    missing: int = 0
+    hallucinating: int = 0
+    confusing: int = 0
+    errors_m: tuple[float, ...] = ()
+    confidences: tuple[tuple[float, bool], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +127,18 @@ class Detection:
         """Median planar error over matched reports that name a position."""
         errors = [report.error_m for report in self.reports if report.error_m is not None]
         return median(errors) if errors else None
+
+    @property
+    def counts(self) -> PerceptionCounts:
+        """What is pooled over episodes."""
+        return PerceptionCounts(
+            frames=self.frames,
+            missing=self.missing_frames,
+            hallucinating=self.hallucinating_frames,
+            confusing=self.confusing_frames,
+            errors_m=tuple(report.error_m for report in self.reports if report.error_m is not None),
+            confidences=self.confidences,
+        )
 
     @property
     def calibration_error(self) -> float | None:

@@ -14,7 +14,7 @@ from statistics import fmean, median
 import msgspec
 
 from lingjing.analysis.behaviour import BehaviourRates, JudgedAction, actions, by_tercile
-from lingjing.analysis.detection import calibration_error, detect, ratio
+from lingjing.analysis.detection import PerceptionCounts, calibration_error, detect, ratio
 from lingjing.analysis.families import FAMILIES, FailureFamily, attribute
 from lingjing.analysis.metrics import stages_of
 from lingjing.analysis.repetition import target_events
@@ -26,10 +26,8 @@ from lingjing.trace.records import CUT_SHORT
 class EpisodeCounts(msgspec.Struct, frozen=True, kw_only=True):
     """What pools need of one episode. `retained` if it ended by itself; `tokens` are those of all model calls.
 
-    Over its aligned frames: `hits`, `false` and `missed` are true positives, false positives and false negatives, and
-    `missing`, `hallucinating`, `confusing` the frames with one or more of each. `errors_m` are distances of matched
-    reports from their targets, `confidences` what reports said and whether they matched. `repeated` of `events` are
-    target events; `stages` say of each stage whether it and all before it are complete.
+    Over its aligned frames: `hits`, `false` and `missed` are true positives, false positives and false negatives.
+    `repeated` of `events` are target events; `stages` say of each stage whether it and all before it are complete.
     """
 
     mission: str
@@ -37,15 +35,10 @@ class EpisodeCounts(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     retained: bool
     success: bool
-    frames: int
     hits: int
     false: int
     missed: int
-    missing: int
-    hallucinating: int
-    confusing: int
-    errors_m: tuple[float, ...]
-    confidences: tuple[tuple[float, bool], ...]
+    perceived: PerceptionCounts
     events: int
     repeated: int
     stages: tuple[tuple[str, bool], ...]
@@ -76,15 +69,10 @@ def counts_of(trace: Trace) -> EpisodeCounts:
         seed=instance.seed,
         retained=outcome is not None and outcome.reason not in CUT_SHORT,
         success=outcome is not None and outcome.success,
-        frames=found.frames,
         hits=found.true_positives,
         false=found.false_positives,
         missed=found.false_negatives,
-        missing=found.missing_frames,
-        hallucinating=found.hallucinating_frames,
-        confusing=found.confusing_frames,
-        errors_m=tuple(one.error_m for one in found.reports if one.error_m is not None),
-        confidences=found.confidences,
+        perceived=found.counts,
         events=events,
         repeated=repeated,
         stages=tuple((stage.name, stage.cumulative) for stage in stages_of(trace)),
@@ -126,18 +114,19 @@ class PerceptionRates(msgspec.Struct, frozen=True, kw_only=True):
 def perception(episodes: Iterable[EpisodeCounts]) -> PerceptionRates:
     """The rates of pooled frames and reports: "pools the retained frames, actions, and messages"."""
     kept = [one for one in episodes if one.retained]
-    frames, hits = sum(one.frames for one in kept), sum(one.hits for one in kept)
+    told = [one.perceived for one in kept]
+    frames, hits = sum(one.frames for one in told), sum(one.hits for one in kept)
     false, missed = sum(one.false for one in kept), sum(one.missed for one in kept)
-    errors = [error for one in kept for error in one.errors_m]
+    errors = [error for one in told for error in one.errors_m]
     return PerceptionRates(
         precision=ratio(hits, hits + false),
         recall=ratio(hits, hits + missed),
         f1=ratio(2 * hits, 2 * hits + false + missed),
-        miss_rate=ratio(sum(one.missing for one in kept), frames),
-        hallucination_rate=ratio(sum(one.hallucinating for one in kept), frames),
-        confusion_rate=ratio(sum(one.confusing for one in kept), frames),
+        miss_rate=ratio(sum(one.missing for one in told), frames),
+        hallucination_rate=ratio(sum(one.hallucinating for one in told), frames),
+        confusion_rate=ratio(sum(one.confusing for one in told), frames),
         localisation_error_m=median(errors) if errors else None,
-        calibration_error=calibration_error([said for one in kept for said in one.confidences]),
+        calibration_error=calibration_error([said for one in told for said in one.confidences]),
     )
 
 

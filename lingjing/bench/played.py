@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import TypeVar
+from typing import Literal, TypeVar
 
+from lingjing.analysis.detection import PerceptionCounts, calibration_error
 from lingjing.analysis.metrics import Metrics
 from lingjing.bench.rows import SuiteRow
 
@@ -44,10 +45,24 @@ class Played:
         found = (getattr(one, name) for one in self.metrics())
         return mean_of([float(value) for value in found if value is not None])
 
-    def middle(self, name: str) -> float:
-        """The median of a metric over the episodes in which it is defined."""
-        values = [float(value) for one in self.metrics() if (value := getattr(one, name)) is not None]
-        return median(values) if values else math.nan
+    def perceived(self, kind: Literal["missing", "hallucinating", "confusing"]) -> float:
+        """The share of all aligned frames with one or more of a kind of error."""
+        told = self._perceived()
+        frames = sum(one.frames for one in told)
+        return sum(getattr(one, kind) for one in told) / frames if frames else math.nan
+
+    def location_error_m(self) -> float:
+        """The median over all matched reports of their distance from the target."""
+        errors = [error for one in self._perceived() for error in one.errors_m]
+        return median(errors) if errors else math.nan
+
+    def calibration_error(self) -> float:
+        """Expected calibration error over the confidences of all reports."""
+        error = calibration_error([said for one in self._perceived() for said in one.confidences])
+        return math.nan if error is None else error
+
+    def _perceived(self) -> list[PerceptionCounts]:
+        return [row.report.perceived for row in self.rows if row.report.perceived is not None]
 
     def weighted(self, name: str, weight: str) -> float:
         """The mean of a rate over what `weight` counts in each episode, as over one pool of all of them."""

@@ -19,6 +19,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.analysis.behaviour import actions, counted_by_tercile
+from lingjing.analysis.detection import detect
 from lingjing.analysis.metrics import metrics
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.executors import Executor
@@ -271,6 +272,7 @@ def scored_until_crash(report: EpisodeReport) -> EpisodeReport:
         digest=last.digest,
         metrics=counted,
         terciles=counted_by_tercile(actions(trace)),
+        perceived=detect(trace).counts,
     )
 
 

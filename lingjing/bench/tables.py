@@ -139,7 +139,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
                 done = played.steps()
                 measured.append((condition or "default", (
                     ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
-                    percent(played.scr()), _bootstrap_ends(played), plain(played.middle("localisation_error_m"), ".0f"),
+                    percent(played.scr()), _bootstrap_ends(played), plain(played.location_error_m(), ".0f"),
                     percent(played.mean("coverage")), percent(played.weighted("json_compliance", "answers")),
                     plain(spent, ".2f"),
                     *(percent(done.get(stage, math.nan)) for stage in stages),
@@ -147,8 +147,8 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             lines += marked([ResultLine(group, (name,), cells) for name, cells in measured], only=(1, 3))
         named = f"{title or 'Conditions'}: {mission.upper()} ({mode})"
         note = (
-            "TSR: Wilson's interval, SCR: bootstrap; stages are cumulative; LocErr is the median of the episodes' "
-            "medians; JSON is pooled over all answers; Cost x compares tokens with the baseline"
+            "TSR: Wilson's interval, SCR: bootstrap; stages are cumulative; LocErr is the median over "
+            "all matched reports; JSON is pooled over all answers; Cost x compares tokens with the baseline"
         )
         if len({row.condition for row in some}) > 1 or len({row.condition for row in rows}) > 1:
             yield ResultTable("conditions", named, ("Condition",), heads, tuple(lines), (note,))
@@ -159,24 +159,22 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     for condition, some in rows_by(rows, lambda row: row.condition).items():
         missions = rows_by(some, lambda row: (row.entrant, row.mission, row.mode))
         names = tuple(dict.fromkeys(name for own in missions.values() for name in Played(tuple(own)).stages()))
-        farthest = max(
-            (_finite(Played(tuple(own)).middle("localisation_error_m")) for own in missions.values()), default=0.0
-        )
+        farthest = max((_finite(Played(tuple(own)).location_error_m()) for own in missions.values()), default=0.0)
         lines = []
         for (entrant, mission, mode), own in missions.items():
             played, done = Played(tuple(own)), Played(tuple(own)).stages()
-            error = played.middle("localisation_error_m")
+            error = played.location_error_m()
             cells = (
                 *(percent(done.get(name, math.nan)) for name in names),
-                plain(1 - played.f1(), ".2f"), percent(played.weighted("miss_rate", "frames")),
+                plain(1 - played.f1(), ".2f"), percent(played.perceived("missing")),
                 plain(error, ".0f"), plain(error / farthest if farthest else math.nan, ".2f"),
-                plain(played.weighted("calibration_error", "reports"), ".2f"),
+                plain(played.calibration_error(), ".2f"),
             )  # fmt: skip
             lines.append(ResultLine(entrant, (f"{mission.upper()} ({mode})",), cells))
         heads = (*names, "1-F1", "Miss", "LocErr m", "LocErr norm.", "ECE")
         note = (
-            "stages are cumulative; F1 is pooled, Miss and ECE are weighted by pictures and by reports, LocErr is the "
-            "median of the episodes' medians, normalised by the largest"
+            "stages are cumulative; F1, Miss and ECE are pooled over pictures and reports, LocErr is the median over "
+            "all matched reports, normalised by the largest"
         )
         yield ResultTable(
             "stages",
@@ -228,11 +226,11 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     for entrant, own in rows_by(rows, lambda row: row.entrant).items():
         played = Played(tuple(own))
         cells = (
-            percent(played.weighted("miss_rate", "frames")),
-            percent(played.weighted("hallucination_rate", "frames")),
-            percent(played.weighted("confusion_rate", "frames")),
+            percent(played.perceived("missing")),
+            percent(played.perceived("hallucinating")),
+            percent(played.perceived("confusing")),
             plain(played.f1(), ".2f"),
-            plain(played.weighted("calibration_error", "reports"), ".2f"),
+            plain(played.calibration_error(), ".2f"),
         )
         lines.append(_line(own[0], (entrant,), cells))
     compared = marked(lines, by_column=True, lower=(0, 1, 2, 4))

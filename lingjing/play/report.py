@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.analysis.behaviour import ActionCounts, actions, counted_by_tercile
+from lingjing.analysis.detection import PerceptionCounts, detect
 from lingjing.analysis.families import FailureFamily, attribute
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.metrics import Metrics, metrics
@@ -32,9 +33,9 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
     `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
     `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a lost
-    episode, `terciles` the counts of the first, second and last third of its agents' actions. `crashed` is whether
-    what ended or ruined that process can only have been its policy: `lingjing run` reports an abort, a suite counts a
-    failure.
+    episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what rates of
+    perception over several episodes are made of. `crashed` is whether what ended or ruined that process can only have
+    been its policy: `lingjing run` reports an abort, a suite counts a failure.
     """
 
     mission: str
@@ -61,6 +62,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     crashed: bool = False
     family: FailureFamily | None = None
     terciles: tuple[ActionCounts, ...] = ()
+    perceived: PerceptionCounts | None = None
 
     @property
     def folder(self) -> Path:
@@ -125,6 +127,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         withdrawn=withdrawn(outcome.processes),
         family=None if attributed is None else attributed.family,
         terciles=counted_by_tercile(actions(trace)),
+        perceived=detect(trace).counts,
     )
 
 

@@ -29,11 +29,11 @@ policy = "random"
 
 
 def made_row(*, success: bool = True, scr: float | None = None, **changes: object) -> SuiteRow:
-    """A counted row of `ssr` in star mode, but for the changes; `metrics` are those of its report."""
-    metrics = changes.pop("metrics", {})
+    """A counted row of `ssr` in star mode, but for the changes; `metrics` and `perceived` are those of its report."""
+    metrics, perceived = changes.pop("metrics", {}), changes.pop("perceived", None)
     report = changes.pop("report", None) or made_report(
         seed=changes.get("seed", 0), success=success, scr=(1.0 if success else 0.5) if scr is None else scr,
-        metrics=blank_metrics(**metrics) if isinstance(metrics, dict) else metrics,
+        metrics=blank_metrics(**metrics) if isinstance(metrics, dict) else metrics, perceived=perceived,
     )  # fmt: skip
     plain = {"suite": "small", "entrant": "e", "mission": "ssr", "mode": "star", "seed": 0, "policy": "p", "code": "c",
              "options": PlayOptions(mission="ssr", policy="p"), "report": report}  # fmt: skip

@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from lingjing.analysis.behaviour import ActionCounts
+from lingjing.analysis.detection import PerceptionCounts
 from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.exports import html_page, to_csv, to_html, to_latex, to_markdown
@@ -31,13 +32,30 @@ def column(entrant: str, mission: str, mode: str, won: int, of: int = 10, **chan
 
 def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
     metrics = [
-        {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "miss_rate": 0.1, "frames": 10},
-        {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "miss_rate": 0.5, "frames": 90},
+        {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "repetition": 0.1, "actions": 10},
+        {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "repetition": 0.5, "actions": 90},
     ]
     played = Played(tuple(made_row(seed=seed, metrics=one) for seed, one in enumerate(metrics)))
     assert played.f1() == pytest.approx(18 / 19)
-    assert played.weighted("miss_rate", "frames") == pytest.approx(0.46)
+    assert played.weighted("repetition", "actions") == pytest.approx(0.46)
     assert math.isnan(Played(()).f1()) and math.isnan(Played(()).rate())
+
+
+def test_perception_is_pooled_over_frames_and_reports() -> None:
+    """One frame of ten and 45 of 90 with a miss: 46 of 100. Three errors of one episode and one of the other: the
+    median of the four. Two confidences of 0.9 in one bin, one of them right: |1 - 1.8| over 2."""
+    told = [
+        PerceptionCounts(frames=10, missing=1, errors_m=(1.0, 2.0, 3.0), confidences=((0.9, True),)),
+        PerceptionCounts(frames=90, missing=45, hallucinating=9, errors_m=(80.0,), confidences=((0.9, False),)),
+    ]
+    played = Played((*(made_row(seed=seed, perceived=one) for seed, one in enumerate(told)), made_row(seed=2)))
+    assert played.perceived("missing") == pytest.approx(0.46)
+    assert (played.perceived("hallucinating"), played.perceived("confusing")) == (pytest.approx(0.09), 0.0)
+    assert played.location_error_m() == 2.5
+    assert played.calibration_error() == pytest.approx(0.4)
+    nothing = Played(())
+    undefined = nothing.perceived("missing"), nothing.location_error_m(), nothing.calibration_error()
+    assert all(map(math.isnan, undefined))
 
 
 # -- tables
@@ -109,15 +127,23 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
 
     full = {
         "tokens": 1000,
-        "localisation_error_m": 52.0,
         "coverage": 0.9,
         "json_compliance": 0.96,
         "answers": 25,
         "stages": stages(True, True),
     }
-    coarse = {"tokens": 250, "localisation_error_m": None, "coverage": 0.5, "stages": stages(True, False)}
+    coarse = {"tokens": 250, "coverage": 0.5, "stages": stages(True, False)}
     rows = [
-        *column("q", "ssr", "broadcast", 7, condition="Full", baseline=True, metrics=full),
+        *column(
+            "q",
+            "ssr",
+            "broadcast",
+            7,
+            condition="Full",
+            baseline=True,
+            metrics=full,
+            perceived=PerceptionCounts(errors_m=(50.0, 52.0, 54.0)),
+        ),
         *column("q", "ssr", "broadcast", 6, condition="Coarse", condition_place=1, metrics=coarse),
     ]
     (table,) = make_tables(rows, ["conditions"])
