@@ -159,8 +159,7 @@ class Exchange(Record, frozen=True, kw_only=True):
     `from`), `gives` and `up_to` are names of states and limits without units, "" where there is none: `takes` and
     `source` lower the target's state by what the actor's allows, `takes` alone works it off, `gives` raises the actor's
     state as far as its `up_to` and out of the target's `source`. `status` is the target's word afterwards, "" for the
-    past participle of the name; `told` says which agents
-    learn of it (`lingjing.kernel.event_visibility`), "" for the usual.
+    name with `d` or `ed`; `told` says which agents learn of it (`lingjing.kernel.event_visibility`), "" for the usual.
     """
 
     name: str

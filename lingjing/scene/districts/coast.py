@@ -30,6 +30,9 @@ DECK_M = 16.0
 """Width of the bridge's deck: two lanes each way, a kerb and a railing on either side."""
 
 RAMP = "bridge-ramp"
+FAR_END = "bridge-end"
+"""The node of the street network at the bridge's far end; a road that leads there is named after both its nodes."""
+
 LAP_M = 0.1
 """How far the ramp's slab goes on along the bridge: where the two meet at an angle, the bend leaves no gap."""
 RAMP_GRADE = 0.05
@@ -65,10 +68,10 @@ def bridge_foot(plan: DistrictPlan) -> tuple[float, float]:
 def bridge_streets(plan: DistrictPlan, foot: str) -> tuple[list[StreetNode], list[StreetEdge]]:
     """The carriageway over the bridge from the node `foot`, up the ramp and out to its far end."""
     start, *inner, end = ((x, y, plan.deck_m) for x, y in plan.bridge)
-    far = StreetNode(id="bridge-end", east=end[0], north=end[1], elevation=plan.deck_m, control="priority")
-    there = StreetEdge(id=f"{foot}_to_bridge-end", start=foot, end=far.id, lanes=2, speed_mps=16.7, kind="primary",
+    far = StreetNode(id=FAR_END, east=end[0], north=end[1], elevation=plan.deck_m, control="priority")
+    there = StreetEdge(id=f"{foot}_to_{FAR_END}", start=foot, end=far.id, lanes=2, speed_mps=16.7, kind="primary",
                        name="Sea Bridge", priority=3, shape=(start, *inner), bridge=True)  # fmt: skip
-    back = StreetEdge(id=f"bridge-end_to_{foot}", start=far.id, end=foot, lanes=2, speed_mps=16.7, kind="primary",
+    back = StreetEdge(id=f"{FAR_END}_to_{foot}", start=far.id, end=foot, lanes=2, speed_mps=16.7, kind="primary",
                       name="Sea Bridge", priority=3, shape=(*reversed(inner), start), bridge=True)  # fmt: skip
     return [far], [there, back]
 
@@ -76,7 +79,7 @@ def bridge_streets(plan: DistrictPlan, foot: str) -> tuple[list[StreetNode], lis
 def fit_ramp(draft: Draft, plan: DistrictPlan, roads: Sequence[Road]) -> None:
     """Let the ramp rise where its lanes do: they begin behind the crossing, and so must the slab under them."""
     foot = bridge_foot(plan)
-    starts = [road.lanes[0].shape[0] for road in roads if road.bridge and road.id.endswith("_to_bridge-end")]
+    starts = [road.lanes[0].shape[0] for road in roads if road.bridge and road.id.endswith(f"_to_{FAR_END}")]
     top = plan.bridge[0]
     length = hypot(top[0] - foot[0], top[1] - foot[1])
     for x, y, _ in starts:
