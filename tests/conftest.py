@@ -8,21 +8,18 @@ from pathlib import Path
 import pytest
 
 from lingjing.data import data_path
-from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
-    Budget,
     Clock,
-    CommsSpec,
     Entity,
     Instance,
     InteractionSpec,
-    SceneSpec,
     VerbSpec,
     Weather,
 )
 from lingjing.plugins.engine import Boundary, Engine, EngineSpec
 from lingjing.scene.city import City, Land, Solid, Water
 from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
+from tests.bare_instance import bare_instance
 from tests.declared import declared
 
 LEVEL_M = -3.5
@@ -34,28 +31,7 @@ def square(x: float, y: float, half: float) -> tuple[tuple[float, float], ...]:
 
 
 def build_instance(entities: Sequence[Entity], weather: Weather | None = None, sync_s: float = 0.5) -> Instance:
-    return Instance(
-        mission="test",
-        title="",
-        goal="",
-        seed=1,
-        settings={},
-        scene=SceneSpec(kind="bay"),
-        clock=Clock(tick_s=10.0, sync_s=sync_s),
-        budget=Budget(ticks=60, policy_s=1.0, engine_s=1.0, capture_s=1.0),
-        weather=weather or Weather(),
-        regions=(),
-        cells=(),
-        entities=tuple(entities),
-        agents=(),
-        messages=(),
-        comms=CommsSpec(mode="broadcast", hub=None),
-        rules=(),
-        unlocks=(),
-        stages=(),
-        relations=(),
-        success=Flag(value=True),
-    )
+    return bare_instance(entities, clock=Clock(tick_s=10.0, sync_s=sync_s), weather=weather or Weather())
 
 
 def build_uav(index: int = 1, position: tuple[float, float, float] = (0.0, 0.0, 1.1), **properties: float) -> Entity:

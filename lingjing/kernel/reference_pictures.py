@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import msgspec
 
-from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import REFERENCE, Picture
@@ -65,11 +64,6 @@ class ReferencePictures:
     def missed_by(self, agent: AgentSpec, absent: Sequence[Absent]) -> tuple[Absent, ...]:
         """Reference pictures that the agent's role should have been shown and that did not come."""
         return tuple(one for one in absent if one.camera == REFERENCE and agent.role in self._roles.get(one.entity, ()))
-
-
-def is_reference(frame: StoredFrame) -> bool:
-    """Whether a frame is a reference picture."""
-    return frame.info.camera == REFERENCE
 
 
 def _in_front_of(entity: Entity) -> CameraPose:

@@ -6,13 +6,9 @@ from lingjing.engines.camera import context
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.errors import InfrastructureError
-from lingjing.mission.expression import Flag
 from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import (
-    Budget,
     CameraSpec,
-    Clock,
-    CommsSpec,
     Entity,
     EventSpec,
     Instance,
@@ -21,6 +17,7 @@ from lingjing.mission.instance import (
 )
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec, Frame
 from lingjing.scene.city import Bridge, Building, City, Junction, Lane, PaintedArea, Pieces, Prop, Road, Water
+from tests.bare_instance import bare_instance
 from tests.declared import declared
 
 
@@ -89,13 +86,9 @@ def entity(name: str, kind: str, at: tuple[float, float, float], **more: object)
 
 def instance(*others: Entity, weather: Weather | None = None, events: tuple[EventSpec, ...] = ()) -> Instance:
     uav = entity("uav", "quadrotor", (0.0, 0.0, 100.0), cameras=mounts())
-    return Instance(
-        mission="t", title="", goal="", seed=3, settings={}, scene=SceneSpec(kind="x", seed=3),
-        clock=Clock(tick_s=10, sync_s=0.5), budget=Budget(ticks=9, policy_s=9, engine_s=9, capture_s=9),
-        weather=weather or Weather(sun_azimuth_deg=180.0), regions=(), cells=(), entities=(uav, *others), agents=(),
-        messages=(), comms=CommsSpec(mode="broadcast", hub=None), rules=(), unlocks=(), stages=(), relations=(),
-        success=Flag(value=True), events=events,
-    )  # fmt: skip
+    scene = SceneSpec(kind="x", seed=3)
+    weather = weather or Weather(sun_azimuth_deg=180.0)
+    return bare_instance((uav, *others), seed=3, scene=scene, weather=weather, events=events)
 
 
 def ready(engine: CameraEngine, given: Instance | None = None, city: City | None = None) -> None:

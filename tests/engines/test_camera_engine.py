@@ -15,12 +15,8 @@ from lingjing.engines.camera import context
 from lingjing.engines.camera.classes import CLASSES, semantic_table
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.errors import InfrastructureError
-from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
-    Budget,
     CameraSpec,
-    Clock,
-    CommsSpec,
     Entity,
     Instance,
     SceneSpec,
@@ -31,21 +27,13 @@ from lingjing.plugins.engine import BodyState, CaptureRequest, City, Command, En
 from lingjing.plugins.geometry import pixel_to_world, world_to_pixel
 from lingjing.scene.bay import build
 from lingjing.scene.city import Solid, Water
+from tests.bare_instance import bare_instance
 from tests.declared import declared
+from tests.engines.camera_town import WHY_NOT
 
 LEVEL = -3.5
 
 
-def missing() -> str:
-    """Why no picture can be drawn here, or nothing."""
-    try:
-        context.open_context().release()
-    except InfrastructureError as error:
-        return f"{error}; {error.hint}"
-    return ""
-
-
-WHY_NOT = missing()
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 
 
@@ -83,13 +71,9 @@ def instance(weather: Weather | None = None) -> Instance:
         entity("victim[2]", "person_in_water", (80.0, -910.0, LEVEL), heading_deg=70.0),
         entity("gizmo", "weather_vane", (95.0, -880.0, LEVEL)),
     )
-    return Instance(
-        mission="t", title="", goal="", seed=3, settings={}, scene=SceneSpec(kind="bay", datum_m=LEVEL, seed=3),
-        clock=Clock(tick_s=10, sync_s=0.5), budget=Budget(ticks=9, policy_s=9, engine_s=9, capture_s=9),
-        weather=weather or Weather(wind_mps=4, wind_from_deg=220, wave_height_m=0.5), regions=(), cells=(),
-        entities=entities, agents=(), messages=(), comms=CommsSpec(mode="broadcast", hub=None), rules=(), unlocks=(),
-        stages=(), relations=(), success=Flag(value=True),
-    )  # fmt: skip
+    scene = SceneSpec(kind="bay", datum_m=LEVEL, seed=3)
+    weather = weather or Weather(wind_mps=4, wind_from_deg=220, wave_height_m=0.5)
+    return bare_instance(entities, seed=3, scene=scene, weather=weather)
 
 
 def states(given: Instance, **changes: dict[str, object]) -> list[BodyState]:

@@ -9,28 +9,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.engines.camera import context
 from lingjing.engines.camera.engine import CameraEngine
-from lingjing.errors import InfrastructureError
-from lingjing.mission.expression import Flag
-from lingjing.mission.instance import Budget, CameraSpec, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
+from lingjing.mission.instance import CameraSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.plugins.engine import CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Pipe, Road, Water
 from lingjing.trace.records import BodyState, Box
+from tests.bare_instance import bare_instance
 from tests.declared import declared
+from tests.engines.camera_town import WHY_NOT
 
-
-def missing() -> str:
-    """Why no picture can be drawn here, or nothing."""
-    try:
-        context.open_context().release()
-    except InfrastructureError as error:
-        return f"{error}; {error.hint}"
-    return ""
-
-
-WHY_NOT = missing()
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 
 DAY, NIGHT = 45.0, -20.0
@@ -77,13 +65,8 @@ def instance(kind: str, viewer: Entity) -> Instance:
             properties={"width_m": 8.0, "colour": "red"},
         )
     )
-    return Instance(
-        mission="t", title="", goal="", seed=3, settings={}, scene=SceneSpec(kind="x"),
-        clock=Clock(tick_s=10, sync_s=0.5), budget=Budget(ticks=9, policy_s=9, engine_s=9, capture_s=9),
-        weather=Weather(wind_mps=4, wind_from_deg=220), regions=(), cells=(), entities=(target, viewer), agents=(),
-        messages=(), comms=CommsSpec(mode="broadcast", hub=None), rules=(), unlocks=(), stages=(), relations=(),
-        success=Flag(value=True),
-    )  # fmt: skip
+    weather = Weather(wind_mps=4, wind_from_deg=220)
+    return bare_instance((target, viewer), seed=3, scene=SceneSpec(kind="x"), weather=weather)
 
 
 @pytest.fixture(scope="module")

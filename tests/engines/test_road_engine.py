@@ -15,11 +15,8 @@ import shapely
 
 from lingjing.engines.road.engine import RoadEngine
 from lingjing.errors import InfrastructureError
-from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
-    Budget,
     Clock,
-    CommsSpec,
     Datum,
     Entity,
     EventSpec,
@@ -27,7 +24,6 @@ from lingjing.mission.instance import (
     SceneSpec,
     StateSpec,
     VerbSpec,
-    Weather,
 )
 from lingjing.plugins.conformance import check_engine
 from lingjing.plugins.engine import Boundary, EnginePlugin, EngineSpec
@@ -35,6 +31,7 @@ from lingjing.scene.city import City, Lane, Road
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
+from tests.bare_instance import bare_instance
 from tests.declared import declared
 
 SPAN_M = 200.0
@@ -116,29 +113,8 @@ def other(name: str, kind: str, engine: str) -> Entity:
 def mission(
     entities: Sequence[Entity], traffic: int = 0, sync_s: float = 0.5, events: tuple[EventSpec, ...] = ()
 ) -> Instance:
-    return Instance(
-        mission="test",
-        title="",
-        goal="",
-        seed=1,
-        settings={},
-        scene=SceneSpec(kind="grid", options={"traffic": float(traffic)}),
-        clock=Clock(tick_s=10.0, sync_s=sync_s),
-        budget=Budget(ticks=60, policy_s=1.0, engine_s=1.0, capture_s=1.0),
-        weather=Weather(),
-        regions=(),
-        cells=(),
-        entities=tuple(entities),
-        agents=(),
-        messages=(),
-        comms=CommsSpec(mode="broadcast", hub=None),
-        rules=(),
-        unlocks=(),
-        stages=(),
-        relations=(),
-        success=Flag(value=True),
-        events=events,
-    )
+    scene = SceneSpec(kind="grid", options={"traffic": float(traffic)})
+    return bare_instance(entities, scene=scene, clock=Clock(tick_s=10.0, sync_s=sync_s), events=events)
 
 
 def nobody(time_s: float) -> Sequence[BodyState]:

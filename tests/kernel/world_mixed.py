@@ -19,6 +19,7 @@ from lingjing.mission.instance import (
 from lingjing.scene.city import Building, City, Water
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.trace.records import Command
+from tests.bare_instance import bare_instance
 from tests.declared import declared
 
 SPAN_M = 200.0
@@ -116,26 +117,16 @@ def instance(uavs: int = 2, dogs: int = 1, vans: int = 1, traffic: int = 20, syn
         AgentSpec(id=f"a-{e.id}", name="a", index=0, role="r", controls=(e.id,), commands=(e.id,), observes=())
         for e in fleet
     )
-    return Instance(
+    return bare_instance(
+        (*targets, *fleet),
         mission="mixed",
-        title="",
-        goal="",
         seed=5,
-        settings={},
         scene=SceneSpec(kind="mixed", options={"traffic": float(traffic)}),
         clock=Clock(tick_s=5.0, sync_s=sync_s),
         budget=Budget(ticks=100, policy_s=60.0, engine_s=300.0, capture_s=60.0),
         weather=Weather(wind_mps=3.0, wind_from_deg=200.0, turbulence=0.1, wave_height_m=0.4, visibility_m=10_000.0),
-        regions=(),
-        cells=(),
-        entities=(*targets, *fleet),
         agents=agents,
-        messages=(),
         comms=CommsSpec(mode="broadcast", hub=None, range_m=600.0),
-        rules=(),
-        unlocks=(),
-        stages=(),
-        relations=(),
         success=Flag(value=False),
     )
 

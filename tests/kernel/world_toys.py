@@ -16,21 +16,18 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
     Budget,
     CameraSpec,
     Clock,
-    CommsSpec,
     Entity,
-    Instance,
     SceneSpec,
-    Weather,
 )
 from lingjing.plugins.engine import Boundary, CaptureRequest, EnginePlugin, Frame
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.scene.city import City, Prop
 from lingjing.trace.records import BodyState, Box, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
+from tests.bare_instance import bare_instance
 
 CITY = City(id="toy", origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0))
 
@@ -355,27 +352,15 @@ def entity(name, engine, x=0.0, cameras=(), **properties):
 
 
 def instance(*entities, seed=7, tick_s=1.0, sync_s=0.1, engine_s=20.0, capture_s=20.0, **settings):
-    return Instance(
+    return bare_instance(
+        entities,
         mission="toy",
         title="Toy",
-        goal="",
         seed=seed,
         settings=settings,
         scene=SceneSpec(kind="toy"),
         clock=Clock(tick_s=tick_s, sync_s=sync_s),
         budget=Budget(ticks=10, policy_s=1.0, engine_s=engine_s, capture_s=capture_s),
-        weather=Weather(),
-        regions=(),
-        cells=(),
-        entities=entities,
-        agents=(),
-        messages=(),
-        comms=CommsSpec(mode="broadcast", hub=None),
-        rules=(),
-        unlocks=(),
-        stages=(),
-        relations=(),
-        success=Flag(True),
     )
 
 

@@ -15,9 +15,6 @@ import numpy.typing as npt
 
 from lingjing_agents.perception.images import ByteImage
 
-Activations = npt.NDArray[np.float32]
-"""Whole numbers, (pictures, rows, columns, channels)."""
-
 STRIDES = (2, 2, 1, 1, 1)
 DILATIONS = (1, 1, 1, 2, 4)
 CELL_PX = 4
