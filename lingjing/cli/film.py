@@ -28,6 +28,7 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.viewer.film import make_film
 
     path = Path(args.output)
-    make_film(read_trace(args.trace), path, truth=args.truth)
+    for note in make_film(read_trace(args.trace), path, truth=args.truth):
+        say(f"note: {note}")
     say(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
     return ExitCode.OK

@@ -26,7 +26,7 @@ from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
 from lingjing.play.parallel import EpisodeTask, play_apart, play_here, without_result
-from lingjing.play.report import EpisodeReport, summarise
+from lingjing.play.report import INTERRUPTED, EpisodeReport, summarise
 from lingjing.play.supervised_child import SeedFolder
 from lingjing.play.supervision import can_supervise, play_supervised
 
@@ -81,7 +81,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--max-tokens", metavar="N", help="tokens that chat models may take, all episodes together")
     parser.add_argument("-j", "--jobs", metavar="N", default="1", help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.add_argument("--watch", action="store_true", help="show the episode in the terminal while it is played")
+    parser.add_argument(
+        "--watch",
+        metavar="WHERE",
+        nargs="?",
+        const="terminal",
+        help="show the episode while it is played, in the terminal (default), in the browser or in foxglove",
+    )
     parser.add_argument(
         "--watch-truth", action="store_true", help="watch with hidden targets shown before anybody has found them"
     )
@@ -94,6 +100,7 @@ def handler(args: argparse.Namespace) -> int:
     if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
         raise KeyboardInterrupt
     errors = ErrorCollector()
+    _take_watch(args, errors)
     jobs = _jobs(args, errors)
     options, mission = _options(args, errors)
     seeds = errors.attempt(lambda: parse_seeds(args.seeds), ()) if args.seeds is not None else ()
@@ -108,13 +115,30 @@ def handler(args: argparse.Namespace) -> int:
     return _run_one(args, mission, options, folder)
 
 
+WATCHED_IN = ("terminal", "browser", "foxglove")
+
+
+def _take_watch(args: argparse.Namespace, errors: ErrorCollector) -> None:
+    """What follows `--watch` is a place, or the mission where none is named: `lingjing run --watch ssr`."""
+    if args.watch is not None and args.watch not in WATCHED_IN:
+        if args.mission is None:
+            args.mission, args.watch = args.watch, "terminal"
+        else:
+            errors.add(UsageError(f"--watch={args.watch}: it is one of {', '.join(WATCHED_IN)}"))
+    if args.watch is None and args.watch_truth:
+        args.watch = "terminal"
+    if args.watch in ("browser", "foxglove") and args.seeds is not None:
+        hint = "leave --seeds out, or follow each with `lingjing view --follow TRACE`"
+        errors.add(UsageError(f"--watch={args.watch} shows one episode", hint=hint))
+
+
 def _jobs(args: argparse.Namespace, errors: ErrorCollector) -> int:
     jobs = int(args.jobs) if args.jobs.isascii() and args.jobs.isdigit() else 0
     if jobs < 1:
         errors.add(UsageError(f"-j {args.jobs}: a whole number is due, at least one"))
     if args.output == "":
         errors.add(UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/"))
-    if jobs > 1 and _watched(args):
+    if jobs > 1 and args.watch is not None:
         errors.add(UsageError("--watch shows one episode at a time", hint="leave -j out, or --watch"))
     return jobs
 
@@ -211,6 +235,8 @@ def _possible(given: list[str], mission: Mission, options: PlayOptions) -> PlayO
 
 
 def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions, given: Path | None) -> int:
+    if args.watch in ("browser", "foxglove"):
+        return _run_shown(args, mission, options, given)
     try:
         with results_alone():
             (episode,) = _played(
@@ -218,6 +244,30 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions, g
             )
     finally:
         release_if_empty(given or RUNS)
+    return _tell_episode(args, episode)
+
+
+def _run_shown(args: argparse.Namespace, mission: Mission, options: PlayOptions, given: Path | None) -> int:
+    """One episode with a viewer beside it, which stays after the result until an interrupt."""
+    from lingjing.cli.watch.viewer_process import ViewerProcess
+    from lingjing.play.episode import TRACE_NAME
+
+    folder = given or _claim(mission, options, options.seed)
+    try:
+        with ViewerProcess(folder / TRACE_NAME, foxglove=args.watch == "foxglove", truth=args.watch_truth) as viewer:
+            with results_alone():
+                (episode,) = _played(args, mission, options, (options.seed,), lambda seed: folder)
+            code = _tell_episode(args, episode)
+            if episode.reason != INTERRUPTED:
+                viewer.stay()
+    finally:
+        release_if_empty(folder)
+        if given is None:
+            release_if_empty(RUNS)
+    return code
+
+
+def _tell_episode(args: argparse.Namespace, episode: EpisodeReport) -> int:
     if args.json:
         print_json(episode)
     else:
@@ -284,7 +334,7 @@ def _played(
         return (report for _, report in play_apart(tasks, args.jobs))
 
     def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
-        if not _watched(args):
+        if args.watch != "terminal":
             door = WorkerDoor(args.fork_server) if args.fork_server is not None else None
             return play_here(options, places, LiveProgress, mission, door)
         from lingjing.cli.watch import EpisodeDisplays
@@ -315,7 +365,3 @@ def _aborting(mission: Mission | None, options: PlayOptions) -> Callable[[int, P
         return msgspec.structs.replace(report, mission=mission.name, mode=options.mode or mission.modes.default)
 
     return abort
-
-
-def _watched(args: argparse.Namespace) -> bool:
-    return bool(args.watch or args.watch_truth)

@@ -23,7 +23,7 @@ from lingjing.report.drawing import (
     tone_of,
 )
 from lingjing.report.estimates import BoundedEstimate
-from lingjing.viewer.frames import font
+from lingjing.viewer.fonts import font
 
 WIDE = 360.0
 """The width of a chart: a phone's, so that letters are read there as on a desk."""

@@ -20,7 +20,7 @@ from lingjing.report.drawing import (
     WordsMark,
 )
 from lingjing.terminal import visible
-from lingjing.viewer.frames import font
+from lingjing.viewer.fonts import font
 
 SCALE = 2
 """Pixels of the file for each unit."""

@@ -10,6 +10,7 @@ import contextlib
 import io
 import os
 import struct
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +63,9 @@ class ContainerWriter:
     `OSError` as the file system does."""
 
     def __init__(self, path: Path, key: bytes = b"") -> None:
-        self._file = SealedFile(path.open("xb"), key)
+        opened = path.open("xb")
+        _lock(opened)
+        self._file = SealedFile(opened, key)
         self._writer = mcap.writer.Writer(cast("IO[bytes]", self._file), chunk_size=CHUNK_BYTES)
         self._writer.start(library="lingjing")
         self.last_ns = 0
@@ -107,6 +110,30 @@ class ContainerWriter:
             self._file.note(definition_sum(topic, schema.message_encoding, str(number)))
             self._channels[topic] = self._writer.register_channel(topic, schema.message_encoding, number)
         return self._channels[topic]
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a `ContainerWriter` in any process of this machine has the file open; True where that cannot be known."""
+    if sys.platform == "win32":
+        return True
+    import fcntl
+
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    return False
+
+
+def _lock(file: IO[bytes]) -> None:
+    """Hold the file as long as it is open here: the system lets it go however this process ends. A file system without
+    locks is written all the same."""
+    if sys.platform != "win32":
+        import fcntl
+
+        with contextlib.suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> Iterator[Stored]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lingjing.errors import UsageError
-from lingjing.trace.container import DeclaredChannels, scan_from
+from lingjing.trace.container import DeclaredChannels, is_being_written, scan_from
 from lingjing.trace.reader import TOPICS_READ, FoundRecords, Trace
 from lingjing.trace.records import BoundaryRecord
 from lingjing.trace.topics import CAMERAS
@@ -27,6 +27,12 @@ class TraceFollower:
         self._channels = DeclaredChannels(TOPICS_READ)
         self._found: FoundRecords | None = None
         self.trace: Trace | None = None
+
+    @property
+    def is_left(self) -> bool:
+        """Whether a trace has begun, has no end, and nobody writes it any more: its run was killed."""
+        part = part_path(self._final)
+        return self.trace is not None and self.trace.outcome is None and part.is_file() and not is_being_written(part)
 
     def more(self) -> tuple[BoundaryRecord, ...]:
         """The boundaries that have been added. Raises `UsageError` if the file cannot be read by this version."""

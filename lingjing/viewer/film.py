@@ -12,6 +12,7 @@ from PIL import Image
 
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
+from lingjing.viewer.fonts import letters_without_a_font
 from lingjing.viewer.frames import HEIGHT, WIDTH, FilmFrames, frames_of
 from lingjing.viewer.moments import moments, schedule
 from lingjing.viewer.narrated import Narration
@@ -25,8 +26,9 @@ GIF_SIZE = (640, 360)
 SUFFIXES = (".mp4", ".gif")
 
 
-def make_film(trace: Trace, path: Path, *, truth: bool) -> None:
-    """Write the film; the suffix says which kind. It is there whole or not at all.
+def make_film(trace: Trace, path: Path, *, truth: bool) -> tuple[str, ...]:
+    """Write the film and give notes on what is not as it should be; the suffix says which kind. It is there whole or
+    not at all.
 
     Raises `UsageError` for another suffix, where PyAV is missing, and if the file cannot be written.
     """
@@ -36,19 +38,31 @@ def make_film(trace: Trace, path: Path, *, truth: bool) -> None:
     if write is _write_mp4:
         _needs_av()
     part = path.with_name(f".{path.stem}.part{path.suffix}")
+    told = Narration(trace, truth)
     try:
-        write(film_frames(trace, rate, truth=truth), part, rate)
+        write(film_frames(told, rate), part, rate)
         part.replace(path)
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror or error}", hint="choose another -o") from error
     finally:
         with contextlib.suppress(OSError):
             part.unlink()
+    return film_notes(told)
 
 
-def film_frames(trace: Trace, rate: int, *, truth: bool) -> Iterator[Image.Image]:
+def film_notes(told: Narration) -> tuple[str, ...]:
+    """What is said once where letters are drawn as boxes."""
+    found = moments(told.steps, told.trace, truth=told.truth) if told.steps else ()
+    texts = (told.head.title, told.head.goal, told.head.credit, told.ending().line, *(one.text for one in found))
+    letters = letters_without_a_font("".join(texts))
+    if not letters:
+        return ()
+    return (f"no font here has {letters[:8]!r}: they are drawn as boxes (fonts-noto-cjk has Chinese, for example)",)
+
+
+def film_frames(told: Narration, rate: int) -> Iterator[Image.Image]:
     """All frames: a title, the episode with its moments, the ending."""
-    told = Narration(trace, truth)
+    trace, truth = told.trace, told.truth
     drawn = FilmFrames(trace, told.head, told.steps, told.ground())
     yield from repeat(drawn.title(), round(TITLE_S * rate))
     if told.steps:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -17,6 +17,7 @@ from lingjing.errors import LingjingError
 from lingjing.mission.geometry2d import Extent
 from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.trace.reader import Trace
+from lingjing.viewer.fonts import font, lacking
 from lingjing.viewer.ground import STEP_PER_M, GroundShape, PageGround
 from lingjing.viewer.head import EndingCard, EpisodeHead
 from lingjing.viewer.moments import Moment
@@ -254,11 +255,11 @@ class FilmFrames:
         pen = ImageDraw.Draw(image)
         pen.rectangle((0, 0, WIDTH, MAP[1] - 1), fill=_PANEL)
         pen.rectangle((MAP[2], MAP[1], WIDTH, MAP[3]), fill=_PANEL)
-        pen.text((24, 12), _short(self._head.title or self._head.mission, 60), font=font(22), fill=_INK)
-        pen.text((24, 40), _short(self._facts(), 110), font=font(13), fill=_FAINT)
+        _write(pen, (24, 12), _short(self._head.title or self._head.mission, 60), 22, _INK)
+        _write(pen, (24, 40), _short(self._facts(), 110), 13, _FAINT)
         if self._head.credit:
-            wide = pen.textlength(self._head.credit, font=font(11))
-            pen.text((MAP[2] - wide - 8, MAP[3] - 18), self._head.credit, font=font(11), fill=_FAINT)
+            wide = font_of(self._head.credit, 11).getlength(self._head.credit)
+            _write(pen, (MAP[2] - wide - 8, MAP[3] - 18), self._head.credit, 11, _FAINT)
         if self._steps:
             self._beside(image, pen, int(place + 1e-6))
             self._timeline(pen, place)
@@ -303,12 +304,12 @@ class FilmFrames:
                 labels.append((x, y, card.label or card.id, _ASSETS[card.colour % len(_ASSETS)]))
         taken: list[tuple[float, float, float]] = []
         for x, y, text, ink in labels if len(labels) <= 40 else ():
-            wide = pen.textlength(_short(text, 20), font=font(24))
+            name = _short(text, 20)
+            wide = font_of(name, 24).getlength(name)
             if not any(abs(y - row) < 26 and x < right and x + wide + 26 > left for left, right, row in taken):
                 taken.append((x, x + wide + 26, y))
-                pen.text(
-                    (x + 22, y - 14), _short(text, 20), font=font(24), fill=ink, stroke_width=4, stroke_fill=_PAPER
-                )
+                letters = font_of(name, 24)
+                pen.text((x + 22, y - 14), name, font=letters, fill=ink, stroke_width=4, stroke_fill=_PAPER)
 
     def _arrow(self, pen: ImageDraw.ImageDraw, where: tuple[float, float, float], heading: float, ink: Ink) -> None:
         x, y, z = where
@@ -342,7 +343,7 @@ class FilmFrames:
         for at, picture in latest:
             shown = self._shot(picture.id)
             if shown is None:
-                pen.text((box[0] + 12, box[1] + 12), "this picture is broken", font=font(14), fill=_FAINT)
+                _write(pen, (box[0] + 12, box[1] + 12), "this picture is broken", 14, _FAINT)
                 continue
             ratio = min((box[2] - box[0]) / shown.width, (box[3] - box[1]) / shown.height)
             size = (max(1, round(shown.width * ratio)), max(1, round(shown.height * ratio)))
@@ -353,12 +354,12 @@ class FilmFrames:
             ]:
                 pen.rectangle(_placed(corners, left, top, size), outline=ink, width=2)
             words = f"{picture.entity} · {picture.camera} · tick {self._steps[at].tick}"
-            pen.text((box[0], box[3] + 6), _short(words, 58), font=font(13), fill=_FAINT)
+            _write(pen, (box[0], box[3] + 6), _short(words, 58), 13, _FAINT)
         counts = next((one.stages for one in reversed(self._steps[: step + 1]) if one.stages), [])
         for row, (name, done, members) in enumerate(counts[:6]):
             y = box[3] + 40 + 34 * row
-            pen.text((box[0], y), _short(name, 16), font=font(15), fill=_INK)
-            pen.text((box[2] - 52, y), f"{done} of {members}", font=font(14), fill=_FAINT)
+            _write(pen, (box[0], y), _short(name, 16), 15, _INK)
+            _write(pen, (box[2] - 52, y), f"{done} of {members}", 14, _FAINT)
             left, right = box[0] + 140, box[2] - 66
             pen.rounded_rectangle((left, y + 6, right, y + 13), 3, fill=_RULE)
             if members and done:
@@ -398,12 +399,12 @@ class FilmFrames:
         x = left + (right - left) * place / last
         pen.line([(x, top - 14), (x, bottom + 4)], fill=_INK, width=2)
         words = f"tick {step.tick} of {self._head.ticks}   score {step.score:.2f}"
-        pen.text((WIDTH - 24 - pen.textlength(words, font=font(18)), 22), words, font=font(18), fill=_INK)
+        _write(pen, (WIDTH - 24 - font(18).getlength(words), 22), words, 18, _INK)
 
     def _caption(self, pen: ImageDraw.ImageDraw, moment: Moment | None) -> None:
         if moment is not None:
             ink = _BAD if moment.kind == "bad" else _GOOD
-            pen.text((24, MAP[3] + 12), _fitting(moment.text, 20, WIDTH - 48), font=font(20), fill=ink)
+            _write(pen, (24, MAP[3] + 12), _fitting(moment.text, 20, WIDTH - 48), 20, ink)
 
     @staticmethod
     def _card(image: Image.Image, lines: Sequence[tuple[str, int, Ink]]) -> None:
@@ -416,7 +417,7 @@ class FilmFrames:
         pen.rounded_rectangle((48, top, MAP[2] - 48, top + high), 14, fill=(*_PAPER, 222))
         y = top + 22
         for text, size, ink in rows:
-            pen.text((70, y), text, font=font(size), fill=ink)
+            _write(pen, (70, y), text, size, ink)
             y += round(size * 1.45)
 
 
@@ -446,17 +447,8 @@ def _placed(
     )
 
 
-_FONTS: dict[tuple[int, bool], ImageFont.FreeTypeFont] = {}
-
-
-def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """The sans-serif font that ships with matplotlib."""
-    if (size, bold) not in _FONTS:
-        import matplotlib as mpl
-
-        name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-        _FONTS[size, bold] = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts/ttf" / name), size)
-    return _FONTS[size, bold]
+def _write(pen: ImageDraw.ImageDraw, at: tuple[float, float], text: str, size: int, ink: Ink) -> None:
+    pen.text(at, text, font=font_of(text, size), fill=ink)
 
 
 def _short(text: str, most: int) -> str:
@@ -467,21 +459,31 @@ def _short(text: str, most: int) -> str:
 def _fitting(text: str, size: int, wide: float) -> str:
     """The text in one line, cut where it would be wider."""
     line = _short(text, 400)
-    while line and font(size).getlength(line) > wide:
+    while line and font_of(line, size).getlength(line) > wide:
         line = f"{line[: max(0, int(len(line) * 0.9) - 1)]}…"
     return line
 
 
 def _wrapped(text: str, size: int, wide: float) -> list[str]:
-    """The text in lines that are no wider; a word that is, is cut."""
+    """The text in lines that are no wider; between two ideographs a line may end, and a word that is wider is cut."""
     rows: list[str] = []
-    for word in _short(text, 600).split(" "):
-        longer = f"{rows[-1]} {word}" if rows else word
-        if rows and font(size).getlength(longer) <= wide:
+    for piece in _PIECE.findall(_short(text, 600)):
+        longer = f"{rows[-1]}{piece}" if rows else piece
+        if rows and font_of(longer, size).getlength(longer.rstrip()) <= wide:
             rows[-1] = longer
         else:
-            rows.append(_fitting(word, size, wide))
-    return rows
+            rows.append(_fitting(piece, size, wide) + piece[len(piece.rstrip()) :])
+    return [row.rstrip() for row in rows]
+
+
+_IDEOGRAPHS = "\u2e80-\u9fff\uac00-\ud7a3\uf900-\ufaff\uff00-\uffef"
+_PIECE = re.compile(f"[{_IDEOGRAPHS}] ?|[^ {_IDEOGRAPHS}]+ ?| ")
+"""A word with the blank behind it, or one ideograph."""
+
+
+def font_of(text: str, size: int) -> ImageFont.FreeTypeFont:
+    """A font that has the letters of a text, if there is one."""
+    return font(size, lacking(text))
 
 
 def frames_of(drawn: FilmFrames, places: Sequence[float], told: Sequence[Moment]) -> Iterator[Image.Image]:

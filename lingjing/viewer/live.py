@@ -6,6 +6,7 @@ The run knows nothing of it: it writes its trace and never waits for anybody who
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +21,9 @@ from lingjing.viewer.steps import StepDetail, ViewStep
 
 POLL_S = 0.3
 """How often the file is looked at."""
+
+LEFT_S = 2.0
+"""So long a trace must stand still and be written by nobody before its run counts as killed."""
 
 QUIET_S = 15.0
 """So long without news, a sign of life is sent, by which a reader that has gone is noticed."""
@@ -55,6 +59,8 @@ class ServedRun:
         self._news = threading.Condition()
         self._building = threading.Lock()
         self._closed = threading.Event()
+        self._still_since = time.monotonic()
+        self._is_left = False
         self._read()
         self._thread = threading.Thread(target=self._follow_file, name="lingjing-follow", daemon=True)
         self._thread.start()
@@ -121,7 +127,7 @@ class ServedRun:
 
     def _has_ended(self) -> bool:
         trace = self._follower.trace
-        return trace is not None and trace.outcome is not None
+        return self._is_left or (trace is not None and trace.outcome is not None)
 
     def _follow_file(self) -> None:
         while not self._closed.wait(POLL_S) and not self._has_ended():
@@ -132,7 +138,12 @@ class ServedRun:
 
     def _read(self) -> None:
         records = self._follower.more()
+        now = time.monotonic()
+        if records:
+            self._still_since = now
+        left = now - self._still_since >= LEFT_S and self._follower.is_left
         with self._news:
+            self._is_left = left
             trace = self._follower.trace
             if trace is None:
                 return
@@ -141,5 +152,5 @@ class ServedRun:
             else:
                 self._narration.trace = trace
                 self._narration.take(records)
-            if records or trace.outcome is not None:
+            if records or self._has_ended():
                 self._news.notify_all()

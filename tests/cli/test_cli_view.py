@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import http.client
+import importlib.util
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
@@ -69,3 +71,38 @@ def test_the_server_answers_until_it_is_ended(path: Path, end: signal.Signals) -
     _, errors = process.communicate(timeout=600)
     assert "Traceback" not in errors
     assert process.returncode == 0
+
+
+def test_other_viewers_get_their_files_and_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
+    layout = tmp_path / "layout.json"
+    assert view(path, "--foxglove", "-o", layout).returncode == 0 and '"configById"' in layout.read_text()
+    for arguments, said in (
+        ((path, "--foxglove", "--rerun"), "not allowed with"),
+        ((path, "--rerun", "-o", tmp_path / "x.mcap"), ".rrd" if importlib.util.find_spec("rerun") else "rerun-sdk"),
+        ((path, "--rerun", "--follow"), "--rerun shows an episode that has ended"),
+        ((path, "--follow", "-o", tmp_path / "x.html"), "leave one out"),
+        ((path, "--foxglove", "-o", tmp_path / "no" / "x.json"), "cannot write"),
+    ):
+        done = view(*arguments)
+        assert done.returncode == 2 and said in done.stderr, done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_a_trace_is_served_to_foxglove_until_an_interrupt(path: Path) -> None:
+    process = subprocess.Popen(
+        [*VIEW, str(path), "--foxglove", "--no-open"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout is not None and process.stderr is not None
+    link = process.stdout.readline().strip()
+    url = urlsplit(parse_qs(urlsplit(link).query)["ds.url"][0])
+    connection = http.client.HTTPConnection(url.netloc, timeout=300)
+    connection.request("GET", f"{url.path}?{url.query}", headers={"Range": "bytes=1-4"})
+    assert connection.getresponse().read() == b"MCAP"
+    process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=600)
+    assert process.returncode == 0 and "Traceback" not in errors

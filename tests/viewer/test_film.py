@@ -8,12 +8,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.viewer.film import ENDING_S, SECONDS, TITLE_S, film_frames, make_film
-from lingjing.viewer.frames import HEIGHT, MAP, SHOT, WIDTH, FilmFrames
+from lingjing.viewer import fonts
+from lingjing.viewer.film import ENDING_S, SECONDS, TITLE_S, film_frames, film_notes, make_film
+from lingjing.viewer.frames import HEIGHT, MAP, SHOT, WIDTH, FilmFrames, _wrapped, font_of
 from lingjing.viewer.ground import PageGround
 from lingjing.viewer.moments import MOST, Moment, moments, schedule
 from lingjing.viewer.narrated import Narration
@@ -102,5 +103,41 @@ def test_what_cannot_be_made_is_told(trace: Trace, tmp_path: Path, monkeypatch: 
 
 def test_title_and_ending_frame_the_film(trace: Trace) -> None:
     short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, {})
-    frames = list(film_frames(short, 2, truth=False))
+    frames = list(film_frames(Narration(short, truth=False), 2))
     assert len(frames) == round(TITLE_S * 2) + round((SECONDS - TITLE_S - ENDING_S) * 2) + round(ENDING_S * 2)
+
+
+CHINESE = "海上搜救任务：找到落水者"
+
+
+def test_letters_that_the_own_font_lacks_are_written_in_one_that_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert fonts.lacking("Sea → ° ü") == "" and set(fonts.lacking(f"a{CHINESE}a")) == set(CHINESE)
+    if fonts.letters_without_a_font(CHINESE):
+        pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
+    pictures = set()
+    for letter in "海上搜":
+        image = Image.new("L", (40, 40))
+        ImageDraw.Draw(image).text((2, 2), letter, font=font_of(letter, 24), fill=255)
+        pictures.add(image.tobytes())
+    assert len(pictures) == 3  # boxes would be alike
+    rows = _wrapped("Find 海上搜救任务找到落水者 all", 24, 120.0)
+    assert len(rows) > 2 and "".join(rows).replace(" ", "") == "Find海上搜救任务找到落水者all"
+    assert all(font_of(row, 24).getlength(row) <= 120.0 for row in rows)
+
+
+def test_letters_that_no_font_has_are_told_once(trace: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fonts, "_font_with", lambda letters: None)
+    instance = msgspec.structs.replace(trace.header.instance, title=CHINESE)
+    header = msgspec.structs.replace(trace.header, instance=instance)
+    short = Trace(trace.path, header, trace.boundaries[:1], None, False, {})
+    (note,) = film_notes(Narration(short, truth=False))
+    assert note.startswith("no font here has '") and "drawn as boxes" in note
+    assert film_notes(Narration(trace, truth=False)) == ()
+
+
+def test_without_fontconfig_there_is_no_other_font(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    fonts._font_with.cache_clear()
+    assert fonts.letters_without_a_font("海") == "海" and fonts.font(12, "海").getname()[0] == "DejaVu Sans"
+    fonts._font_with.cache_clear()
+    fonts.font.cache_clear()

@@ -1,0 +1,65 @@
+"""A run that is killed in the middle is over for those who look on."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from lingjing.trace.container import is_being_written
+from lingjing.trace.reader import Trace
+from lingjing.trace.writer import TraceWriter, part_path
+from lingjing.viewer import live
+from lingjing.viewer.live import ServedRun
+
+WRITE = """
+import sys, time
+from pathlib import Path
+from lingjing.trace.writer import TraceWriter
+from tests.trace import synthetic
+steps = synthetic.episode(ticks=4)
+with TraceWriter(Path(sys.argv[1]), synthetic.header()) as writer:
+    for record, pictures in steps:
+        writer.boundary(record, pictures)
+        if record.tick == 2:
+            print("written", flush=True)
+            sys.stdin.read()
+"""
+
+
+def test_the_page_is_told_the_end_of_a_run_that_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "LEFT_S", 0.5)
+    path = tmp_path / "trace.mcap"
+    root = Path(__file__).parents[2]
+    run = subprocess.Popen(
+        [sys.executable, "-c", WRITE, str(path)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=root, env={**os.environ, "PYTHONPATH": str(root)},
+    )  # fmt: skip
+    assert run.stdout is not None and run.stdout.readline() == b"written\n"
+    served = ServedRun(path, truth=False)
+    found: list[tuple[str, bytes]] = []
+    reader = threading.Thread(target=lambda: found.extend(one for one in served.follow(0) if one[0]))
+    reader.start()
+    reader.join(3 * live.LEFT_S)
+    assert reader.is_alive() and is_being_written(part_path(path))  # it stands still, and its writer is there
+    assert json.loads(served.telling())["live"] is True
+    run.send_signal(signal.SIGKILL)
+    run.communicate()
+    reader.join(600)
+    assert found[-1][0] == "ending" and json.loads(found[-1][1])["state"] == "open"
+    assert "killed" in json.loads(found[-1][1])["line"] and json.loads(served.telling())["live"] is False
+    served.close()
+
+
+def test_a_file_that_is_written_is_held_until_it_is_closed(trace: Trace, tmp_path: Path) -> None:
+    writer = TraceWriter(tmp_path / "trace.mcap", trace.header)
+    assert is_being_written(part_path(tmp_path / "trace.mcap"))
+    writer.abandon()
+    assert not is_being_written(part_path(tmp_path / "trace.mcap"))
+    assert is_being_written(tmp_path / "none.mcap")  # nobody knows
