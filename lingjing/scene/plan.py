@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
@@ -109,9 +109,14 @@ def ground_plan(city: City, bounds: Extent | None = None) -> tuple[PlanShape, ..
     return tuple(shape for layer in _LAYERS for shape in layers[layer])
 
 
-def is_sea(shapes: Iterable[PlanShape]) -> bool:
-    """Whether water is what lies under everything."""
-    return any(shape.layer == "water" for shape in shapes)
+def is_sea(shapes: Sequence[PlanShape]) -> bool:
+    """Whether water is what lies under everything: a box of it without an island of its own that all the rest is in. A
+    river or a lake of a map is painted as what it is."""
+    boxes = [_box(one.points) for one in shapes if one.layer == "water" and _fills_its_box(one)]
+    if not boxes:
+        return False
+    west, south, east, north = _box([point for one in shapes if one.layer != "water" for point in one.points])
+    return any(box[0] <= west and box[1] <= south and east <= box[2] and north <= box[3] for box in boxes)
 
 
 def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette, z_order: float = 0.0) -> None:
@@ -172,6 +177,21 @@ def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
 
 
 # -- private
+
+
+def _fills_its_box(shape: PlanShape) -> bool:
+    west, south, east, north = _box(shape.points)
+    pairs = zip(shape.points, (*shape.points[1:], *shape.points[:1]), strict=True)
+    area = abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2.0
+    return not shape.holes and area >= 0.99 * (east - west) * (north - south) > 0.0
+
+
+def _box(points: Sequence[Vector2]) -> Extent:
+    """West, south, east, north; of no points one that is in every box."""
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    if not xs:
+        return math.inf, math.inf, -math.inf, -math.inf
+    return min(xs), min(ys), max(xs), max(ys)
 
 
 def _everywhere(city: City) -> Iterator[PlanShape]:

@@ -53,10 +53,23 @@ def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
     ]  # fmt: skip
     assert [shape.surface for shape in shapes[2:5]] == ["park", "residential", "foot"]
     assert len(ground_plan(city)) == len(shapes) + 1
-    assert shapes[0].holes == (SQUARE,) and is_sea(shapes)
+    assert shapes[0].holes == (SQUARE,)
     line = ((0.0, 0.0), (10.0, 0.0))
     assert shapes[5] == PlanShape("road", line, width_m=3.5, surface="car", heights_m=(0.0, 1.0))
-    assert not is_sea(ground_plan(a_city(), (0.0, 0.0, 1.0, 1.0)))
+
+
+def test_a_sea_is_under_everything_and_a_river_is_not() -> None:
+    house = Building(id="b", polygon=SQUARE, base_m=0.0, top_m=9.0)
+    sea = Water(polygon=tuple((200.0 * x - 1000.0, 200.0 * y - 1000.0) for x, y in SQUARE), level_m=0.0)
+    river = Water(polygon=((-900.0, 0.0), (900.0, -30.0), (900.0, 0.0), (0.0, 40.0), (-900.0, 30.0)), level_m=0.0)
+    pond = Water(polygon=SQUARE, level_m=0.0)
+    for waters, answer in (((), False), ((river,), False), ((pond,), True), ((river, sea), True)):
+        assert is_sea(ground_plan(a_city(waters=waters, buildings=(house,)))) is answer
+    far = Building(id="far", polygon=FAR, base_m=0.0, top_m=9.0)
+    assert not is_sea(ground_plan(a_city(waters=(pond,), buildings=(house, far))))
+    island = replace(sea, holes=(SQUARE,))
+    assert not is_sea(ground_plan(a_city(waters=(island,), buildings=(house,))))
+    assert is_sea(ground_plan(a_city(waters=(sea,)))) and not is_sea(())
 
 
 def test_higher_buildings_are_darker_on_a_plan() -> None:

@@ -102,8 +102,12 @@ def test_without_the_truth_no_hidden_name_is_in_the_page(
 
 @pytest.mark.parametrize("width", [320, 360, 768])
 def test_nothing_sticks_out_of_a_phone(chromium: Any, trace: Trace, file_of: Callable[..., str], width: int) -> None:
-    with opened(chromium, file_of(trace), viewport={"width": width, "height": 700}, has_touch=True) as page:
+    header = msgspec.structs.replace(trace.header, attribution="© OpenStreetMap contributors, ODbL 1.0")
+    named = Trace(trace.path, header, trace.boundaries, trace.outcome, True, trace.places)
+    with opened(chromium, file_of(named), viewport={"width": width, "height": 700}, has_touch=True) as page:
         page.wait_for_selector(READY)
+        credit, tools, legend = (page.locator(name).bounding_box() for name in ("#credit", "#tools", "#legend"))
+        assert credit["y"] > tools["y"] + tools["height"] and legend["y"] + legend["height"] <= credit["y"]
         for pane in ("agent", "log", "relations", "goal"):
             page.locator(f"#tab-{pane}").click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width
