@@ -7,6 +7,7 @@ large optional package: it is imported in here only, and only when a recording i
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import uuid
 from collections.abc import Iterable, Sequence
@@ -74,7 +75,6 @@ class _Recording:
         self._frames = trace.frames
         self._reports = ReportedBoxes(self._instance)
         self._around = surroundings_of(trace)
-        self._subtasks = 0
 
     def save(self, path: Path) -> None:
         """Everything into the file."""
@@ -134,8 +134,7 @@ class _Recording:
         self._at(record.time_s, record.tick)
         self._agents(record)
         self._reported(record)
-        self._subtasks += len(record.stages)
-        for name, value in (("score", record.reward), ("scr", record.scr), ("subtasks", float(self._subtasks))):
+        for name, value in (("score", record.reward), ("scr", record.scr)):
             out.log(f"score/{name}", rr.Scalars([value]))
         for level, name, text in log_lines(record):
             out.log(f"log/{entity_topic(name.split(' ')[0])}", rr.TextLog(f"{name}: {text}", level=LEVELS[level]))
@@ -228,19 +227,28 @@ class _Recording:
 
     def _blueprint(self) -> Any:
         blueprint = self._rr.blueprint
-        always = blueprint.VisibleTimeRange(
-            CLOCK,
+        always = blueprint.VisibleTimeRanges(
+            timeline=CLOCK,
             start=blueprint.TimeRangeBoundary.infinite(),
             end=blueprint.TimeRangeBoundary.cursor_relative(seconds=0.0),
         )
-        trails = blueprint.VisibleTimeRanges([always]) if hasattr(blueprint, "VisibleTimeRanges") else None
         world = blueprint.Spatial3DView(
             origin="world",
             name="city",
-            overrides={"world/trails": trails} if trails is not None else None,
+            contents=["$origin/**", "- $origin/cameras/*/*/depth", "- $origin/cameras/*/*/semantic"],
+            overrides={
+                f"world/trails/{entity_topic(one.id)}": always
+                for one in self._instance.entities
+                if one.id not in self._told.hidden
+            },
+            eye_controls=self._eye(),
         )
         cameras = [
-            blueprint.Spatial2DView(origin=camera_path(entity.id, camera.name), name=f"{entity.id} {camera.name}")
+            blueprint.Spatial2DView(
+                origin=camera_path(entity.id, camera.name),
+                contents="$origin/rgb/**",
+                name=f"{entity.id} {camera.name}",
+            )
             for entity in self._instance.entities
             for camera in entity.cameras
             if any(entity.id in agent.controls for agent in self._instance.agents)
@@ -265,6 +273,16 @@ class _Recording:
             blueprint.Vertical(above, below, row_shares=[3, 1]),
             blueprint.TimePanel(timeline=CLOCK, playback_speed=5.0),
             collapse_panels=True,
+        )
+
+    def _eye(self) -> Any:
+        """From the south at a slant, so far that all that moves on the map is in view."""
+        places = [one.position for one in self._instance.entities if one.position[2] < OVERHEAD_M] or [(0.0, 0.0, 0.0)]
+        west, east = min(x for x, *_ in places), max(x for x, *_ in places)
+        south, north = min(y for _, y, _ in places), max(y for _, y, _ in places)
+        x, y, far = (west + east) / 2, (south + north) / 2, max(150.0, 0.9 * math.hypot(east - west, north - south))
+        return self._rr.blueprint.EyeControls3D(
+            position=(x, y - far, 0.8 * far), look_target=(x, y, 0.0), eye_up=(0.0, 0.0, 1.0)
         )
 
 

@@ -39,23 +39,22 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
         env={**os.environ, "BROWSER": "true"},
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    assert process.stderr is not None and process.stdout is not None
-    lines = []
-    for line in process.stderr:
-        lines.append(line)
-        if "stays until Ctrl-C" in line:
-            break
-    url = next(word for word in " ".join(lines).replace(",", " ").split() if word.startswith("http://"))
-    host, _, rest = url.removeprefix("http://").partition("/")
-    connection = http.client.HTTPConnection(host, timeout=300)
-    connection.request("GET", f"/follow{rest}")
-    assert b"event: ending" in connection.getresponse().read()  # it comes when the page has been told everything
-    connection.close()
-    connection.request("GET", f"/telling{rest}")
-    told = json.loads(connection.getresponse().read())
-    assert told["head"]["mission"] == "short" and [step["tick"] for step in told["steps"]] == [0, 1, 2, 3]
-    process.send_signal(signal.SIGINT)
-    result, errors = process.communicate(timeout=600)
+    try:
+        assert process.stderr is not None
+        said = "".join(iter(process.stderr.readline, "the episode is over; its page stays until Ctrl-C\n"))
+        url = next(word for word in said.replace(",", " ").split() if word.startswith("http://"))
+        host, _, rest = url.removeprefix("http://").partition("/")
+        connection = http.client.HTTPConnection(host, timeout=300)
+        connection.request("GET", f"/follow{rest}")
+        assert b"event: ending" in connection.getresponse().read()  # it comes when the page has been told everything
+        connection.close()
+        connection.request("GET", f"/telling{rest}")
+        told = json.loads(connection.getresponse().read())
+        assert told["head"]["mission"] == "short" and [step["tick"] for step in told["steps"]] == [0, 1, 2, 3]
+        process.send_signal(signal.SIGINT)
+        result, errors = process.communicate(timeout=600)
+    finally:
+        process.kill()
     assert process.returncode == 0 and json.loads(result)["ticks"] == 3 and "Traceback" not in errors
     with pytest.raises(OSError):
         http.client.HTTPConnection(host, timeout=300).request("GET", "/")
