@@ -183,11 +183,15 @@ def calibration_error(judged: Sequence[tuple[float, bool]]) -> float | None:
     """Expected calibration error of confidences and whether each was right: "Mean absolute difference between box-match
     accuracy and mean confidence across ten bins of equal width, weighted by the number of samples in each bin". A
     confidence outside 0..1 counts in the bin that is nearest."""
-    bins: dict[int, list[tuple[float, bool]]] = {}
+    return ratio(sum(map(abs, calibration_gaps(judged))), len(judged))
+
+
+def calibration_gaps(judged: Sequence[tuple[float, bool]]) -> list[float]:
+    """By bin, how many were right less the sum of the confidences; those of several episodes add up."""
+    gaps = [0.0] * BINS
     for confidence, right in judged:
-        bins.setdefault(int(min(max(confidence, 0.0), 1.0 - 0.5 / BINS) * BINS), []).append((confidence, right))
-    total = sum(abs(sum(right for _, right in one) - sum(said for said, _ in one)) for one in bins.values())
-    return ratio(total, len(judged))
+        gaps[int(min(max(confidence, 0.0), 1.0 - 0.5 / BINS) * BINS)] += right - confidence
+    return gaps
 
 
 def confused_with(trace: Trace, report: MatchedReport) -> str | None:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from lingjing.analysis.detection import PerceptionCounts, calibration_gaps
 from lingjing.analysis.metrics import Metrics
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import ConfidenceBounds, bootstrap, bounds_of, drawn_samples, wilson
@@ -69,15 +70,6 @@ def mean(values: Iterable[float | None]) -> BoundedEstimate:
     return _bounded(sum(known) / len(known), bootstrap(known), len(known))
 
 
-def middle(values: Iterable[float | None]) -> BoundedEstimate:
-    """The median of what is defined."""
-    known = np.array([value for value in values if value is not None], dtype=np.float64)
-    if not len(known):
-        return UNKNOWN
-    drawn = np.median(known[drawn_samples(len(known))], axis=1)
-    return _bounded(float(np.median(known)), bounds_of(drawn), len(known))
-
-
 def pooled(parts: Iterable[tuple[float, float]]) -> BoundedEstimate:
     """The sum of all first numbers over the sum of all second ones: a rate over one pool of all episodes."""
     known = np.array([part for part in parts if part[1] > 0], dtype=np.float64).reshape(-1, 2)
@@ -103,11 +95,6 @@ def metric(name: str, factor: float = 1.0) -> RowMeasure:
     return lambda rows: mean(getattr(one, name) for one in metrics_of(rows)).times(factor)
 
 
-def median_of(name: str) -> RowMeasure:
-    """What takes the median of a metric over the episodes that have it."""
-    return lambda rows: middle(getattr(one, name) for one in metrics_of(rows))
-
-
 def weighted(name: str, weight: str, factor: float = 1.0) -> RowMeasure:
     """What pools a rate over what `weight` counts in each episode."""
 
@@ -125,6 +112,36 @@ def unmatched(rows: Sequence[SuiteRow]) -> BoundedEstimate:
     return pooled((each, 2.0 * one.detections + each) for each, one in zip(wrong, found, strict=True))
 
 
+def perceived(kind: Literal["missing", "hallucinating", "confusing"], factor: float = 1.0) -> RowMeasure:
+    """What takes the share of all aligned frames with one or more of a kind of error."""
+    return lambda rows: pooled((getattr(one, kind), one.frames) for one in _perceived(rows)).times(factor)
+
+
+def location_error_m(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+    """The median over all matched reports of their distance from the target."""
+    errors = [np.array(one.errors_m, dtype=np.float64) for one in _perceived(rows) if one.errors_m]
+    if not errors:
+        return UNKNOWN
+    drawn = [np.median(np.concatenate([errors[at] for at in sample])) for sample in drawn_samples(len(errors))]
+    return _bounded(float(np.median(np.concatenate(errors))), bounds_of(np.array(drawn)), len(errors))
+
+
+def calibration(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+    """Expected calibration error over the confidences of all reports."""
+    told = [one.confidences for one in _perceived(rows) if one.confidences]
+    if not told:
+        return UNKNOWN
+    gaps = np.array([calibration_gaps(each) for each in told])
+    counts = np.array([len(each) for each in told])
+    sample = drawn_samples(len(told))
+    drawn = np.abs(gaps[sample].sum(axis=1)).sum(axis=1) / counts[sample].sum(axis=1)
+    return _bounded(float(np.abs(gaps.sum(axis=0)).sum() / counts.sum()), bounds_of(drawn), len(told))
+
+
+def _perceived(rows: Iterable[SuiteRow]) -> list[PerceptionCounts]:
+    return [row.report.perceived for row in rows if row.report.perceived is not None]
+
+
 def metrics_of(rows: Iterable[SuiteRow]) -> list[Metrics]:
     """The metrics of all that have any."""
     return [row.report.metrics for row in rows if row.report.metrics is not None]
@@ -137,6 +154,6 @@ def _bounded(value: float, bounds: ConfidenceBounds, count: int) -> BoundedEstim
 
 
 __all__ = [
-    "UNKNOWN", "BoundedEstimate", "RowMeasure", "mean", "median_of", "metric", "metrics_of", "middle", "pooled", "scr",
-    "share", "tsr", "unmatched", "weighted",
+    "UNKNOWN", "BoundedEstimate", "RowMeasure", "calibration", "location_error_m", "mean", "metric", "metrics_of",
+    "perceived", "pooled", "scr", "share", "tsr", "unmatched", "weighted",
 ]  # fmt: skip

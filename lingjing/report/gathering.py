@@ -15,7 +15,7 @@ from lingjing.bench.frame_sets.probe import ProbeCell
 from lingjing.bench.frame_sets.twins import read_twins
 from lingjing.bench.merging import merge_rows
 from lingjing.bench.played import columns_of
-from lingjing.bench.prompt_search import RESULTS, PromptCandidate
+from lingjing.bench.prompt_search import RESULTS, KeptSearch
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import read_document
 from lingjing.errors import LingjingError, UsageError
@@ -207,7 +207,7 @@ def _noted(what: Sequence[object], said: str) -> Iterator[str]:
 
 
 def _search(folder: Path) -> PromptTrial:
-    return PromptTrial(folder.name, tuple(_decoded(folder / RESULTS, list[PromptCandidate])))
+    return PromptTrial(folder.name, _decoded(folder / RESULTS, KeptSearch).candidates)
 
 
 def _probe(folder: Path) -> tuple[ProbeCell, ...]:

@@ -11,12 +11,13 @@ import msgspec
 import pytest
 
 from lingjing.analysis.behaviour import ActionCounts
+from lingjing.analysis.detection import PerceptionCounts
 from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.frame_sets.balance import class_set
 from lingjing.bench.frame_sets.folder import write_set
 from lingjing.bench.frame_sets.probe import ProbedFrame, probe_cell
 from lingjing.bench.frame_sets.twins import TWINS, TwinRecord, TwinSet
-from lingjing.bench.prompt_search import RESULTS, PromptCandidate, PromptEpisode
+from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptCandidate, PromptEpisode
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultTable
 from lingjing.play.options import PlayOptions
@@ -51,11 +52,12 @@ def words_of(part: FigurePart) -> list[str]:
 
 def row(*, metrics: dict[str, object] | None = None, settings: dict[str, float] | None = None,
         args: dict[str, object] | None = None, success: bool = True, family: str | None = None,
-        terciles: tuple[ActionCounts, ...] = (), **changes: object) -> SuiteRow:  # fmt: skip
+        terciles: tuple[ActionCounts, ...] = (), perceived: PerceptionCounts | None = None,
+        **changes: object) -> SuiteRow:  # fmt: skip
     """A counted row; what its report and its options hold is given by their names."""
     report = made_report(
         success=success, scr=1.0 if success else 0.5, metrics=blank_metrics(**(metrics or {})), family=family,
-        terciles=terciles,
+        terciles=terciles, perceived=perceived,
     )  # fmt: skip
     options = PlayOptions(mission="ssr", policy="p", settings=settings or {}, policy_args=args or {})
     return made_row(report=report, options=options, **changes)
@@ -159,10 +161,12 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     stages = (StageMetric(name="detect", done=3, required=3, cumulative=True),
               StageMetric(name="locate", done=2, required=3, cumulative=False))  # fmt: skip
     terciles = tuple(ActionCounts(actions=10, adherent=9 - third, following=9) for third in range(3))
-    seen = {"stages": stages, "coverage": 0.5, "first_discovery_tick": 4, "frames": 10, "miss_rate": 0.2, "reports": 2}
+    seen = {"stages": stages, "coverage": 0.5, "first_discovery_tick": 4, "miss_rate": 0.2}
+    told = PerceptionCounts(frames=10, missing=2, errors_m=(4.0,), confidences=((0.9, True), (0.6, False)))
     families = ("perception_miss", "perception_miss", "context_drift", "unattributed")
     rows = [
-        row(seed=seed, success=False, family=one, terciles=terciles, metrics=seen) for seed, one in enumerate(families)
+        row(seed=seed, success=False, family=one, terciles=terciles, metrics=seen, perceived=told)
+        for seed, one in enumerate(families)
     ]
     evidence = gather([results(rows)])
     (chain,) = parts_of("provenance", evidence)
@@ -175,7 +179,9 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     (search,) = parts_of("signatures", evidence)
     assert entries(search.tables[0])["e",]["search coverage, %"] == "50 [50, 50]"
     (panel,) = parts_of("perception", evidence)
-    assert entries(panel.tables[0])["e",]["Miss"] == "0.20 [0.20, 0.20]"
+    found = entries(panel.tables[0])["e",]
+    assert (found["Miss"], found["LocErr m"]) == ("0.20 [0.20, 0.20]", "4 [4, 4]")
+    assert found["ECE"] == "0.35 [0.35, 0.35]"  # by hand: (|1 - 0.9| + |0 - 0.6|) / 2
     assert entries(panel.tables[1])["e",]["Attn-IoU"] == "N/A"
 
 
@@ -185,9 +191,12 @@ def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
     (folder / "candidate-0.txt").write_text("start")
     episode = PromptEpisode(seed=1000, success=False, scr=0.5, answers=10, valid=4)
     better = msgspec.structs.replace(episode, success=True, scr=1.0, valid=10)
-    found = [PromptCandidate(number=0, text="start", episodes=(episode, episode)),
-             PromptCandidate(number=1, text="more", episodes=(episode, better))]  # fmt: skip
-    (folder / RESULTS).write_bytes(msgspec.json.encode(found))
+    found = (PromptCandidate(number=0, text="start", episodes=(episode, episode)),
+             PromptCandidate(number=1, text="more", episodes=(episode, better)))  # fmt: skip
+    kept = KeptSearch(
+        start="start", seeds=(1000, 1001), mission="ssr", options=PlayOptions(mission="ssr"), candidates=found
+    )
+    (folder / RESULTS).write_bytes(msgspec.json.encode(kept))
     (part,) = parts_of("prompts", gather([tmp_path]))
     told = entries(part.tables[0])
     assert told["start",]["JSON %"] == "40 [40, 40]" and told["revision 1",]["TSR %"] == "50 [9, 91]"

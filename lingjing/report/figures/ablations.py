@@ -10,12 +10,11 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked, plain
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
 from lingjing.report.conditions import INTERVENTION, PROMPT, VariedColumn, varied_columns
-from lingjing.report.estimates import UNKNOWN, BoundedEstimate, mean, median_of, scr, tsr
+from lingjing.report.estimates import UNKNOWN, BoundedEstimate, location_error_m, mean, scr, tsr
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 from lingjing.report.relative_cost import cost_factor
 
-_LOCATED = median_of("localisation_error_m")
 DECIDER = "decider"
 """The option of a policy that puts a sweep in the place of its model."""
 
@@ -37,7 +36,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 groups.append(BarGroup(f"{called(rows[0])}: {name}", bars))
                 cost = cost_factor(rows, column.rows)
                 cells = (ResultCell(str(len(rows)), len(rows)), tsr(rows).cell(), scr(rows).cell(),
-                         _LOCATED(rows).cell(), plain(cost, ".2f"))  # fmt: skip
+                         location_error_m(rows).cell(), plain(cost, ".2f"))  # fmt: skip
                 lines.append(ResultLine(called(rows[0]), (name,), cells))
             heads = ("n", "SR %", "SCR %", "LocErr m", "Cost x")
             note = "brackets are 95 % intervals; Cost x are tokens beside those of the baseline of the same entrant"

@@ -10,16 +10,23 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
 from lingjing.report.drawing import Drawing
-from lingjing.report.estimates import UNKNOWN, BoundedEstimate, mean, median_of, metrics_of, unmatched, weighted
+from lingjing.report.estimates import (
+    UNKNOWN,
+    BoundedEstimate,
+    calibration,
+    location_error_m,
+    mean,
+    metrics_of,
+    perceived,
+    unmatched,
+)
 from lingjing.report.evidence import ReportEvidence, ReportStudy
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
 MEASURES = ("1 - F1", "miss rate", "location error, of the largest", "calibration error (ECE)")
 
-_MISS = weighted("miss_rate", "frames")
-_ECE = weighted("calibration_error", "reports")
-_LOCATED = median_of("localisation_error_m")
-_RATES = ("miss_rate", "hallucination_rate", "confusion_rate")
+_MISS = perceived("missing")
+_RATES = perceived("missing", 100.0), perceived("hallucinating", 100.0), perceived("confusing", 100.0)
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -30,7 +37,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         if not judged:
             continue
         cells = rows_by(judged, lambda row: (row.mission, row.mode, row.entrant, row.condition))
-        errors = [_LOCATED(rows).value for rows in cells.values()]
+        errors = [location_error_m(rows).value for rows in cells.values()]
         farthest = max((error for error in errors if not math.isnan(error)), default=math.nan)
         columns = rows_by(judged, lambda row: (row.mission, row.mode))
         yield FigurePart(
@@ -42,8 +49,8 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 def _measured(rows: Sequence[SuiteRow], farthest: float) -> tuple[BoundedEstimate, ...]:
     """The four measures, each from 0 to 1, higher being worse."""
-    normal = _LOCATED(rows).times(1 / farthest) if farthest > 0 else UNKNOWN
-    return unmatched(rows), _MISS(rows), normal, _ECE(rows)
+    normal = location_error_m(rows).times(1 / farthest) if farthest > 0 else UNKNOWN
+    return unmatched(rows), _MISS(rows), normal, calibration(rows)
 
 
 def _drawn(study: ReportStudy, title: str, rows: Sequence[SuiteRow], farthest: float) -> Drawing:
@@ -65,12 +72,12 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
         frames = sum(one.frames for one in metrics_of(rows))
         entries = (
             ResultCell(str(len(rows)), len(rows)), ResultCell(f"{frames:,}", frames), wrong.cell(".2f"),
-            missed.cell(".2f"), calibrated.cell(".2f"), _LOCATED(rows).cell(), normal.cell(".2f"),
+            missed.cell(".2f"), calibrated.cell(".2f"), location_error_m(rows).cell(), normal.cell(".2f"),
         )  # fmt: skip
         lines.append(ResultLine(column_words(mission, mode), (called(rows[0], condition),), entries))
     heads = ("n", "Frames", "1-F1", "Miss", "ECE", "LocErr m", "LocErr norm.")
     note = (
-        "F1 is pooled, Miss and ECE are weighted by frames and by reports; LocErr is the median of episodes' medians, "
+        "F1, Miss and ECE are pooled over frames and reports; LocErr is the median over all matched reports, "
         "normalised by the largest of the table; intervals are bootstrapped over episodes"
     )
     return ResultTable("panel", "Perception by mission", ("Entrant",), heads, tuple(lines), (note,))
@@ -83,7 +90,7 @@ def _backbones(study: ReportStudy, evidence: ReportEvidence) -> ResultTable:
         looked = [one.value for one in evidence.attention if (one.study, one.entrant) == (study.name, entrant)]
         cells = (
             ResultCell(str(len(rows)), len(rows)),
-            *(weighted(name, "frames", 100.0)(rows).cell() for name in _RATES),
+            *(rate(rows).cell() for rate in _RATES),
             mean(looked).cell(".2f"),
         )
         lines.append(ResultLine(rows[0].group, (called(rows[0]),), cells))

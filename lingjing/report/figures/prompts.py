@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, ChartSeries, bar_chart, line_chart
 from lingjing.report.conditions import PROMPT, varied_columns
-from lingjing.report.estimates import mean, median_of, pooled, scr, share, tsr, weighted
+from lingjing.report.estimates import location_error_m, mean, pooled, scr, share, tsr, weighted
 from lingjing.report.evidence import PromptTrial, ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
 _JSON = weighted("json_compliance", "answers", 100.0)
-_LOCATED = median_of("localisation_error_m")
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -33,7 +32,7 @@ def _evaluated(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 bars = (ChartBar("TSR", 0, tsr(rows)), ChartBar("SCR", 1, scr(rows)), ChartBar("JSON", 2, _JSON(rows)))
                 groups.append(BarGroup(f"{called(rows[0])}: {name}", bars))
                 cells = (ResultCell(str(len(rows)), len(rows)), tsr(rows).cell(), scr(rows).cell(),
-                         _JSON(rows).cell(), _LOCATED(rows).cell())  # fmt: skip
+                         _JSON(rows).cell(), location_error_m(rows).cell())  # fmt: skip
                 lines.append(ResultLine(called(rows[0]), (name,), cells))
             title = column_words(column.mission, column.mode)
             heads = ("n", "TSR %", "SCR %", "JSON %", "LocErr m")

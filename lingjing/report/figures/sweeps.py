@@ -10,7 +10,7 @@ import msgspec
 from lingjing.bench.played import rows_by
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
-from lingjing.report.estimates import RowMeasure, median_of, metric, metrics_of, scr, share, tsr
+from lingjing.report.estimates import RowMeasure, location_error_m, metric, metrics_of, scr, share, tsr
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 from lingjing.report.swept import ParameterSweep, sweeps_of
@@ -53,7 +53,7 @@ def _measures(sweep: ParameterSweep) -> list[tuple[str, str, float | None, RowMe
     if any(one.coverage is not None for one in metrics_of(rows)):
         found.append(("Search coverage", "%", 100.0, metric("coverage", 100.0)))
     if any(one.localisation_error_m is not None for one in metrics_of(rows)):
-        found.append(("Location error", "m", None, median_of("localisation_error_m")))
+        found.append(("Location error", "m", None, location_error_m))
     return found
 
 
