@@ -98,14 +98,18 @@ def test_at_two_at_a_time_too(short: Path) -> None:
     assert reasons == ["budget", "infrastructure-abort"]
 
 
+def children_of(pid: int, module: str) -> list[int]:
+    """The children of a process that run a module; lines are not cut, however few columns a test runner has."""
+    listed = subprocess.run(["ps", "-wweo", "pid,ppid,args"], capture_output=True, text=True).stdout.splitlines()
+    lines = [line.split(None, 2) for line in listed]
+    return [int(child) for child, parent, words in lines if parent == str(pid) and module in words]
+
+
 def player_of(pid: int) -> int:
     """The command's child that plays: the parent of the workers."""
-    while True:
-        for line in subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True).stdout.splitlines():
-            child, parent, words = line.split(None, 2)
-            if parent == str(pid) and "lingjing.cli.main" in words:
-                return int(child)
+    while not (players := children_of(pid, "lingjing.cli.main")):
         time.sleep(0.05)
+    return players[0]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +142,7 @@ def test_a_killed_process_leaves_none(short: Path, victim: str) -> None:
         assert process.poll() is None
         time.sleep(0.05)
     player = player_of(process.pid)
-    below = {player, int((short / "settled").read_text()), *(int(pid) for pid in _workers(player))}
+    below = {player, int((short / "settled").read_text()), *children_of(player, "world.worker")}
     assert len(below) >= 3
     os.kill(process.pid if victim == "command" else player, signal.SIGKILL)
     out, err = process.communicate(timeout=1500)
@@ -146,8 +150,3 @@ def test_a_killed_process_leaves_none(short: Path, victim: str) -> None:
         assert (process.returncode, json.loads(out)["detail"]) == (3, "its process was killed by signal 9"), err
     while any(map(runs, below)):  # for ever, if one stayed
         time.sleep(0.05)
-
-
-def _workers(player: int) -> list[str]:
-    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True).stdout.splitlines()
-    return [line.split()[0] for line in listed if line.split()[1] == str(player) and "world.worker" in line]
