@@ -28,7 +28,11 @@ from lingjing.viewer.fonts import font
 WIDE = 360.0
 """The width of a chart: a phone's, so that letters are read there as on a desk."""
 
+FEW = 3
+"""More series of bars than this have their names beside them."""
+
 _SMALL, _USUAL = 10.0, 11.0
+_NAME = 92.0
 _ROW, _BAR = 17.0, 12.0
 
 
@@ -107,21 +111,26 @@ def line_chart(
 
 
 def bar_chart(title: str, groups: Sequence[BarGroup], *, unit: str = "", most: float | None = None) -> Drawing:
-    """Bars of groups under each other, all with their values and intervals."""
-    marks, y = legend(_names(groups), 12.0)
+    """Bars of groups under each other, all with their values and intervals. Of more than `FEW` series each bar has its
+    name beside it, so that no colour must be told from many others."""
+    series = _names(groups)
+    marks, y = legend(series if len(series) <= FEW else [], 12.0)
     y += 4.0
-    known = [_top(bar.value) for group in groups for bar in group.bars]
-    whole = max(known, default=0.0) or 1.0 if most is None else most
-    texts = [bar.value.text(group.spec) for group in groups for bar in group.bars]
-    room = max((text_width(text, _SMALL) for text in texts), default=0.0) + 10.0
-    span = WIDE - room - 4.0
+    bars = [(bar, group.spec) for group in groups for bar in group.bars]
+    whole = max((_top(bar.value) for bar, _ in bars), default=0.0) or 1.0 if most is None else most
+    left = 2.0
+    if len(series) > FEW:
+        left += min(max(text_width(name, _SMALL) for _, name in series), _NAME) + 6.0
+    room = max((text_width(bar.value.text(spec), _SMALL) for bar, spec in bars), default=0.0) + 12.0
     for group in groups:
         y += 16.0
         marks.append(WordsMark(x=2.0, y=y, text=fitting(group.name, WIDE - 4.0), size=_USUAL))
         y += 5.0
         limit = whole if math.isnan(group.most) else group.most or 1.0
         for bar in group.bars:
-            marks += _bar(bar, group.spec, y, span, limit, unit)
+            if left > 2.0:
+                marks.append(WordsMark(x=2.0, y=y + 10.0, text=fitting(bar.name, _NAME, _SMALL), size=_SMALL))
+            marks += _bar(bar, group.spec, y, (left, WIDE - room), limit, unit)
             y += _ROW - 2.0
     words = "; ".join(_group_words(group, unit) for group in groups)
     return Drawing(title=title, description=words, width=WIDE, height=y + 6.0, marks=(*marks,))
@@ -211,25 +220,29 @@ def _line(one: ChartSeries, places: Sequence[float], height: Callable[[float], f
     return marks
 
 
-def _bar(bar: ChartBar, spec: str, y: float, span: float, whole: float, unit: str) -> list[DrawnMark]:
-    value, tone = bar.value, tone_of(bar.series)
+def _bar(bar: ChartBar, spec: str, y: float, ends: tuple[float, float], whole: float, unit: str) -> list[DrawnMark]:
+    """A bar on its track, which reaches from the one end to the other."""
+    value, tone, (left, right) = bar.value, tone_of(bar.series), ends
     text = value.text(spec)
     if not value.known:
-        return [WordsMark(x=4.0, y=y + 10.0, text=text, size=_SMALL, tone="faint")]
-    long = span * min(max(value.value, 0.0), whole) / whole
+        return [WordsMark(x=left + 2.0, y=y + 10.0, text=text, size=_SMALL, tone="faint")]
+
+    def place(number: float) -> float:
+        return left + (right - left) * min(max(number, 0.0), whole) / whole
+
     told = f"{bar.name}: {text} {unit} (n = {value.number})".replace("  ", " ")
+    long = max(place(value.value) - left, 1.0)
     marks: list[DrawnMark] = [
-        PaneMark(x=2.0, y=y, width=span, height=_BAR, tone="panel"),
-        PaneMark(x=2.0, y=y, width=max(long, 1.0), height=_BAR, tone=tone, told=told),
+        PaneMark(x=left, y=y, width=right - left, height=_BAR, tone="panel"),
+        PaneMark(x=left, y=y, width=long, height=_BAR, tone=tone, told=told),
     ]
     if not math.isnan(value.low):
-        low, high = (2.0 + span * min(max(end, 0.0), whole) / whole for end in (value.low, value.high))
-        middle = y + _BAR / 2
+        low, high, middle = place(value.low), place(value.high), y + _BAR / 2
         marks += [
             StrokeMark(points=((low, middle), (high, middle)), tone="ink", width=1.2),
             *(StrokeMark(points=((x, middle - 3.0), (x, middle + 3.0)), tone="ink", width=1.2) for x in (low, high)),
         ]
-    marks.append(WordsMark(x=span + 8.0, y=y + 10.0, text=text, size=_SMALL))
+    marks.append(WordsMark(x=right + 6.0, y=y + 10.0, text=text, size=_SMALL))
     return marks
 
 

@@ -47,6 +47,13 @@ class BoundedEstimate(NamedTuple):
         return ResultCell(self.text(spec), self.value)
 
 
+MANY = 500
+"""From so many episodes on the interval of a pooled rate is that of its linearisation: the bootstrap's to a tenth of a
+point, in a thousandth of the time."""
+
+_Z = 1.959963984540054
+"""The standard normal quantile at 0.975."""
+
 UNKNOWN = BoundedEstimate(math.nan, math.nan, math.nan, 0)
 
 RowMeasure = Callable[[Sequence[SuiteRow]], BoundedEstimate]
@@ -75,9 +82,13 @@ def pooled(parts: Iterable[tuple[float, float]]) -> BoundedEstimate:
     known = np.array([part for part in parts if part[1] > 0], dtype=np.float64).reshape(-1, 2)
     if not len(known):
         return UNKNOWN
-    drawn = known[drawn_samples(len(known))].sum(axis=1)
     whole = known.sum(axis=0)
-    return _bounded(float(whole[0] / whole[1]), bounds_of(drawn[:, 0] / drawn[:, 1]), len(known))
+    value = float(whole[0] / whole[1])
+    if len(known) > MANY:
+        half = _Z * float(np.sqrt(np.square(known[:, 0] - value * known[:, 1]).sum()) / whole[1])
+        return _bounded(value, ConfidenceBounds(value - half, value + half), len(known))
+    drawn = known[drawn_samples(len(known))].sum(axis=1)
+    return _bounded(value, bounds_of(drawn[:, 0] / drawn[:, 1]), len(known))
 
 
 def tsr(rows: Sequence[SuiteRow]) -> BoundedEstimate:

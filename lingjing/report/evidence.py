@@ -32,11 +32,12 @@ class ReportStudy(msgspec.Struct, frozen=True, kw_only=True):
         """The counted rows by what a function says of each."""
         return rows_by(self.rows, key)
 
-    def number(self, row: SuiteRow) -> int:
-        """The place of a row's entrant, with its condition where that is no baseline, among the plain rows: by it all
-        charts of the study tell it apart."""
+    def numbers(self) -> Callable[[SuiteRow], int]:
+        """What gives the place of a row's entrant, with its condition where that is no baseline, among the plain rows:
+        by it all charts of the study tell it apart."""
         places = {_key(one): (one.entrant_place, one.condition_place) for one in self.plain}
-        return sorted(places, key=lambda key: (places[key], key)).index(_key(row))
+        order = {key: at for at, key in enumerate(sorted(places, key=lambda key: (places[key], key)))}
+        return lambda row: order[_key(row)]
 
     @property
     def plain(self) -> tuple[SuiteRow, ...]:

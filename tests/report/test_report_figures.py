@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from lingjing.analysis.behaviour import ActionCounts
@@ -19,10 +20,11 @@ from lingjing.bench.frame_sets.probe import ProbedFrame, probe_cell
 from lingjing.bench.frame_sets.twins import TWINS, TwinRecord, TwinSet
 from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptCandidate, PromptEpisode
 from lingjing.bench.rows import SuiteRow
+from lingjing.bench.statistics import drawn_samples
 from lingjing.bench.table_cells import ResultTable
 from lingjing.play.options import PlayOptions
 from lingjing.report.drawing import PaneMark, PictureMark, SpotMark, WordsMark
-from lingjing.report.estimates import pooled, share, unmatched
+from lingjing.report.estimates import MANY, pooled, share, unmatched
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigurePart
 from lingjing.report.figure_kinds import FIGURES, figure_named
@@ -77,6 +79,15 @@ def test_estimates_by_hand() -> None:
     assert alone.text(".2f") == "0.25", "one episode has no interval"
     seen = row(metrics={"f1": 0.5, "detections": 3, "false_positives": 1, "misses": 1})
     assert unmatched([seen]).value == pytest.approx(2 / 8)
+
+
+def test_a_pooled_rate_over_many_has_the_interval_of_the_bootstrap() -> None:
+    random = np.random.default_rng(1)
+    counts = random.integers(5, 40, 2 * MANY)
+    parts = [(float(random.binomial(count, 0.3)), float(count)) for count in counts]
+    many, drawn = pooled(parts), np.array(parts)[drawn_samples(len(parts))].sum(axis=1)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [0.025, 0.975])
+    assert many.low == pytest.approx(low, abs=0.001) and many.high == pytest.approx(high, abs=0.001)
 
 
 # -- figures
@@ -176,6 +187,8 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     assert [round(pane.width + 1) for pane in panes] == [178, 89, 89] and "Perception miss 50 %" in panes[0].told
     (drift,) = parts_of("drift", evidence)
     assert entries(drift.tables[0])["e", "Late"]["Adher."] == "70 [70, 70]"
+    (tiers,) = parts_of("drift", gather([results([msgspec.structs.replace(one, group="Open models") for one in rows])]))
+    assert [line.label[0] for line in tiers.tables[0].lines] == ["Open models"] * 3 + ["e"] * 3
     (search,) = parts_of("signatures", evidence)
     assert entries(search.tables[0])["e",]["search coverage, %"] == "50 [50, 50]"
     (panel,) = parts_of("perception", evidence)

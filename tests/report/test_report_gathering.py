@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from lingjing.errors import UsageError
@@ -121,6 +122,17 @@ def test_one_trace_at_a_time_is_in_memory(runs: Path, tmp_path: Path, monkeypatc
     told: list[tuple[int, int]] = []
     gather([tmp_path], tell=lambda done, whole: told.append((done, whole)))
     assert most == 1 and told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_attention_maps_beside_a_trace_are_taken_in(runs: Path, tmp_path: Path) -> None:
+    trace = read_trace(copied(runs, tmp_path / "trace.mcap"))
+    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    frame = next(one for one in trace.frames.values() if any(box.entity in targets and box.pixels for box in one.boxes))
+    np.savez(tmp_path / "attention.npz", **{frame.id: np.eye(8)})
+    (note,) = gather([tmp_path]).attention
+    assert note.entrant == "oracle" and 0.0 <= note.value < 1.0
+    (tmp_path / "attention.npz").write_text("none")
+    assert "attention.npz" in gather([runs, tmp_path]).left_out[0], "what is wrong beside a trace leaves it out"
 
 
 def test_processes_give_the_same(runs: Path, evidence: ReportEvidence) -> None:

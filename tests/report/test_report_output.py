@@ -23,7 +23,7 @@ from lingjing.report.charts import (
     share_chart,
     share_grid,
 )
-from lingjing.report.drawing import Drawing, PictureMark
+from lingjing.report.drawing import Drawing, PictureMark, WordsMark
 from lingjing.report.estimates import UNKNOWN, BoundedEstimate, share
 from lingjing.report.figure import FigureKind, FigurePart
 from lingjing.report.figure_kinds import FIGURES
@@ -70,6 +70,16 @@ def test_marks_stay_inside_of_their_drawing() -> None:
     svg = ET.fromstring(svg_file(chart))
     for each in svg.iter("{http://www.w3.org/2000/svg}text"):
         assert 0 <= float(each.get("x", "nan")) <= chart.width and 0 <= float(each.get("y", "nan")) <= chart.height
+
+
+def test_many_bars_have_their_names_beside_them() -> None:
+    def texts(count: int) -> list[str]:
+        bars = tuple(ChartBar(f"model {number}", number, share([True, False])) for number in range(count))
+        marks = bar_chart("t", [BarGroup("one", bars), BarGroup("two", bars)]).marks
+        return [mark.text for mark in marks if isinstance(mark, WordsMark)]
+
+    assert texts(3).count("model 1") == 1, "in the legend"
+    assert [texts(12).count(f"model {number}") for number in range(12)] == [2] * 12
 
 
 def test_a_picture_is_inside_of_the_file() -> None:

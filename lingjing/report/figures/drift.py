@@ -30,30 +30,46 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         }
         if not told:
             continue
+        number_of = study.numbers()
+        rates = {key: [_thirds(rows, counted) for *_, counted in RATES] for key, rows in told.items()}
         drawings = []
-        for _, title, counted in RATES:
+        for at, (_, title, _) in enumerate(RATES):
             series = [
-                ChartSeries(called(rows[0], condition), _thirds(rows, counted), study.number(rows[0]))
-                for (_, condition), rows in told.items()
+                ChartSeries(called(rows[0], key[1]), rates[key][at], number_of(rows[0])) for key, rows in told.items()
             ]
             drawings.append(line_chart(title, TERCILES, series, unit="%", most=100.0, below="third of the actions"))
-        lines = [line for key, rows in told.items() for line in _lines(called(rows[0], key[1]), rows)]
+        lines = [
+            line
+            for name, rows in _tiers(study.plain).items()
+            for line in _lines("", name, rows, [_thirds(rows, counted) for *_, counted in RATES])
+        ]
+        for key, rows in told.items():
+            lines += _lines(rows[0].group, called(rows[0], key[1]), rows, rates[key])
         heads = ("n", "Actions", *(short for short, *_ in RATES))
-        note = (
-            "each agent's actions of an episode in three equal parts, pooled; intervals are bootstrapped over episodes"
-        )
-        table = ResultTable("drift", "Actions by tercile (%)", ("", "Ctx."), heads, tuple(lines), (note,))
+        table = ResultTable("drift", "Actions by tercile (%)", ("", "Ctx."), heads, tuple(lines), (_NOTE,))
         yield FigurePart(heading=heading_of(study, evidence), drawings=tuple(drawings), tables=(table,))
 
 
-def _lines(name: str, rows: Sequence[SuiteRow]) -> Iterator[ResultLine]:
+_NOTE = "each agent's actions of an episode in three equal parts, pooled; intervals are over episodes"
+
+
+def _tiers(rows: Sequence[SuiteRow]) -> dict[str, list[SuiteRow]]:
+    """The rows of each heading of entrants, where there are headings; those that were shown the truth are in none."""
+    return rows_by(
+        (row for row in rows if row.group and not row.privileged and row.report.terciles), lambda row: row.group
+    )
+
+
+def _lines(
+    group: str, name: str, rows: Sequence[SuiteRow], rates: Sequence[Sequence[BoundedEstimate]]
+) -> Iterator[ResultLine]:
     for third, word in enumerate(TERCILES):
         actions = sum(row.report.terciles[third].actions for row in rows)
         cells = (
             ResultCell(str(len(rows)), len(rows)), ResultCell(f"{actions:,}", actions),
-            *(_rate(rows, third, counted).cell() for *_, counted in RATES),
+            *(each[third].cell() for each in rates),
         )  # fmt: skip
-        yield ResultLine(rows[0].group, (name, word.capitalize()), cells)
+        yield ResultLine(group, (name, word.capitalize()), cells)
 
 
 def _thirds(

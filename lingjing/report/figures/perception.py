@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from lingjing.bench.played import rows_by
 from lingjing.bench.rows import SuiteRow
@@ -39,10 +39,13 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         cells = rows_by(judged, lambda row: (row.mission, row.mode, row.entrant, row.condition))
         errors = [location_error_m(rows).value for rows in cells.values()]
         farthest = max((error for error in errors if not math.isnan(error)), default=math.nan)
+        number_of = study.numbers()
         columns = rows_by(judged, lambda row: (row.mission, row.mode))
         yield FigurePart(
             heading=heading_of(study, evidence),
-            drawings=tuple(_drawn(study, column_words(*column), rows, farthest) for column, rows in columns.items()),
+            drawings=tuple(
+                _drawn(number_of, column_words(*column), rows, farthest) for column, rows in columns.items()
+            ),
             tables=(_panel(cells, farthest), _backbones(study, evidence)),
         )
 
@@ -53,12 +56,12 @@ def _measured(rows: Sequence[SuiteRow], farthest: float) -> tuple[BoundedEstimat
     return unmatched(rows), _MISS(rows), normal, calibration(rows)
 
 
-def _drawn(study: ReportStudy, title: str, rows: Sequence[SuiteRow], farthest: float) -> Drawing:
+def _drawn(number_of: Callable[[SuiteRow], int], title: str, rows: Sequence[SuiteRow], farthest: float) -> Drawing:
     each = rows_by(rows, lambda row: (row.entrant, row.condition))
     measured = [(own[0], called(own[0], key[1]), _measured(own, farthest)) for key, own in each.items()]
     groups = [
         BarGroup(
-            name, tuple(ChartBar(who, study.number(row), values[number]) for row, who, values in measured), ".2f", 1.0
+            name, tuple(ChartBar(who, number_of(row), values[number]) for row, who, values in measured), ".2f", 1.0
         )
         for number, name in enumerate(MEASURES)
     ]

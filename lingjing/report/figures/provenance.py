@@ -14,7 +14,7 @@ from lingjing.report.figure import FigureKind, FigurePart, called, column_words,
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
-        drawings, tables = [], []
+        drawings, tables, number_of = [], [], study.numbers()
         for (mission, mode), rows in rows_by(study.plain, lambda row: (row.mission, row.mode)).items():
             names = tuple(Played(tuple(rows)).stages())
             if len(names) < 2:
@@ -28,7 +28,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 ]
                 values = tuple(share(each[name] for each in done if name in each) for name in names)
                 name = called(own[0], condition)
-                series.append(ChartSeries(name, values, study.number(own[0])))
+                series.append(ChartSeries(name, values, number_of(own[0])))
                 cells = (ResultCell(str(len(done)), len(done)), *(value.cell() for value in values))
                 lines.append(ResultLine(own[0].group, (name,), cells))
             title = column_words(mission, mode)

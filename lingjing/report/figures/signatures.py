@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from lingjing.bench.played import rows_by
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
 from lingjing.report.estimates import RowMeasure, metric, metrics_of
-from lingjing.report.evidence import ReportEvidence, ReportStudy
+from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
 SIGNATURES: tuple[tuple[str, RowMeasure, str, float | None, bool], ...] = (
@@ -24,24 +24,24 @@ SIGNATURES: tuple[tuple[str, RowMeasure, str, float | None, bool], ...] = (
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
-        drawings, tables = [], []
+        drawings, tables, number_of = [], [], study.numbers()
         columns = rows_by(study.plain, lambda row: (row.mission, row.mode, row.condition))
         for (mission, mode, condition), rows in columns.items():
             if all(one.coverage is None for one in metrics_of(rows)):
                 continue
             title = ", ".join(filter(None, (column_words(mission, mode), condition)))
             entrants = rows_by(rows, lambda row: row.entrant)
-            drawings.append(bar_chart(title, list(_groups(study, entrants))))
+            drawings.append(bar_chart(title, list(_groups(number_of, entrants))))
             tables.append(_table(title, entrants))
         if drawings:
             yield FigurePart(heading=heading_of(study, evidence), drawings=tuple(drawings), tables=tuple(tables))
 
 
-def _groups(study: ReportStudy, entrants: Mapping[str, Sequence[SuiteRow]]) -> Iterator[BarGroup]:
+def _groups(number_of: Callable[[SuiteRow], int], entrants: Mapping[str, Sequence[SuiteRow]]) -> Iterator[BarGroup]:
     for name, measure, spec, most, _ in SIGNATURES:
         values = [(own[0], measure(own)) for own in entrants.values()]
         ends = [end for _, value in values for end in (value.value, value.high) if end == end]
-        bars = tuple(ChartBar(called(row), study.number(row), value) for row, value in values)
+        bars = tuple(ChartBar(called(row), number_of(row), value) for row, value in values)
         yield BarGroup(name, bars, spec, most if most is not None else max(ends, default=1.0))
 
 
