@@ -186,8 +186,10 @@ def test_the_rules_agree_with_the_reader_as_often_as_the_page_says(tmp_path: Pat
     pairs = []
     with Session() as session:
         for name, label in labels.items():
-            mission, mode, policy, seed = name.split("-")
+            mission, mode, policy, seed, *_ = name.split("-")
             how: dict[str, object] = {"policy": policy}
+            if "planted" in label:
+                how = {"policy": "faulty-oracle", "policy_args": {"faults": label["planted"]}}
             if "fault" in label:
                 options = {"fault": label["fault"], "since": label["since"]}
                 how = {"policy": f"{FAULTY}:FaultyOracle", "policy_args": options}
@@ -220,5 +222,5 @@ def test_kappa_takes_chance_away() -> None:
     assert kappa(pairs) == pytest.approx(0.6)
 
 
-AGREED, KAPPA = 45, 0.9
+AGREED, KAPPA = 55, 0.85
 """Labels of `family_labels.toml` that the rules agree with, and Cohen's kappa."""
