@@ -179,7 +179,8 @@ def test_pictures_that_are_none_are_named_though_they_are_sealed(
 
 
 EDITS = {
-    "the score": (b'"score":0.0', b'"score":0.1', f"the outcome: the message on {OUTCOME}"),
+    "the score": (b'"score":0.0,"p', b'"score":0.1,"p', f"the outcome: the message on {OUTCOME}"),
+    "the score that viewers show": (b'"score":0.0,"scr"', b'"score":0.1,"scr"', "boundary 0: the message on /score"),
     "the outcome": (b'"reason":"budget"', b'"reason":"succes"', f"the outcome: the message on {OUTCOME}"),
     "the policy": (b'"policy":"', b'"polizy":"', f"the header: the message on {HEADER}"),
     "the clock": (b'"wall_s":12.5', b'"wall_s":10.5', f"the outcome: the message on {OUTCOME}"),
