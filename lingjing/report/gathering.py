@@ -157,8 +157,8 @@ def _loose(
         else:
             kept[row.key] = one, row
     notes = [
-        *_noted(cut, "were cut short (interrupted, or aborted by the infrastructure) and are in no rate"),
-        *_noted(again, "play an episode that is counted already (entrant, column, condition and seed)"),
+        *_noted(cut, "cut short (interrupted, or aborted by the infrastructure), so in no rate"),
+        *_noted(again, "of an episode that is counted already (entrant, column, condition and seed)"),
         *_noted(faults, "cannot be read"),
     ]
     rows = [row for _, row in kept.values()]
@@ -200,7 +200,7 @@ def _noted(what: Sequence[object], said: str) -> Iterator[str]:
     if what:
         named = "; ".join(str(one) for one in what[:NAMED])
         more = f" and {len(what) - NAMED} more" if len(what) > NAMED else ""
-        yield f"{len(what)} trace{'s' * (len(what) > 1)} {said}: {named}{more}"
+        yield f"{said}: {len(what)} trace{'s' * (len(what) > 1)}: {named}{more}"
 
 
 # -- what other verbs have measured

@@ -180,6 +180,6 @@ KIND = FigureKind(
     source="fig:logistics-process (a), fig:sea-process (a)",
     about="One seed of each mission in both modes, where there are, best one that ended differently. A mark is a "
     "message at its sender, a line goes to its recipients.",
-    needs="lingjing bench modes --keep (or: lingjing run ufr --mode star --seed 1, and --mode broadcast): traces",
+    needs="lingjing bench modes --keep (or: lingjing run ufr --seed 1 --mode star, and --mode broadcast)",
     make=_parts,
 )

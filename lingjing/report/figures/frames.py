@@ -53,6 +53,6 @@ KIND = FigureKind(
     title="Frames",
     source="fig:comm-scenario-examples",
     about="The frame of each kind of camera that shows a target best, a green box around what is one.",
-    needs="lingjing run ssr --seeds 0-1 (or any suite with --keep): traces",
+    needs="lingjing run ssr --seeds 0-1 (or any suite with --keep); it reads traces",
     make=_parts,
 )

@@ -48,6 +48,6 @@ KIND = FigureKind(
     title="Maps",
     source="fig:lingjing-overview",
     about="The episodes of the communication traces from above, with what was hidden from the agents.",
-    needs="lingjing run ssr --seeds 0-1 (or any suite with --keep): traces",
+    needs="lingjing run ssr --seeds 0-1 (or any suite with --keep); it reads traces",
     make=_parts,
 )
