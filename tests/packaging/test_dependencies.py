@@ -54,10 +54,12 @@ def declared(pyproject: Path, *extras: str) -> set[str]:
 
 def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
     run_as_programs = {"eclipse-sumo", "graphviz-pure"}  # netconvert, and what lays graphs out
-    asked = declared(ROOT / "pyproject.toml", "bench", "film", "lsp", "road", "quadruped", "maps", "envs")
+    asked = declared(ROOT / "pyproject.toml", "bench", "film", "foxglove", "lsp", "road", "quadruped", "maps", "envs")
     used = foreign(CORE)
     assert used.pop("ray") == {"lingjing/bench/on_ray.py"}  # not installed by `make setup`, for its size
     assert "ray" in declared(ROOT / "pyproject.toml", "ray")
+    assert used.pop("rerun") == {"lingjing/viewer/rerun_recording.py"}  # the same
+    assert "rerun-sdk" in declared(ROOT / "pyproject.toml", "rerun")
     assert distributions(set(used)) == asked - run_as_programs
 
 
