@@ -13,6 +13,7 @@ import tests.kernel.world_toys as toys
 from lingjing.kernel.episode import play, seat
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
+from lingjing.mission.expression import Flag
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec, VerbSpec
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import read_trace
@@ -56,7 +57,7 @@ def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s
         observes=(ChannelSpec(source="entity", name="ant"),),
     )
     budget = msgspec.structs.replace(instance.budget, ticks=TICKS, policy_s=20.0)
-    return msgspec.structs.replace(instance, agents=(mind,), budget=budget, success=toys.Flag(value=False))
+    return msgspec.structs.replace(instance, agents=(mind,), budget=budget, success=Flag(value=False))
 
 
 @pytest.fixture
