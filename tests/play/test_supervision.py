@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import faulthandler
 import os
 import re
 import signal
@@ -66,11 +67,16 @@ def forget() -> None:
     __import__("colorsys")
 
 
+def give_up() -> None:
+    faulthandler.disable()  # pytest's would print the stacks of a death that is wanted
+    os.abort()
+
+
 HOSTILE: list[tuple[str, Callable[[], object], str]] = [
     ("exit", lambda: os._exit(0), "its process ended without a result (exit code 0)"),
     ("exit_3", lambda: os._exit(3), "its process ended without a result (exit code 3)"),
     ("kill", lambda: os.kill(os.getpid(), signal.SIGKILL), "its process was killed by signal 9"),
-    ("abort", os.abort, "its process was killed by signal 6"),
+    ("abort", give_up, "its process was killed by signal 6"),
     ("close", lambda: (os.closerange(0, 4096), os._exit(0)), "its process ended without a result (exit code 0)"),
     ("unload", forget, "a policy left its process unable to go on: ModuleNotFoundError: No module named 'colorsys'"),
     ("exhaust", exhaust, "a policy left its process unable to go on: OSError: [Errno 24] Too many open files"),
