@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.process import say
 from lingjing.errors import UsageError
 from lingjing.terminal import write_data
 
@@ -47,6 +48,12 @@ def check_output(output: str) -> None:
             pass
     except OSError as error:
         raise UsageError(f"cannot write `{output}`: {error.strerror}", hint="choose another place with -o") from None
+
+
+def say_written(path: str | Path) -> None:
+    """Say on standard error which file was written, and its size."""
+    size = Path(path).stat().st_size
+    say(f"wrote {path} ({size / 1e6:.1f} MB)" if size >= 1e5 else f"wrote {path} ({size / 1e3:.1f} kB)")
 
 
 def print_columns(rows: Sequence[tuple[str, ...]]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lingjing.cli.files import say_written
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode
 
@@ -30,5 +31,5 @@ def handler(args: argparse.Namespace) -> int:
     path = Path(args.output)
     for note in make_film(read_trace(args.trace), path, truth=args.truth):
         say(f"note: {note}")
-    say(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
+    say_written(path)
     return ExitCode.OK

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.files import check_output, print_columns, write_output
+from lingjing.cli.files import check_output, print_columns, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 
@@ -54,7 +54,7 @@ def handler(args: argparse.Namespace) -> int:
     written = _page(evidence, args.title) if kind is None else _figure(evidence, kind, output)
     write_output(written, output)
     if output != "-":
-        say(f"wrote {output} ({Path(output).stat().st_size / 1e6:.1f} MB)")
+        say_written(output)
     return ExitCode.OK
 
 

@@ -11,7 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import Protocol
 
-from lingjing.cli.files import write_output
+from lingjing.cli.files import say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.play.descendants import be_told_of_the_end_of
@@ -102,7 +102,7 @@ def _rerun(trace: Trace, args: argparse.Namespace) -> int:
     if args.output is not None:
         path = Path(args.output)
         write_rerun(trace, path, truth=args.truth)
-        say(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
+        say_written(path)
         return ExitCode.OK
     if args.no_open:
         raise UsageError("--rerun opens Rerun's viewer", hint="leave --no-open out, or write a file: -o episode.rrd")
@@ -119,7 +119,7 @@ def _rerun(trace: Trace, args: argparse.Namespace) -> int:
 def _written(text: str, output: str) -> int:
     write_output(text, output)
     if output != "-":
-        say(f"wrote {output} ({Path(output).stat().st_size / 1e6:.1f} MB)")
+        say_written(output)
     return ExitCode.OK
 
 
