@@ -27,7 +27,7 @@ EVIL = [
 LINE = "".join(EVIL) + "DONE"
 
 POLICY = f"""
-import logging, os, subprocess, sys, warnings
+import logging, sys, warnings
 from lingjing.plugins.policy import Action, Decision, Outgoing
 
 EVIL = {LINE!r}
@@ -43,9 +43,6 @@ class Evil:
         logging.getLogger("evil").error("log " + EVIL)
         warnings.warn("warn " + EVIL)
         sys.__stderr__.write("original " + EVIL + "\\n")
-        os.write(1, ("first " + EVIL + "\\n").encode())
-        os.write(2, ("second " + EVIL + "\\n").encode())
-        subprocess.run(["printf", "%s\\n", "started " + EVIL], check=True)
         if observation.tick == 1:
             raise ValueError("raised " + EVIL)
         kinds = [message.kind for message in self.brief.messages]
@@ -53,6 +50,24 @@ class Evil:
         messages = tuple(Outgoing(kind=kind, body=body) for kind in (*kinds, EVIL))
         command = Action(verb=EVIL, arguments={{EVIL: EVIL}}, resource=EVIL)
         return Decision(command=command, messages=messages, thought=EVIL)
+"""
+
+PAST_STREAMS = f"""
+import os, subprocess
+from lingjing.plugins.policy import Decision
+
+EVIL = {LINE!r}
+
+class Evil:
+    async def reset(self, brief):
+        self.first = brief.agent == "scout[1]"
+
+    async def act(self, observation, inbox):
+        if self.first and observation.tick == 1:
+            os.write(1, ("first " + EVIL + "\\n").encode())
+            os.write(2, ("second " + EVIL + "\\n").encode())
+            subprocess.run(["printf", "%s\\n", "started " + EVIL], check=True)
+        return Decision()
 """
 
 MISSION = """ljs 1
@@ -171,7 +186,7 @@ def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path)
     (here / "short.ljs").write_text(mission)
     shown = on_terminal("run", "short.ljs", "--policy", "./evil.py:Evil", option, cwd=here)
     assert harmless(shown), shown
-    for said in ("reset", "stdout", "stderr", "log", "warn", "original", "first", "second", "started"):
+    for said in ("reset", "stdout", "stderr", "log", "warn", "original"):
         assert f"{said} \\x1b]0;EVIL\\x07" in shown.replace("\n", ""), said
     assert "raised \\x1b" in shown.replace("\n", "")
     piped = subprocess.run(
@@ -179,6 +194,19 @@ def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path)
         cwd=here, capture_output=True, check=False,
     )  # fmt: skip
     assert harmless((piped.stdout + piped.stderr).decode())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("option", ["--watch", "--no-overview"])
+def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(option: str, here: Path):
+    """Another process than the one that draws passes it on, so what both write at once may run into each other."""
+    mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks <= 60", "ticks <= 3")
+    (here / "short.ljs").write_text(mission.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"))
+    (here / "past.py").write_text(PAST_STREAMS)
+    shown = on_terminal("run", "short.ljs", "--policy", "./past.py:Evil", option, cwd=here)
+    assert harmless(shown), shown
+    for said in ("first", "second", "started"):
+        assert f"{said} \\x1b]0;EVIL\\x07" in shown, said
 
 
 @pytest.mark.slow
