@@ -23,11 +23,12 @@ def factor(time_s: float, wall_s: float) -> str:
     return f"×{time_s / wall_s:.1f}" if wall_s > 0 else "×–"
 
 
-class LiveProgress:
-    """A context manager to be called after each boundary; silent if standard error is no terminal."""
+class _ShownBar:
+    """A context manager that shows a bar of one task; silent if standard error is no terminal."""
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, text: str = "") -> None:
         self._title = title
+        self._text = text
         self._bar: Bar | None = None
 
     def __enter__(self) -> Self:
@@ -37,47 +38,37 @@ class LiveProgress:
             self._bar = _bar()
             self._bar.start()
             spell_proxies()
-            self._bar.add_task(self._title, total=None, text="starting")
+            self._bar.add_task(self._title, total=None, text=self._text)
         return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _show(self, completed: int, total: int, text: str) -> None:
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=completed, total=total, text=text)
+
+
+class LiveProgress(_ShownBar):
+    """To be called after each boundary of an episode."""
+
+    def __init__(self, title: str) -> None:
+        super().__init__(title, "starting")
 
     def __call__(self, boundary: Progress) -> None:
         """Show this boundary."""
-        if self._bar is not None:
-            self._bar.update(
-                self._bar.task_ids[0], completed=boundary.tick, total=boundary.ticks, text=describe(boundary)
-            )
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+        self._show(boundary.tick, boundary.ticks, describe(boundary))
 
 
-class CountProgress:
-    """A context manager to be called with how much of how much is done; silent if standard error is no terminal."""
-
-    def __init__(self, title: str) -> None:
-        self._title = title
-        self._bar: Bar | None = None
-
-    def __enter__(self) -> Self:
-        if sys.stderr.isatty():
-            self._bar = _bar()
-            self._bar.start()
-            self._bar.add_task(self._title, total=None, text="")
-        return self
+class CountProgress(_ShownBar):
+    """To be called with how much of how much is done."""
 
     def __call__(self, done: int, whole: int) -> None:
         """Show this much."""
-        if self._bar is not None:
-            self._bar.update(self._bar.task_ids[0], completed=done, total=whole)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+        self._show(done, whole, "")
 
 
 def _bar() -> Bar:
