@@ -134,10 +134,11 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
 
 
 @pytest.mark.parametrize("victim", ["command", "player"])
-def test_a_killed_process_leaves_none(short: Path, victim: str) -> None:
+def test_a_killed_process_leaves_none(short: Path, victim: str, request: pytest.FixtureRequest) -> None:
     (short / "plan").write_text("settle stay\n")
     line = [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out"]
     process = subprocess.Popen(line, cwd=short, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    request.addfinalizer(process.kill)  # of a failure too nothing is left that plays
     while not ((short / "settled").exists() and (short / "settled").read_text().strip()):
         assert process.poll() is None
         time.sleep(0.05)
