@@ -21,9 +21,9 @@ import msgspec
 from pydantic import Field, ValidationError
 
 from lingjing.analysis.families import RecordLink, attribute
+from lingjing.analysis.shares import wilson
 from lingjing.bench.executors import Executor
 from lingjing.bench.planted import FACULTIES, PlantedEpisode, PlantedKind, read_planted
-from lingjing.bench.statistics import wilson
 from lingjing.bench.suite import ATTRIBUTION, NameOrFile, ShortText, SuitePart, read_document
 from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, ResultTable
 from lingjing.errors import UsageError

@@ -1,4 +1,4 @@
-"""Intervals and tests for the numbers of tables: Wilson's interval, the bootstrap, McNemar's test, Holm's correction.
+"""Intervals and tests for the numbers of tables: the bootstrap, McNemar's test, Holm's correction.
 
 Everything is a function of its arguments: the bootstrap draws from a stream of its own that starts from a fixed seed.
 Levels are 0.95 everywhere.
@@ -13,22 +13,13 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.analysis.shares import ConfidenceBounds
+
 LEVEL = 0.95
 DRAWS = 2000
 """Bootstrap samples; more move the ends of an interval by less than a tenth of a point at 100 episodes."""
 
-_Z = 1.959963984540054
-"""The standard normal quantile at 0.975."""
-
-
 InstanceT = TypeVar("InstanceT", bound=Hashable)
-
-
-class ConfidenceBounds(NamedTuple):
-    """The ends of a confidence interval."""
-
-    low: float
-    high: float
 
 
 class PairedTest(NamedTuple):
@@ -38,16 +29,6 @@ class PairedTest(NamedTuple):
     only_first: int
     only_second: int
     p: float
-
-
-def wilson(won: int, played: int) -> ConfidenceBounds:
-    """Wilson's score interval of a share of successes; nan where nothing was played."""
-    if not played:
-        return ConfidenceBounds(math.nan, math.nan)
-    share, square = won / played, _Z * _Z / played
-    middle = (share + square / 2) / (1 + square)
-    half = _Z * math.sqrt(share * (1 - share) / played + square / played / 4) / (1 + square)
-    return ConfidenceBounds(middle - half if won else 0.0, middle + half if won < played else 1.0)
 
 
 def bootstrap(values: Sequence[float]) -> ConfidenceBounds:
@@ -129,6 +110,6 @@ def _generator() -> np.random.Generator:
 
 
 __all__ = [
-    "LEVEL", "ConfidenceBounds", "PairedTest", "bootstrap", "bounds_of", "drawn_samples", "holm", "macro_average",
-    "macro_bounds", "mcnemar", "wilson",
+    "LEVEL", "PairedTest", "bootstrap", "bounds_of", "drawn_samples", "holm", "macro_average", "macro_bounds",
+    "mcnemar",
 ]  # fmt: skip

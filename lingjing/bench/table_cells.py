@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
-from lingjing.bench.statistics import ConfidenceBounds
+from lingjing.analysis.shares import ConfidenceBounds
 
 Mark = Literal["", "best", "second"]
 

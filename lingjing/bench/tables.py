@@ -10,16 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from lingjing.analysis.shares import ConfidenceBounds, wilson
 from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
 from lingjing.bench.played import Played, columns_of, mean_of, rows_by
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import (
-    ConfidenceBounds,
     bootstrap,
     macro_average,
     macro_bounds,
-    wilson,
 )
 from lingjing.bench.table_cells import (
     ABSENT,

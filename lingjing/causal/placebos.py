@@ -14,6 +14,7 @@ from typing import TypeVar
 import msgspec
 from msgspec.structs import replace
 
+from lingjing.analysis.shares import wilson
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan
 from lingjing.mission.seeding import Stream
@@ -24,7 +25,6 @@ NUDGE_M = 3.0
 SAME = 2
 """So many placebos replace a decision by itself."""
 
-_Z = 1.96
 ItemT = TypeVar("ItemT")
 BranchPlayer = Callable[[Sequence[BranchPlan]], Sequence[BranchResult]]
 
@@ -72,7 +72,8 @@ def played_placebos(
     nudged = nudged[: room - len(others)]
     results = played([*same, *nudged, *others])
     lucky = sum(one.success for one in results[len(same) :])
-    low, high = wilson(lucky, len(nudged) + len(others))
+    trials = len(nudged) + len(others)
+    low, high = wilson(lucky, trials) if trials else (0.0, 1.0)
     return Placebos(
         same=len(same),
         changed=sum(one.differs is not None for one in results[: len(same)]),
@@ -82,16 +83,6 @@ def played_placebos(
         low=low,
         high=high,
     )
-
-
-def wilson(hits: int, trials: int) -> tuple[float, float]:
-    """The 95 % interval of a share (Wilson 1927); 0 to 1 for no trials."""
-    if not trials:
-        return 0.0, 1.0
-    share, square = hits / trials, _Z * _Z / trials
-    middle = (share + square / 2.0) / (1.0 + square)
-    half = _Z / (1.0 + square) * math.sqrt(share * (1.0 - share) / trials + square / (4.0 * trials))
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 def _decided(trace: Trace) -> list[tuple[str, int, Decision]]:

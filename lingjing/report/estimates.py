@@ -13,8 +13,9 @@ import numpy as np
 
 from lingjing.analysis.detection import PerceptionCounts, calibration_gaps
 from lingjing.analysis.metrics import Metrics
+from lingjing.analysis.shares import ConfidenceBounds, wilson
 from lingjing.bench.rows import SuiteRow
-from lingjing.bench.statistics import ConfidenceBounds, bootstrap, bounds_of, drawn_samples, wilson
+from lingjing.bench.statistics import bootstrap, bounds_of, drawn_samples
 from lingjing.bench.table_cells import UNDEFINED, ResultCell
 
 

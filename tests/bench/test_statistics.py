@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
+from lingjing.analysis.shares import wilson
+from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar
 
 
 def test_wilsons_interval_is_the_published_one() -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from lingjing.bench.columns import shipped
 from lingjing.causal.faculties import FACULTIES, TrueSituation, faculties_of, replaced
-from lingjing.causal.placebos import wilson
 from lingjing.causal.shapley import shapley_shares
 from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Instance
@@ -135,10 +134,3 @@ def test_shares_of_games_worked_out_by_hand() -> None:
     for one, truth in zip(sorted(sampled, key=lambda one: one.agent), (4 / 6, 1 / 6, 1 / 6), strict=True):
         assert one.low <= truth <= one.high and not one.exact
     assert shapley_shares(players, lambda sets: [None] * len(sets), exact=True, seed=0) == ()
-
-
-def test_the_interval_of_a_share() -> None:
-    assert wilson(0, 0) == (0.0, 1.0)
-    low, high = wilson(0, 6)
-    assert low == 0.0 and high == pytest.approx(0.390, abs=1e-3)  # z²/(n+z²)
-    assert wilson(5, 10) == pytest.approx((0.237, 0.763), abs=1e-3)

@@ -17,10 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.analysis.detection import OVERLAP, iou, ratio
+from lingjing.analysis.shares import ConfidenceBounds
 from lingjing.bench.frame_sets.balance import SetFrame
 from lingjing.bench.frame_sets.folder import read_picture
 from lingjing.bench.frame_sets.twins import TwinRecord, decoded, twin_picture
-from lingjing.bench.statistics import ConfidenceBounds, bounds_of, drawn_samples
+from lingjing.bench.statistics import bounds_of, drawn_samples
 from lingjing.bench.table_cells import ABSENT, UNDEFINED, ResultCell, ResultLine, ResultTable
 from lingjing.plugins.frame_detector import FrameDetector, FrameQuestion
 

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 from PIL import Image
 
+from lingjing.analysis.shares import ConfidenceBounds
 from lingjing.bench.frame_sets.folder import read_class, read_picture
 from lingjing.bench.frame_sets.probe import ProbeCell, probe_table
 from lingjing.bench.frame_sets.twins import read_twins, twin_picture
-from lingjing.bench.statistics import ConfidenceBounds
 from lingjing.report.charts import WIDE, BarGroup, ChartBar, bar_chart
 from lingjing.report.drawing import Drawing, PictureMark, WordsMark
 from lingjing.report.estimates import BoundedEstimate
