@@ -29,12 +29,13 @@ from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
+from lingjing.option_reading import spellings, takes_any_name, unknown_option
 from lingjing.play.options import PlayOptions
 from lingjing.play.policy_files import load_policy
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_model
-from lingjing.plugins.options import option_faults, spellings, takes_any_name, unknown_option
+from lingjing.plugins.options import option_faults
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import did_you_mean
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from lingjing.data import data_path
 from lingjing.errors import Fault, UsageError
 from lingjing.mission.faults import lines_of
-from lingjing.plugins.options import unknown_option
+from lingjing.option_reading import unknown_option
 from lingjing.validation import shown, worded
 
 FORMAT = 1

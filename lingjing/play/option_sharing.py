@@ -38,7 +38,8 @@ def share_arguments(
 
     Raises `UsageError` that tells every fault: of each policy's options, and what none of them takes.
     """
-    from lingjing.plugins.options import option_faults, options_error, spellings, takes_any_name, unknown_option
+    from lingjing.option_reading import spellings, takes_any_name, unknown_option
+    from lingjing.plugins.options import option_faults, options_error
 
     models = {name: options_model(plugin) for name, plugin in plugins.items()}
     taken = {name: spellings(model) for name, model in models.items()}
@@ -83,7 +84,8 @@ def _shared(
     declaring = [name for name in used if plugins[name].options]
     if not given and not declaring:
         return {}
-    from lingjing.plugins.options import PluginOptions, declared_model, option_faults, options_error, unknown_option
+    from lingjing.option_reading import unknown_option
+    from lingjing.plugins.options import PluginOptions, declared_model, option_faults, options_error
 
     shares: dict[str, dict[str, ValueT]] = {}
     faults: dict[str, tuple[Fault, ...]] = {}

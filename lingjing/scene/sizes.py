@@ -1,11 +1,15 @@
-"""How large things are that a scene and its traffic put up by kind: length, width and height, metres.
+"""How large things are: length, width and height, metres.
 
-What a mission's own entities measure their types declare (`lingjing.plugins.bodies`).
+What a scene and its traffic put up is of a size by its kind. What a mission's own entities measure, and whether one can
+bump into them, their types declare: `length`, `width`, `height`, `shape` and `origin` (docs/language.md).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from lingjing.mission.appearance import BARE, MEASURES, UNSAID_M
+from lingjing.mission.instance import Entity
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,3 +32,27 @@ SIZES: dict[str, Size] = {
     "person": Size(0.4, 0.5, 1.75),
 }
 """Cars after the traffic simulator's defaults, the rest as drawn."""
+
+
+def entity_size(entity: Entity) -> Size:
+    """Dimensions of an entity; half a metre where it declares none."""
+    return Size(*((entity.number(f"{name}_m") or UNSAID_M) for name in MEASURES))
+
+
+def solid_size(entity: Entity) -> Size | None:
+    """Dimensions of an entity that one can bump into; None for one that is nothing to bump into.
+
+    Every asset is a body. A target is one if it declares its length, width and height: a fire or a leak does not.
+    Nothing of the shape `none` is one.
+    """
+    measured = all(entity.number(f"{name}_m") for name in MEASURES)
+    if entity.properties.get("shape") == BARE or not (entity.role == "asset" or measured):
+        return None
+    return entity_size(entity)
+
+
+def sunk_m(entity: Entity | None) -> float:
+    """How far an entity reaches below its position: half of its height if its origin is its middle."""
+    if entity is None or entity.properties.get("origin") != "middle":
+        return 0.0
+    return entity_size(entity).height_m / 2.0
