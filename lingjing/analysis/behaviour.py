@@ -193,7 +193,7 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
                 repeated=before[made.agent] == signature if made.agent in before else None,
             )
             before[made.agent] = signature
-        for body, targets in assigned.at(record):
+        for body, targets, _ in assigned.at(record):
             open_for.setdefault(body, set()).update(targets)
         completed |= completed_at(instance, record)
 

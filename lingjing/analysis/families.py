@@ -136,11 +136,10 @@ class _Story:
                 self.done.setdefault(change.stage, change.tick)
                 if change.stage in handing:
                     self.handed.setdefault(change.subject, change.tick)
-            for body, targets in assignments.at(record):
-                message = next(one.id for one in record.messages if one.category == "assignment")
+            for body, targets, message in assignments.at(record):
                 for target in targets:
                     self.assigned.setdefault(target, []).append((record.tick, body, message))
-            for command in record.commands:
+            for command in (one for one in record.commands if one.origin == "agent"):
                 given = self.assigned if owners.get(command.resource) != command.sender else self.taken
                 for target in assignments.meant(record, command.arguments, command.resource):
                     given.setdefault(target, []).append((record.tick, command.resource, command.id))
@@ -240,15 +239,22 @@ def _mislocated(story: _Story, target: str) -> Attribution | None:
     matched, located = story.matched.get(target), story.located.get(target)
     if not story.locates or matched is None or (located is not None and located - matched <= DELAY):
         return None
-    report = next(one for one in detect(story.trace).reports if one.target == target)
-    off = "an unknown distance" if report.error_m is None else f"{report.error_m:.0f} m"
+    end = story.last if located is None else located
     chain = (
-        RecordLink(
-            kind="message", tick=report.tick, record=report.id, text=f"{report.sender} reports {target} {off} off"
-        ),
-        RecordLink(kind="event", tick=story.last if located is None else located, record="", text="not located before"),
+        *_first_report(story, target),
+        RecordLink(kind="event", tick=end, record="", text="not located before"),
     )
     return Attribution(family="localisation_error", target=target, tick=matched, chain=chain)
+
+
+def _first_report(story: _Story, target: str) -> Iterator[RecordLink]:
+    """The first report that matched the target; none where a mission matches messages of another category."""
+    for report in detect(story.trace).reports:
+        if report.target == target:
+            off = "an unknown distance" if report.error_m is None else f"{report.error_m:.0f} m"
+            text = f"{report.sender} reports {target} {off} off"
+            yield RecordLink(kind="message", tick=report.tick, record=report.id, text=text)
+            return
 
 
 def _handoff(story: _Story, target: str) -> Attribution | None:

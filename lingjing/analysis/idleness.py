@@ -113,9 +113,9 @@ def _admitted(receipt: Receipt | None) -> bool:
 
 
 def _assign(
-    assignments: Iterable[tuple[str, tuple[str, ...]]], duties: Mapping[str, _Duty], completed: set[str]
+    assignments: Iterable[tuple[str, tuple[str, ...], str]], duties: Mapping[str, _Duty], completed: set[str]
 ) -> None:
-    for body, targets in assignments:
+    for body, targets, _ in assignments:
         duty = duties.get(body)
         if duty is not None and (not targets or set(targets) - completed):
             duty.assign(set(targets) - completed)

@@ -227,16 +227,16 @@ class Assignments:
         )
         self._entities = frozenset(entity.id for entity in instance.entities)
 
-    def at(self, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...]]]:
-        """The bodies that assignment messages of one boundary are for, each with the targets that are meant. A message
-        that names no assignee is for its recipient."""
+    def at(self, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...], str]]:
+        """The bodies that assignment messages of one boundary are for, each with the targets that are meant and the
+        message's id. A message that names no assignee is for its recipient."""
         seen: set[tuple[str, str]] = set()
         for message in record.messages:
             named = str(message.body.get("assignee") or message.recipient)
             if message.category == "assignment" and (message.id, named) not in seen:
                 seen.add((message.id, named))
                 for body in self._controls.get(named, (named,)):
-                    yield body, self.meant(record, message.body, body)
+                    yield body, self.meant(record, message.body, body), message.id
 
     def meant(self, record: BoundaryRecord, fields: Mapping[str, Datum], body: str) -> tuple[str, ...]:
         """The targets that the fields of a message or a command mean for a body: those that they name, else the nearest

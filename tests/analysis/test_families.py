@@ -18,6 +18,7 @@ from lingjing.trace.records import (
     AdjudicatedEvent,
     BoundaryRecord,
     Box,
+    Command,
     Decision,
     DecisionRecord,
     Envelope,
@@ -133,6 +134,13 @@ def test_matched_and_not_located_is_a_localisation_error(lost, real_rules) -> No
     assert found.chain[0].record == "m6-1"
 
 
+def test_a_target_that_no_report_names_is_located_wrongly_all_the_same(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    """A mission may match messages of another category than reports."""
+    told_so = tuple(replace(one, category="other") for one in FOUND["messages"])
+    found = told(real_rules(lost({5: SEEN, 6: {**FOUND, "messages": told_so}})))
+    assert (found.family, [link.kind for link in found.chain]) == ("localisation_error", ["event"])
+
+
 def test_located_and_never_or_late_assigned_is_a_handoff_break(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
     found = told(real_rules(lost({5: SEEN, 6: LOCATED})))
     assert (found.family, found.tick, found.chain[-1].text) == ("handoff_break", 6, "never assigned")
@@ -152,6 +160,25 @@ def test_an_assigned_body_that_is_refused_to_several_is_a_deadlock(lost, real_ru
     found = told(real_rules(lost(events)))
     assert (found.family, found.tick) == ("coordination_deadlock", 9)
     assert [link.record for link in found.chain] == ["m8-9", "c9-1", "c10-1"]
+
+
+def test_of_several_assignments_of_a_boundary_the_target_s_own_is_named(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    given = handed(8)
+    other = replace(given["messages"][0], id="m8-8", body={"assignee": "skipper", "target": "victim[2]"})  # type: ignore[index]
+    both = {**given, "messages": (other, *given["messages"])}  # type: ignore[misc]
+    events = {5: SEEN, 6: LOCATED, 8: both, 9: moves(9, reason="conflict"), 10: moves(10, reason="conflict")}
+    assert [link.record for link in told(real_rules(lost(events))).chain] == ["m8-9", "c9-1", "c10-1"]
+
+
+def test_what_the_kernel_asks_for_assigns_nothing(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    """A route that the kernel wants may end at a target; nobody was told to serve it."""
+    own = Command(id="k8-1", tick=8, sender="kernel", resource="boat", verb="moveTo", arguments={"x": 0.0, "y": 0.0})
+    there = {"snapshots": (at(8, v1=(0.0, 0.0), boat=(900.0, 0.0)),)}
+    refused = {9: moves(9, reason="conflict"), 10: moves(10, reason="conflict")}
+    for origin, family in (("agent", "coordination_deadlock"), ("kernel", "unattributed")):
+        asked = {**there, "commands": (replace(own, origin=origin),)}
+        found = told(real_rules(lost({5: SEEN, 6: LOCATED, 8: asked, 14: handed(14), **refused})))
+        assert found.family == family
 
 
 def test_an_assigned_body_sent_elsewhere_or_stubborn_is_drift(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
