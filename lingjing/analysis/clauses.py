@@ -60,10 +60,10 @@ def unmet(
 
 def reading(expr: Expr, scope: Locals) -> str:
     """The condition as its author would write it, with what is bound put in for the variables."""
-    text = spell(expr)
-    for name, value in scope.items():
-        text = re.sub(rf"\b{re.escape(name)}\b(?!\()", value.id, text)
-    return text
+    if not scope:
+        return spell(expr)
+    names = "|".join(map(re.escape, scope))  # at once, lest a name is looked for in what was put in for another
+    return re.sub(rf"(?<![\w.])(?:{names})\b(?!\()", lambda found: scope[found[0]].id, spell(expr))
 
 
 def _unmet_part(part: Expr, history: Sequence[Rebuilt], scope: Locals, depth: int) -> Iterator[UnmetPart]:

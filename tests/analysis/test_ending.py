@@ -10,7 +10,7 @@ from lingjing.analysis.clauses import reading, unmet
 from lingjing.analysis.ending import why
 from lingjing.analysis.registries import registries
 from lingjing.cli.main import main
-from lingjing.mission.expression import Binary, Call, Number, Quantified, Ref
+from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Outcome
 from tests.trace import synthetic
@@ -117,6 +117,15 @@ def test_an_exists_is_followed_to_the_candidate_that_came_closest(lost: Trace) -
     assert [one.had for one in told] == ["there was no detection"]
     victim = next(one for one in lost.header.instance.entities if one.id == "victim[2]")
     assert reading(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
+
+
+def test_names_are_put_in_at_once_and_for_variables_alone(lost: Trace) -> None:
+    """One variable's name may be in another's value, or be the name of a field."""
+    boat, victim = (
+        next(one for one in lost.header.instance.entities if one.id == name) for name in ("boat", "victim[2]")
+    )
+    same = Binary("==", Attr(Ref("v", "local"), "victim"), Ref("victim", "local"))
+    assert reading(same, {"v": victim, "victim": boat}) == "victim[2].victim == boat"
 
 
 def test_the_closest_candidate_is_the_one_that_belongs_to_the_target(lost: Trace) -> None:
