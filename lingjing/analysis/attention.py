@@ -9,6 +9,7 @@ of any resolution and any scale, that covers the whole picture from the top left
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -26,22 +27,29 @@ AttentionMap = npt.NDArray[np.float64]
 def read_attention(path: str | Path) -> dict[str, AttentionMap]:
     """The maps of a file by picture. Raises `UsageError` that names what is wrong with it."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        opened = np.load(path, allow_pickle=False)
+        if not isinstance(opened, np.lib.npyio.NpzFile):
+            raise ValueError("it is one array without a name")
+        with opened as archive:
             maps = {name: np.asarray(archive[name]) for name in archive.files}
     except OSError as error:
         raise UsageError(f"cannot read the attention maps {path}: {error.strerror or error}") from error
-    except (ValueError, zipfile.BadZipFile, AttributeError) as error:
+    except (ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
         raise UsageError(f"{path} holds no attention maps: {error}", hint="give a .npz, an array a picture") from error
     return {name: _checked(path, name, found) for name, found in maps.items()}
 
 
 def _checked(path: str | Path, name: str, found: npt.NDArray[np.generic]) -> AttentionMap:
-    if found.ndim != 2 or not found.size or not np.issubdtype(found.dtype, np.number):
+    if found.ndim != 2 or not found.size or not _real(found.dtype):
         raise UsageError(f"{path}: `{name}` is {found.dtype} of shape {found.shape}, not numbers in rows and columns")
     plain = found.astype(np.float64)
     if not np.isfinite(plain).all() or (plain < 0).any():
         raise UsageError(f"{path}: `{name}` holds a number that is negative or not finite")
     return plain
+
+
+def _real(kind: np.dtype[np.generic]) -> bool:
+    return np.issubdtype(kind, np.integer) or np.issubdtype(kind, np.floating)
 
 
 def attention_iou(trace: Trace, maps: Mapping[str, AttentionMap]) -> float | None:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import zipfile
 from pathlib import Path
 
 import msgspec
@@ -211,6 +212,7 @@ def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path)
     [
         (np.zeros((2, 2, 2)), "shape"),
         (np.array([["a"]]), "not numbers"),
+        (np.ones((2, 2), complex), "not numbers"),
         (np.array([[-1.0]]), "negative"),
         (np.array([[np.nan]]), "not finite"),
     ],
@@ -222,6 +224,23 @@ def test_attention_that_is_none_is_named(array: object, words: str, tmp_path: Pa
     (tmp_path / "n.npz").write_bytes(b"no archive")
     with pytest.raises(UsageError, match="no attention maps"):
         read_attention(tmp_path / "n.npz")
+
+
+def test_files_that_are_no_whole_archive_of_maps_are_named(tmp_path: Path) -> None:
+    np.save(tmp_path / "one.npy", np.ones((3, 3)))
+    (tmp_path / "empty.npz").touch()
+    np.savez_compressed(tmp_path / "damaged.npz", f1=np.arange(900.0).reshape(30, 30))
+    damaged = bytearray((tmp_path / "damaged.npz").read_bytes())
+    damaged[300:400] = b"\xff" * 100
+    (tmp_path / "damaged.npz").write_bytes(damaged)
+    claims = io.BytesIO()
+    shape = {"descr": "<f8", "fortran_order": False, "shape": (1 << 31, 1 << 31)}
+    np.lib.format.write_array_header_1_0(claims, shape)
+    with zipfile.ZipFile(tmp_path / "huge.npz", "w") as archive:
+        archive.writestr("f1.npy", claims.getvalue())
+    for name in ("one.npy", "empty.npz", "damaged.npz", "huge.npz"):
+        with pytest.raises(UsageError, match=f"{name} holds no attention maps"):
+            read_attention(tmp_path / name)
 
 
 def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
