@@ -65,7 +65,7 @@ def to_csv(table: ResultTable) -> str:
     """Comma-separated values: numbers as they are, nothing where there is none; no text begins a formula."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["group", *table.labels, *table.heads])
+    writer.writerow(["group", *map(_harmless, (*table.labels, *table.heads))])
     for line in table.lines:
         texts = [_harmless(text) for text in (line.group, *line.label)]
         writer.writerow([*texts, *(_number(cell) for cell in line.cells)])

@@ -44,22 +44,23 @@ TableKind = Literal[
 
 
 def _seeds(given: object) -> tuple[int, ...]:
-    """`20` is the seeds 0 to 19, `"3-7"` those from 3 to 7, a list is what it lists."""
-    match given:
-        case bool():
+    """`20` or `"20"` is the seeds 0 to 19, `"3-7"` those from 3 to 7, a list is what it lists."""
+    numbers = [_whole(part) for part in given.split("-")] if isinstance(given, str) else [given]
+    match numbers:
+        case [bool()]:
             pass
-        case int() if 1 <= given <= MOST_SEEDS:
-            return tuple(range(given))
-        case list() | tuple() if given and all(_is_seed(one) for one in given):
-            return tuple(dict.fromkeys(given))
-        case str():
-            first, dash, last = (part.strip() for part in given.partition("-"))
-            ends = [
-                int(one) for one in (first, last or first) if one.isascii() and one.isdigit() and _is_seed(int(one))
-            ]
-            if len(ends) == 2 and bool(dash) == bool(last) and 0 <= ends[1] - ends[0] < MOST_SEEDS:
-                return tuple(range(ends[0], ends[1] + 1)) if dash else tuple(range(ends[0]))
+        case [int(count)] if 1 <= count <= MOST_SEEDS:
+            return tuple(range(count))
+        case [int(first), int(last)] if _is_seed(last) and 0 <= last - first < MOST_SEEDS:
+            return tuple(range(first, last + 1))
+        case [list(listed) | tuple(listed)] if listed and all(_is_seed(one) for one in listed):
+            return tuple(dict.fromkeys(listed))
     raise ValueError(f"is {shown(given)}, and names no seeds: write a number of seeds, as 20, or a range, as '0-19'")
+
+
+def _whole(text: str) -> int | None:
+    """The number of up to 19 digits, as the largest seed has; None for any other text."""
+    return int(text) if re.fullmatch(r"\s*[0-9]{1,19}\s*", text) else None
 
 
 def _is_seed(given: object) -> bool:

@@ -159,6 +159,11 @@ def test_a_mistake_is_named_with_what_was_meant(wrong: str, said: str, tmp_path:
         ("seeds = 2", "seeds = 0", "seeds: is 0, and names no seeds"),
         ("seeds = 2", "seeds = true", "seeds: is yes, and names no seeds"),
         ("seeds = 2", "seeds = [1, -1]", "seeds: is a list, and names no seeds"),
+        ("seeds = 2", 'seeds = "0"', "seeds: is '0', and names no seeds"),
+        ("seeds = 2", 'seeds = "100001"', "seeds: is '100001', and names no seeds"),
+        ("seeds = 2", 'seeds = "0-100000"', "seeds: is '0-100000', and names no seeds"),
+        ("seeds = 2", 'seeds = "1-2-3"', "seeds: is '1-2-3', and names no seeds"),
+        ("seeds = 2", f'seeds = "{"9" * 5000}"', "seeds: is a long text, and names no seeds"),
         ("seeds = 2", 'seeds = 2\nmodes = ["star"]\nevaluators = ["mision"]', "evaluators[0]: there is no evaluator"),
         ('["bi", "cd"]', '["bi"]\nmodes = ["star"]', "modes[0]: none of bi is played in mode `star`"),
         ('["bi", "cd"]', '["bi", "bi"]', "missions[1]: `bi` is there twice"),
@@ -168,6 +173,13 @@ def test_a_wrong_head_is_told(old: str, new: str, said: str, tmp_path: Path, hos
     told = faults(SMALL.replace(old, new), tmp_path, host)
     assert len(told) == 1
     assert told[0].startswith(said)
+
+
+@pytest.mark.parametrize(("written", "seeds"), [('" 3 "', (0, 1, 2)), ('"3 - 4"', (3, 4)), ("[4, 4, 1]", (4, 1))])
+def test_seeds_are_a_number_a_range_or_a_list(
+    written: str, seeds: tuple[int, ...], tmp_path: Path, host: PluginHost
+) -> None:
+    assert planned(SMALL.replace("seeds = 2", f"seeds = {written}"), tmp_path, host).suite.seeds == seeds
 
 
 def test_what_is_no_toml_is_said(tmp_path: Path, host: PluginHost) -> None:

@@ -232,6 +232,11 @@ def test_csv_reads_back_and_begins_no_formula() -> None:
     assert "\x1b" not in to_csv(TABLE)
 
 
+def test_a_head_of_csv_begins_no_formula() -> None:
+    table = ResultTable("t", "T", ("+a",), ("=HYPERLINK(1)",), (ResultLine("", ("x",), (ResultCell("1", 1.0),)),))
+    assert next(csv.reader(io.StringIO(to_csv(table)))) == ["group", "'+a", "'=HYPERLINK(1)"]
+
+
 # -- what is said while it is played
 
 
