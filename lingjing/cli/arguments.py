@@ -13,6 +13,8 @@ from lingjing.mission.settings import read_setting
 MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 
+MOST_SEED = 2**63 - 1
+
 
 def parse_pairs(
     option: str, texts: Iterable[str], errors: ErrorCollector | None = None, field: str = ""
@@ -53,9 +55,18 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 def parse_seed(text: str) -> int:
     """A seed: a whole number from 0 to 2**63 - 1."""
-    if not (text.isascii() and text.isdigit()) or int(text) >= 2**63:
+    seed = whole_number(text, MOST_SEED)
+    if seed is None:
         raise UsageError(f"`{text}` is not a seed", hint="a seed is a whole number from 0, a range is written 0-19")
-    return int(text)
+    return seed
+
+
+def whole_number(text: str, most: int) -> int | None:
+    """The number from 0 to `most` (below 10**19) that a text of ASCII digits writes; None for any other text, however
+    long it is."""
+    digits = re.fullmatch(r"0*([0-9]{1,19})", text)
+    number = most + 1 if digits is None else int(digits[1])
+    return number if number <= most else None
 
 
 def parse_amount(option: str, text: str | None, *, whole: bool = False) -> float | int | None:

@@ -9,7 +9,7 @@ import msgspec
 
 from lingjing.causal.blame import BlameOptions, blame
 from lingjing.causal.telling import blame_text
-from lingjing.cli.arguments import parse_amount, parse_seed
+from lingjing.cli.arguments import parse_amount, parse_seed, whole_number
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
 from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.reader import read_trace
@@ -53,6 +53,7 @@ def handler(args: argparse.Namespace) -> int:
 
 
 def _number(option: str, text: str) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) < 6):
-        raise UsageError(f"{option} {text}: a whole number from 0 is due")
-    return int(text)
+    number = whole_number(text, 99_999)
+    if number is None:
+        raise UsageError(f"{option} {text}: a whole number from 0 to 99999 is due")
+    return number

@@ -10,7 +10,7 @@ import msgspec
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan, boundary_of, check
 from lingjing.causal.telling import branch_text
-from lingjing.cli.arguments import parse_amount
+from lingjing.cli.arguments import parse_amount, whole_number
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.instance import Datum
@@ -112,6 +112,7 @@ def _forged(text: str) -> MessageChange:
 
 
 def _boundary(option: str, text: str) -> int:
-    if not (text.isascii() and text.isdigit()):
+    number = whole_number(text, 2**63 - 1)
+    if number is None:
         raise UsageError(f"{option} {text}: a boundary is a whole number from 0")
-    return int(text)
+    return number

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import msgspec
 
-from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings, whole_number
 from lingjing.cli.process import restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
@@ -133,7 +133,7 @@ def _take_watch(args: argparse.Namespace, errors: ErrorCollector) -> None:
 
 
 def _jobs(args: argparse.Namespace, errors: ErrorCollector) -> int:
-    jobs = int(args.jobs) if args.jobs.isascii() and args.jobs.isdigit() else 0
+    jobs = whole_number(args.jobs, 9999) or 0
     if jobs < 1:
         errors.add(UsageError(f"-j {args.jobs}: a whole number is due, at least one"))
     if args.output == "":

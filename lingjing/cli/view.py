@@ -11,6 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import Protocol
 
+from lingjing.cli.arguments import whole_number
 from lingjing.cli.files import say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
@@ -158,6 +159,7 @@ def open_in_browser(url: str) -> None:
 
 
 def _number(option: str, text: str, most: int) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) <= most):
+    number = whole_number(text, most)
+    if number is None:
         raise UsageError(f"{option} {text}: a whole number from 0 to {most} is due")
-    return int(text)
+    return number

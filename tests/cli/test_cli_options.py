@@ -10,7 +10,7 @@ from typing import cast
 
 import pytest
 
-from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings, whole_number
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Number
@@ -49,10 +49,20 @@ def test_seed_ranges_include_both_ends() -> None:
     assert parse_seeds("7") == (7,)
 
 
-@pytest.mark.parametrize("text", ["", "-", "3-1", "a-b", "1-", "-3", "1.5", "0-1-2", "٣", "0-999999999"])
+@pytest.mark.parametrize("text", ["", "-", "3-1", "a-b", "1-", "-3", "1.5", "0-1-2", "٣", "0-999999999", "1" * 5000])
 def test_bad_seed_ranges_are_usage_errors(text: str) -> None:
     with pytest.raises(UsageError):
         parse_seeds(text)
+
+
+@pytest.mark.parametrize(("text", "number"), [("0", 0), ("0007", 7), ("99", 99), ("0" * 5000 + "9", 9)])
+def test_whole_numbers_are_plain_digits_up_to_the_most(text: str, number: int) -> None:
+    assert whole_number(text, 99) == number
+
+
+@pytest.mark.parametrize("text", ["", "100", "-1", "+1", "1.0", "1_0", " 1", "1\n", "²", "٣", "9" * 5000])
+def test_what_is_no_such_number_is_none(text: str) -> None:
+    assert whole_number(text, 99) is None
 
 
 def test_run_folders_are_never_shared(tmp_path: Path) -> None:
