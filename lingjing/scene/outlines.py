@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from lingjing.mission.geometry2d import Polygon, Vector2, edge_distance
 
+_ROUNDING = 1e-9
+
 
 def compass(angle_deg: float) -> float:
     """An angle as a bearing in [0, 360); taken twice, because a tiny negative angle rounds up to 360 the first time."""
@@ -38,6 +40,23 @@ def within(polygon: Sequence[Vector2], x: float, y: float, margin_m: float = 0.0
     if margin_m < 0.0:
         return inside(polygon, x, y) and edge_distance(polygon, x, y) >= -margin_m
     return inside(polygon, x, y) or edge_distance(polygon, x, y) <= margin_m
+
+
+def touches(polygon: Sequence[Vector2], x: float, y: float, half_m: float) -> bool:
+    """Whether the outline may touch the square of side `2 * half_m` about a point: False is certain, True is not, for
+    the outline could pass a corner closely."""
+    west, east, south, north = x - half_m, x + half_m, y - half_m, y + half_m
+    before_x, before_y = polygon[-1]
+    for here_x, here_y in polygon:
+        ax, ay, bx, by = before_x, before_y, here_x, here_y
+        before_x, before_y = here_x, here_y
+        if max(ax, bx) < west or min(ax, bx) > east or max(ay, by) < south or min(ay, by) > north:
+            continue
+        dx, dy = bx - ax, by - ay
+        off, reach = dx * (y - ay) - dy * (x - ax), half_m * (abs(dx) + abs(dy))
+        if abs(off) <= reach * (1.0 + _ROUNDING):  # else all four corners lie on one side of the edge
+            return True
+    return False
 
 
 @dataclass(frozen=True, slots=True)

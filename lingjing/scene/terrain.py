@@ -11,10 +11,11 @@ import itertools
 import math
 from collections import OrderedDict
 from collections.abc import Iterable
+from typing import Literal
 
 from lingjing.scene.blocks import Block, blocks
 from lingjing.scene.city import City
-from lingjing.scene.outlines import BoundedPolygon, inside
+from lingjing.scene.outlines import BoundedPolygon, inside, touches
 from lingjing.scene.tiles import TileKey, Tiles
 
 REACH_M = 8.0
@@ -22,6 +23,12 @@ REACH_M = 8.0
 
 _CELL_M = 50.0
 _KEPT_SQUARES = 128
+
+_WATER_CELL_M = 16.0
+"""Side of the cells whose still water is remembered."""
+_KEPT_WATER_CELLS = 4096
+_CLEAR_M = 0.01
+"""So far from a cell an outline must stay for the cell to be all wet or all dry, whatever rounding does."""
 
 
 class Terrain:
@@ -36,9 +43,28 @@ class Terrain:
         self._tiles = Tiles(city)
         self.tile_m = city.tile_m
         self._squares: OrderedDict[TileKey, Square] = OrderedDict()
+        self._shores = [area.polygon for area, _ in (*self._waters, *self._lands)]
+        self._shores += [hole for _, water in self._waters for hole in water.holes]
+        self._water_cells: dict[TileKey, float | Literal["shore"] | None] = {}
 
     def water_level(self, x: float, y: float) -> float | None:
-        """Still-water elevation at a point that is afloat, or None on dry land and off every water."""
+        """Still-water elevation at a point that is afloat, or None on dry land and off every water.
+
+        A body at sea asks this many times a second. Where no outline crosses a cell, all of it is as its middle is."""
+        key = math.floor(x / _WATER_CELL_M), math.floor(y / _WATER_CELL_M)
+        cell = self._water_cells[key] if key in self._water_cells else self._read_water(key)
+        return self._water_level(x, y) if isinstance(cell, str) else cell
+
+    def _read_water(self, key: TileKey) -> float | Literal["shore"] | None:
+        half = _WATER_CELL_M / 2.0
+        x, y = key[0] * _WATER_CELL_M + half, key[1] * _WATER_CELL_M + half
+        shore = any(touches(one, x, y, half + _CLEAR_M) for one in self._shores)
+        if len(self._water_cells) >= _KEPT_WATER_CELLS:
+            self._water_cells.clear()
+        found = self._water_cells[key] = "shore" if shore else self._water_level(x, y)
+        return found
+
+    def _water_level(self, x: float, y: float) -> float | None:
         level = max((water.level_m for area, water in self._waters if _wet(area, water.holes, x, y)), default=None)
         if level is None or any(top > level and area.holds(x, y) for area, top in self._lands):
             return None

@@ -6,6 +6,7 @@ from pytest import approx
 
 from lingjing.scene.blocks import Block, pier_places
 from lingjing.scene.city import Bridge, Building, City, Land, Slope, Solid, Water
+from lingjing.scene.outlines import inside, touches
 from lingjing.scene.store import write_store
 from lingjing.scene.terrain import REACH_M, Terrain
 
@@ -147,3 +148,28 @@ def test_close_pairs_are_those_that_comparing_all_finds():
     wanted = [(i, j) for (i, one), (j, other) in numbered if math.dist(one, other) < 2.0]
     assert close_pairs(places, 2.0) == wanted
     assert len(wanted) > 20
+
+
+def test_water_is_the_same_point_by_point_whatever_was_asked_before(city):
+    slanting = Water(polygon=((300.0, -300.0), (420.0, -260.0), (330.0, -120.0)), level_m=2.0)
+    city = msgspec.structs.replace(city, waters=(*city.waters, slanting))
+    terrain = Terrain(city)
+
+    def plainly(x, y):
+        wet = [one.level_m for one in city.waters if inside(one.polygon, x, y)
+               and not any(inside(hole, x, y) for hole in one.holes)]  # fmt: skip
+        level = max(wet, default=None)
+        dry = level is None or any(land.top_m > level and inside(land.polygon, x, y) for land in city.lands)
+        return None if dry else level
+
+    places = [(x * 3.7 - 60.0, 190.0 + y * 1.3) for x in range(40) for y in range(90)]
+    places += [(290.0 + x * 2.9, -310.0 + y * 4.1) for x in range(50) for y in range(50)]
+    assert {plainly(x, y) for x, y in places} == {None, -1.0, 2.0}
+    assert [terrain.water_level(x, y) for x, y in places] == [plainly(x, y) for x, y in places]
+
+
+def test_an_outline_touches_squares_that_it_passes_or_runs_through():
+    square = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+    assert touches(square, 0.0, 5.0, 1.0) and touches(square, 9.5, 9.5, 1.0)
+    assert not touches(square, 5.0, 5.0, 4.0) and not touches(square, 15.0, 5.0, 4.0)
+    assert not touches(((0.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 8.0, 3.0, 1.0)
