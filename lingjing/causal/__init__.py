@@ -7,8 +7,10 @@
 - `faculties` which record of a decision each faculty makes, and how the truth replaces it
 - `references` what would have been right, by a privileged policy; `interventions` what a branch changes
 - `redriven`  an episode with its policies in one process, to be forked; `shared_camera` draws for all branches
-- `branching` one branch, in a fork; `branch_process` holds boundaries and forks ← `branch_host`, its caller's end
-- `blame`     the search for what repairs ← `shapley` (shares), `placebos` (luck); `message_value` what was worth saying
+- `branching` one branch, in a fork; `branch_process` holds boundaries and forks, as `branch_queue` has it, so many at a
+  time and some ahead ← `branch_host`, its caller's end
+- `blame`     the search for what repairs ← `narrowing` (when), `shapley` (shares), `placebos` (luck); `message_value`
+  what was worth saying
 - `telling`   all of that in words; `processor_time` what a process has cost
 - `lookback`  pictures that no agent asked for, drawn from the states that a trace holds
 """

@@ -15,7 +15,7 @@ All branches of a trace are played under common random numbers: what a branch do
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import cast
 
@@ -26,9 +26,10 @@ from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.interventions import BranchPlan
-from lingjing.causal.placebos import Placebos, played_placebos
+from lingjing.causal.narrowing import Narrowing, Windows
+from lingjing.causal.placebos import PlaceboKind, Placebos, judged_placebos, placebo_plans
 from lingjing.causal.redriven import BranchOptions
-from lingjing.causal.shapley import AgentFaculty, Share, shapley_shares
+from lingjing.causal.shapley import AgentFaculty, Share, coalitions, shapley_shares
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Faculty, Substitution
@@ -92,8 +93,9 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
 
     `repairs` are all smallest repairing sets, those that replace the fewest records first; with `complete` all sets of
     that size were tried. `departed` counts the pairs in which agents departed from their references in the trace.
-    `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches,
-    `driven_s` that of running the episode again, `camera_s` that of the `drawn` pictures.
+    `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches, those
+    included that idle workers began ahead for nothing; `driven_s` that of running the episode again, `camera_s` that of
+    pictures, of which the branches needed `drawn` that the trace does not hold.
     """
 
     path: str
@@ -150,7 +152,8 @@ class _Search:
     def run(self, told: Blame) -> Blame:
         """The whole search."""
         self._departures = dict(sorted(self._host.departures().items(), key=self._order))  # type: ignore[arg-type]
-        (null,) = self._play([BranchPlan(at=0)], "null fork")
+        alone = [self._plan((pair,)) for pair in self._departures][: max(0, self._left - 1)]
+        (null,) = self._play([BranchPlan(at=0)], "null fork", ahead=alone)
         told = replace(
             told,
             null=NullFork(identical=null.differs is None, boundary=null.differs),
@@ -165,7 +168,7 @@ class _Search:
             told,
             branches=self._host.played,
             exhausted=self._short,
-            cpu_s=self._host.cpu_s,
+            cpu_s=self._host.cpu_s + self._host.unused_s,
             driven_s=self._host.driven_s,
             drawn=self._host.drawn,
             camera_s=self._host.camera_s,
@@ -177,8 +180,10 @@ class _Search:
     def _left(self) -> int:
         return max(0, self._options.branches - self._host.played)
 
-    def _play(self, plans: Sequence[BranchPlan], what: str) -> tuple[BranchResult, ...]:
-        results = self._host.play(plans, what)
+    def _play(
+        self, plans: Sequence[BranchPlan], what: str, ahead: Sequence[BranchPlan] = ()
+    ) -> tuple[BranchResult, ...]:
+        results = self._host.play(plans, what, ahead)
         for one in results:
             if one.failed:
                 raise InfrastructureError(f"a branch was cut short: {one.failed}", hint=one.hint)
@@ -193,12 +198,11 @@ class _Search:
         self._won |= zip(within, self._play([self._plan(one) for one in within], what), strict=True)
         return [one in self._won and self._won[one].success for one in sets]
 
-    def _plan(
-        self, pairs: Iterable[AgentFaculty], windows: Mapping[AgentFaculty, tuple[int, int | None]] | None = None
-    ) -> BranchPlan:
+    def _plan(self, pairs: Iterable[AgentFaculty], windows: Windows = ()) -> BranchPlan:
         """The pairs replaced, each from its first departure on or in its window; masked ones as early as any."""
+        narrow = {pair: (first, last) for pair, first, last in windows}
         since = {pair: (self._masked.get(pair, ticks[0]), None) for pair, ticks in self._departures.items()}
-        spans = {pair: (windows or {}).get(pair, since[pair]) for pair in pairs}
+        spans = {pair: narrow.get(pair, since[pair]) for pair in pairs}
         return BranchPlan(
             at=min(first for first, _ in spans.values()),
             substitutions=tuple(
@@ -263,42 +267,48 @@ class _Search:
     # -- when
 
     def _narrowed(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Repair, ...]:
+        """The repairs, with the windows of the first of them; all of these are narrowed beside each other."""
         ranked = sorted(sets, key=lambda one: len(self._won[one].replaced))
-        repairs = [self._repair(one, narrow=number < NARROWED) for number, one in enumerate(ranked)]
+        spans = [self._spans(one) for one in ranked]
+        narrowings = list(map(Narrowing, spans[:NARROWED]))
+        cut: set[int] = set()
+        while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
+            plans = [self._plan(ranked[number], one) for number, one in asked][: self._left]
+            ahead = [*self._later(sets), *(self._plan(ranked[number], further) for number, _ in asked
+                                           for further in narrowings[number].guesses())]  # fmt: skip
+            won = [one.success for one in self._play(plans, "which boundaries", ahead)]
+            cut.update(number for number, _ in asked[len(plans) :])
+            for place, (number, one) in enumerate(asked):
+                narrowings[number].answer(one, repairs=place < len(won) and won[place])
+        self._short |= bool(cut)
+        spans[:NARROWED] = [search.spans() for search in narrowings]
+        repairs = [
+            self._repair(one, spans[number], narrowed=number < NARROWED and number not in cut)
+            for number, one in enumerate(ranked)
+        ]
         return tuple(sorted(repairs, key=lambda one: (not one.narrowed, sum(cause.replaced for cause in one.causes))))
 
-    def _repair(self, pairs: frozenset[AgentFaculty], *, narrow: bool) -> Repair:
-        result = self._won[pairs]
-        windows: dict[AgentFaculty, tuple[int, int | None]] = {}
-        spans: dict[AgentFaculty, list[int]] = {}
-        for pair in (one for one in self._departures if one in pairs):
-            ticks = [part.boundary for part in result.replaced if (part.faculty, part.agent) == pair]
-            spans[pair] = self._window(pairs, pair, ticks, windows) if narrow and ticks else ticks
-            if spans[pair]:
-                windows[pair] = spans[pair][0], spans[pair][-1]
+    def _spans(self, pairs: frozenset[AgentFaculty]) -> dict[AgentFaculty, Sequence[int]]:
+        """The boundaries at which each pair of a repair was replaced."""
+        replaced = self._won[pairs].replaced
+        return {
+            pair: [part.boundary for part in replaced if (part.faculty, part.agent) == pair]
+            for pair in self._departures
+            if pair in pairs
+        }
+
+    def _repair(
+        self, pairs: frozenset[AgentFaculty], spans: Mapping[AgentFaculty, Sequence[int]], *, narrowed: bool
+    ) -> Repair:
         causes = tuple(self._cause(pair, ticks) for pair, ticks in spans.items())
-        return Repair(causes=causes, score=result.score, ticks=result.ticks, narrowed=narrow and not self._short)
+        return Repair(causes=causes, score=self._won[pairs].score, ticks=self._won[pairs].ticks, narrowed=narrowed)
 
-    def _window(
-        self,
-        pairs: frozenset[AgentFaculty],
-        pair: AgentFaculty,
-        ticks: list[int],
-        windows: Mapping[AgentFaculty, tuple[int, int | None]],
-    ) -> list[int]:
-        """The smallest run of boundaries, among those where something was replaced, that still repairs: first its end
-        is brought forward, then its beginning."""
-
-        def repairs(first: int, last: int) -> bool:
-            if not self._left:
-                self._short = True
-                return False
-            plan = self._plan(pairs, {**windows, pair: (first, last)})
-            return self._play([plan], "which boundaries")[0].success
-
-        end = _least(len(ticks), lambda index: repairs(ticks[0], ticks[index]))
-        begin = _least(end + 1, lambda back: repairs(ticks[end - back], ticks[end]))
-        return ticks[end - begin : end + 1]
+    def _later(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[BranchPlan]:
+        """What shares and placebos are going to need, whatever narrowing finds."""
+        players = self._players(sets)
+        wanted = coalitions(players) if len(players) <= EXACT_PLAYERS else []
+        plans = [self._plan(one) for one in wanted if one and one not in self._won]
+        return plans + [plan for some in self._placebo_plans(sets).values() for plan in some]
 
     def _cause(self, pair: AgentFaculty, ticks: Sequence[int]) -> Cause:
         faculty, agent = pair
@@ -317,10 +327,14 @@ class _Search:
 
     # -- how much, and by luck
 
-    def _shares(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Share, ...]:
+    def _players(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[AgentFaculty]:
+        """Whose shares are told: the pairs of repairs, and a few others."""
         involved = list(dict.fromkeys(pair for pair in self._departures if any(pair in one for one in sets)))
         others = [pair for pair in self._departures if pair not in involved]
-        players = involved[: 2 * EXACT_PLAYERS] + others[: max(0, EXACT_PLAYERS - 1 - len(involved))]
+        return involved[: 2 * EXACT_PLAYERS] + others[: max(0, EXACT_PLAYERS - 1 - len(involved))]
+
+    def _shares(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Share, ...]:
+        players = self._players(sets)
         return shapley_shares(players, self._values, exact=len(players) <= EXACT_PLAYERS, seed=self._options.seed)
 
     def _values(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[float | None]:
@@ -330,22 +344,12 @@ class _Search:
         return [0.0 if one == empty else float(self._won[one].success) if one in self._won else None for one in sets]
 
     def _placebos(self, sets: Sequence[frozenset[AgentFaculty]]) -> Placebos:
+        self._short |= self._left < self._options.placebos
+        plans = self._placebo_plans(sets)
+        return judged_placebos(plans, self._play([plan for some in plans.values() for plan in some], "placebos"))
+
+    def _placebo_plans(self, sets: Sequence[frozenset[AgentFaculty]]) -> dict[PlaceboKind, list[BranchPlan]]:
         involved = {pair for one in sets for pair in one} | set(self._masked)
         innocent = {pair: ticks for pair, ticks in self._departures.items() if pair not in involved}
         number = min(self._options.placebos, self._left)
-        self._short |= number < self._options.placebos
-        return played_placebos(
-            self._host.trace, innocent, number, self._options.seed, lambda plans: self._play(plans, "placebos")
-        )
-
-
-def _least(count: int, holds: Callable[[int], bool]) -> int:
-    """The least of 0..count-1 for which something holds that holds for the last one, and from some point on."""
-    low, high = 0, count - 1
-    while low < high:
-        middle = (low + high) // 2
-        if holds(middle):
-            high = middle
-        else:
-            low = middle + 1
-    return high
+        return placebo_plans(self._host.trace, innocent, number, self._options.seed)

@@ -49,6 +49,7 @@ class BranchHost:
         self.driven_s = 0.0
         self.drawn = 0
         self.camera_s = 0.0
+        self.unused_s = 0.0
         self._progress: HostProgress = progress or (lambda what, done, due: None)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         command = [sys.executable, "-P", "-m", "lingjing.causal.branch_process"]
@@ -81,16 +82,21 @@ class BranchHost:
         self.driven_s = told.cpu_s
         return {(faculty, agent): ticks for faculty, agent, ticks in told.departures}
 
-    def play(self, plans: Sequence[BranchPlan], what: str = "branches") -> tuple[BranchResult, ...]:
+    def play(
+        self, plans: Sequence[BranchPlan], what: str = "branches", ahead: Sequence[BranchPlan] = ()
+    ) -> tuple[BranchResult, ...]:
         """Play branches, as many at once as the options say; the results in the order of the plans.
+
+        What may be asked for next is said `ahead`, likeliest first: whoever has nothing else to do begins with it. That
+        changes when results come, and neither them nor what counts as played.
 
         Raises `UsageError` for a plan that the trace has no place for.
         """
-        for plan in plans:
+        for plan in (*plans, *ahead):
             check(plan, self.trace)
         if not plans:
             return ()
-        self._send(PlayBranches(plans=tuple(plans)))
+        self._send(PlayBranches(plans=tuple(plans), ahead=tuple(ahead)))
         results: dict[int, BranchResult] = {}
         while len(results) < len(plans):
             self._progress(what, len(results), len(plans))
@@ -99,7 +105,7 @@ class BranchHost:
             self.played += 1
             self.cpu_s += told.result.cpu_s
             self.drawn += told.result.drawn
-            self.camera_s = told.camera_s
+            self.camera_s, self.unused_s = told.camera_s, told.unused_s
         self._progress(what, len(plans), len(plans))
         return tuple(results[index] for index in range(len(plans)))
 

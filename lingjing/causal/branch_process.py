@@ -12,19 +12,17 @@ import argparse
 import gc
 import os
 import random
-import select
 import signal
 import socket
 import sys
 import time
 import traceback
-from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
 import msgspec
 
+from lingjing.causal.branch_queue import BranchQueue, introduce
 from lingjing.causal.branching import BranchResult, play_branch
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
@@ -36,8 +34,6 @@ from lingjing.terminal import guard_streams
 
 HELD_MOST = 64
 """So many boundaries are held at once at most; then every second one is let go, and branches drive on to theirs."""
-
-_READ = 1 << 16
 
 
 class HostMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
@@ -55,9 +51,10 @@ class DriveOn(HostMessage, frozen=True, kw_only=True):
 
 
 class PlayBranches(HostMessage, frozen=True, kw_only=True):
-    """Play these branches."""
+    """Play these branches; those `ahead` may be asked for next, and idle workers may begin with them."""
 
     plans: tuple[BranchPlan, ...]
+    ahead: tuple[BranchPlan, ...] = ()
 
 
 class TraceOpened(HostMessage, frozen=True, kw_only=True):
@@ -81,11 +78,13 @@ class EpisodeDriven(HostMessage, frozen=True, kw_only=True):
 
 
 class BranchPlayed(HostMessage, frozen=True, kw_only=True):
-    """Branch `index` of those asked for has ended. `camera_s` is what drawing has taken so far."""
+    """Branch `index` of those asked for has ended. `camera_s` is what drawing has taken so far, `unused_s` what was
+    spent on those begun ahead for nothing."""
 
     index: int
     result: BranchResult
     camera_s: float
+    unused_s: float = 0.0
 
 
 class HostFailed(HostMessage, frozen=True, kw_only=True):
@@ -120,6 +119,7 @@ class _Server:
     def __init__(self, channel: PacketSocket) -> None:
         self._channel = channel
         self._episode: RedrivenEpisode | None = None
+        self._queue: BranchQueue | None = None
         self._held: dict[int, socket.socket] = {}
 
     def run(self) -> None:
@@ -145,19 +145,20 @@ class _Server:
     def _answer(self, request: HostRequest) -> None:
         if isinstance(request, OpenTrace):
             self._episode = RedrivenEpisode(request.options)
+            self._queue = BranchQueue(self._begin, request.options.jobs)
             gc.collect()
             gc.freeze()  # what is there now stays: collections need not touch the pages that forks share
             self._hold()
             self._say(TraceOpened(models=self._episode.models))
             return
-        if self._episode is None:
+        if self._episode is None or self._queue is None:
             raise UsageError("no trace is open")
         if isinstance(request, DriveOn):
             self._drive_to(self._episode.last, None)
             found = tuple((*pair, tuple(ticks)) for pair, ticks in self._episode.departures.items())
             self._say(EpisodeDriven(departures=found, cpu_s=time.process_time()))
         else:
-            self._play(request.plans)
+            self._play(self._queue, request)
 
     def _say(self, message: HostMessage) -> None:
         self._channel.send(msgspec.msgpack.encode(message))
@@ -217,11 +218,11 @@ class _Server:
         try:
             die_with(parent)
             started = time.process_time()
+            channel = socket.socket(fileno=output)
+            introduce(channel)
             result = self._played(plan)
             spent = time.process_time() - started + fork_s
-            told = msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)
-            with open(output, "wb") as file:
-                file.write(msgspec.msgpack.encode(told))
+            channel.sendall(msgspec.msgpack.encode(msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)))
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
@@ -239,48 +240,27 @@ class _Server:
 
     # -- branches
 
-    def _play(self, plans: Sequence[BranchPlan]) -> None:
-        assert self._episode is not None
-        wanted = frozenset(plan.at for plan in plans)
+    def _play(self, queue: BranchQueue, request: PlayBranches) -> None:
+        wanted = frozenset(plan.at for plan in request.plans)
         self._drive_to(max(wanted, default=0), wanted)
-        waiting, running = deque(enumerate(plans)), dict[int, tuple[int, bytearray]]()
-        poller = select.poll()
         try:
-            while waiting or running:
-                while waiting and len(running) < self._episode.options.jobs:
-                    index, plan = waiting.popleft()
-                    reading = self._begin(plan)
-                    running[reading] = index, bytearray()
-                    poller.register(reading, select.POLLIN)
-                for descriptor, _ in poller.poll():
-                    self._collect(descriptor, running, poller)
-        finally:
-            for descriptor in running:
-                os.close(descriptor)
+            queue.play(request.plans, request.ahead, self._tell)
+        except BaseException:
+            queue.close()
+            raise
 
-    def _begin(self, plan: BranchPlan) -> int:
+    def _tell(self, index: int, result: BranchResult) -> None:
+        assert self._episode is not None and self._queue is not None
+        camera_s, unused_s = self._episode.camera.cpu_s, self._queue.unused_s
+        self._say(BranchPlayed(index=index, result=result, camera_s=camera_s, unused_s=unused_s))
+
+    def _begin(self, plan: BranchPlan) -> socket.socket:
         """Ask the nearest boundary before the branch for it; where its result is to be read."""
         boundary = max(one for one in self._held if one <= plan.at)
-        reading, writing = os.pipe2(os.O_CLOEXEC)
-        try:
-            socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [writing])
-        finally:
-            os.close(writing)
-        return reading
-
-    def _collect(self, descriptor: int, running: dict[int, tuple[int, bytearray]], poller: select.poll) -> None:
-        index, told = running[descriptor]
-        data = os.read(descriptor, _READ)
-        told += data
-        if data:
-            return
-        poller.unregister(descriptor)
-        os.close(descriptor)
-        del running[descriptor]
-        lost = BranchResult(failed="the process of the branch ended without a word")
-        result = msgspec.msgpack.decode(told, type=BranchResult) if told else lost
-        assert self._episode is not None
-        self._say(BranchPlayed(index=index, result=result, camera_s=self._episode.camera.cpu_s))
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        with theirs:
+            socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [theirs.fileno()])
+        return ours
 
 
 def _refuse_threads() -> None:

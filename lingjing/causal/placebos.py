@@ -8,8 +8,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypeVar
 
 import msgspec
 from msgspec.structs import replace
@@ -26,7 +26,7 @@ SAME = 2
 """So many placebos replace a decision by itself."""
 
 ItemT = TypeVar("ItemT")
-BranchPlayer = Callable[[Sequence[BranchPlan]], Sequence[BranchResult]]
+PlaceboKind = Literal["same", "nudge", "uninvolved"]
 
 
 class Placebos(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,14 +43,10 @@ class Placebos(msgspec.Struct, frozen=True, kw_only=True):
     high: float = 1.0
 
 
-def played_placebos(
-    trace: Trace,
-    innocent: Mapping[tuple[Faculty, str], Sequence[int]],
-    number: int,
-    seed: int,
-    played: BranchPlayer,
-) -> Placebos:
-    """Play `number` placebos: `SAME` of the first kind, of the others as many as there are places for, in turn."""
+def placebo_plans(
+    trace: Trace, innocent: Mapping[tuple[Faculty, str], Sequence[int]], number: int, seed: int
+) -> dict[PlaceboKind, list[BranchPlan]]:
+    """`number` placebos: `SAME` of the first kind, of the others as many as there are places for, in turn."""
     moves = _moves(trace)
     decided = _decided(trace)
     same = [
@@ -69,16 +65,20 @@ def played_placebos(
     ]
     room = max(0, number - len(same))
     others = uninvolved[: room // 2 if nudged else room]
-    nudged = nudged[: room - len(others)]
-    results = played([*same, *nudged, *others])
-    lucky = sum(one.success for one in results[len(same) :])
-    trials = len(nudged) + len(others)
+    return {"same": same, "nudge": nudged[: room - len(others)], "uninvolved": others}
+
+
+def judged_placebos(plans: Mapping[PlaceboKind, Sequence[BranchPlan]], results: Sequence[BranchResult]) -> Placebos:
+    """What came of placebos; their results in the order of the plans."""
+    same, nudges, uninvolved = (len(plans[kind]) for kind in ("same", "nudge", "uninvolved"))
+    lucky = sum(one.success for one in results[same:])
+    trials = nudges + uninvolved
     low, high = wilson(lucky, trials) if trials else (0.0, 1.0)
     return Placebos(
-        same=len(same),
-        changed=sum(one.differs is not None for one in results[: len(same)]),
-        nudges=len(nudged),
-        uninvolved=len(others),
+        same=same,
+        changed=sum(one.differs is not None for one in results[:same]),
+        nudges=nudges,
+        uninvolved=uninvolved,
         repaired=lucky,
         low=low,
         high=high,

@@ -46,16 +46,21 @@ def shapley_shares(players: Sequence[AgentFaculty], values: Values, *, exact: bo
     return tuple(sorted(found, key=lambda one: -one.share))
 
 
+def coalitions(players: Sequence[AgentFaculty]) -> list[frozenset[AgentFaculty]]:
+    """All of them, the smallest first."""
+    return [frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size)]
+
+
 def _exact(players: Sequence[AgentFaculty], values: Values) -> list[Share] | None:
     """Over all coalitions; None if one of them has no value."""
-    coalitions = [frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size)]
-    known = dict(zip(coalitions, values(coalitions), strict=True))
+    all_coalitions = coalitions(players)
+    known = dict(zip(all_coalitions, values(all_coalitions), strict=True))
     if any(value is None for value in known.values()):
         return None
     shares, count = [], len(players)
     for player in players:
         total = 0.0
-        for one in coalitions:
+        for one in all_coalitions:
             if player not in one:
                 weight = factorial(len(one)) * factorial(count - len(one) - 1) / factorial(count)
                 total += weight * ((known[one | {player}] or 0.0) - (known[one] or 0.0))

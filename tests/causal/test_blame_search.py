@@ -18,21 +18,25 @@ class MadeUp:
     """A host whose episode is won where all of `needed` are replaced at their boundaries. Each of them shows only where
     those before it are replaced, and an agent goes on as it began for three boundaries."""
 
-    cpu_s = driven_s = camera_s = 0.0
+    cpu_s = driven_s = camera_s = unused_s = 0.0
     drawn = 0
 
     def __init__(self, *needed: tuple[str, str, int]) -> None:
         header = Header(instance=kit.make_instance(), bindings=(), fingerprint={})
         self.trace = Trace(Path("made-up.mcap"), header, (), None, False)
         self.needed, self.played, self.asked = needed, 0, [""]
+        self.plans: list[BranchPlan] = []
+        self.said_ahead: set[BranchPlan] = set()
 
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
         faculty, agent, tick = self.needed[0]
         return {(faculty, agent): tuple(range(tick, tick + 3))}
 
-    def play(self, plans: Sequence[BranchPlan], what: str) -> tuple[BranchResult, ...]:
+    def play(self, plans: Sequence[BranchPlan], what: str, ahead: Sequence[BranchPlan]) -> tuple[BranchResult, ...]:
         self.played += len(plans)
         self.asked += [what] * len(plans)
+        self.plans += [*plans]
+        self.said_ahead.update(ahead)
         return tuple(map(self._result, plans))
 
     def _result(self, plan: BranchPlan) -> BranchResult:
@@ -97,3 +101,13 @@ def test_what_no_replacement_wins_is_said() -> None:
 def replace_success(result: BranchResult) -> BranchResult:
     """The branch as one that is lost for a reason that no faculty shows."""
     return BranchResult(reason="budget", replaced=result.replaced, departed=result.departed)
+
+
+def test_what_is_certain_to_be_asked_is_said_ahead() -> None:
+    host = MadeUp(WAY, ORDER)
+    searched(host)
+    asked = list(zip(host.plans, host.asked[1:], strict=True))
+    shares = [plan for plan, what in asked if what == "shares"]
+    narrowing = [plan for plan, what in asked if what == "which boundaries"]
+    assert set(shares) <= host.said_ahead
+    assert narrowing[1:] and set(narrowing[1:]) <= host.said_ahead

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from lingjing.bench.columns import shipped
-from lingjing.causal.blame import BlameOptions, blame
+from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
@@ -143,8 +143,14 @@ def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lo
         assert branch.boundaries[: edge.tick] == lost.boundaries[: edge.tick]
 
 
-def test_blame_names_agent_faculty_and_boundary(lost: Trace) -> None:
-    told = blame(lost, BlameOptions(placebos=3, files=(f"{ERRING}:Astray",)))
+def without_cost(told: Blame) -> Blame:
+    return replace(told, cpu_s=0.0, driven_s=0.0, camera_s=0.0)
+
+
+def test_blame_names_agent_faculty_and_boundary_however_many_run_at_once(lost: Trace) -> None:
+    given = BlameOptions(placebos=3, files=(f"{ERRING}:Astray",))
+    told = blame(lost, replace(given, jobs=3))
+    assert without_cost(told) == without_cost(blame(lost, replace(given, jobs=1)))
     (repair,) = told.repairs
     (cause,) = repair.causes
     assert (cause.agent, cause.faculty, cause.boundary) == ("skipper", "waypoint", onset(lost))

@@ -1,0 +1,99 @@
+"""Branches that are begun ahead: told only when they are asked for, and ended when they are of no use any more."""
+
+import os
+import socket
+import time
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+from lingjing.causal.branch_queue import BranchQueue, introduce
+from lingjing.causal.branching import BranchResult
+from lingjing.causal.interventions import BranchPlan
+
+ENDLESS = 90
+"""A branch that leaves from here never ends."""
+SILENT = 80
+"""And one from here says nothing."""
+
+
+class Branches:
+    """Begins branches that say from where they left."""
+
+    def __init__(self) -> None:
+        self.begun: list[int] = []
+        self.pids: list[int] = []
+
+    def begin(self, plan: BranchPlan) -> socket.socket:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.begun.append(plan.at)
+        pid = os.fork()
+        if pid == 0:
+            try:
+                ours.close()
+                if plan.at != SILENT:
+                    introduce(theirs)
+                    while plan.at == ENDLESS:
+                        time.sleep(60.0)
+                    theirs.sendall(msgspec.msgpack.encode(BranchResult(ticks=plan.at, cpu_s=1.0)))
+            finally:
+                os._exit(0)
+        self.pids.append(pid)
+        theirs.close()
+        return ours
+
+
+@pytest.fixture
+def branches() -> Iterator[Branches]:
+    made = Branches()
+    yield made
+    for pid in made.pids:
+        os.waitpid(pid, 0)  # none is left running: this returns
+
+
+def asked(queue: BranchQueue, plans: list[int], ahead: tuple[int, ...] = ()) -> list[BranchResult]:
+    told: dict[int, BranchResult] = {}
+    queue.play([BranchPlan(at=at) for at in plans], [BranchPlan(at=at) for at in ahead], told.__setitem__)
+    return [told[number] for number in range(len(plans))]
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 5])
+def test_each_plan_has_its_result_however_many_run_at_once(branches: Branches, jobs: int) -> None:
+    queue = BranchQueue(branches.begin, jobs)
+    assert [one.ticks for one in asked(queue, [3, 1, 2, 1])] == [3, 1, 2, 1]
+    assert [one.ticks for one in asked(queue, [1])] == [1]
+    assert sorted(branches.begun) == [1, 1, 2, 3]
+    queue.close()
+
+
+def test_one_worker_begins_nothing_ahead(branches: Branches) -> None:
+    queue = BranchQueue(branches.begin, 1)
+    asked(queue, [1, 2], ahead=(7,))
+    assert branches.begun == [1, 2]
+    queue.close()
+
+
+def test_a_branch_that_was_begun_ahead_is_played_once(branches: Branches) -> None:
+    queue = BranchQueue(branches.begin, 2)
+    asked(queue, [1], ahead=(7, 8))
+    assert branches.begun[:2] == [1, 7]
+    assert [one.ticks for one in asked(queue, [7])] == [7]
+    assert branches.begun.count(7) == 1
+    queue.close()
+
+
+def test_what_is_of_no_use_any_more_is_ended_and_makes_room(branches: Branches) -> None:
+    queue = BranchQueue(branches.begin, 2)
+    asked(queue, [1], ahead=(ENDLESS,))
+    assert [one.ticks for one in asked(queue, [2, 3])] == [2, 3]
+    assert queue.unused_s > 0.0
+    asked(queue, [4], ahead=(ENDLESS,))
+    queue.close()
+
+
+def test_a_branch_that_ends_without_a_word_is_said_to_have_failed(branches: Branches) -> None:
+    queue = BranchQueue(branches.begin, 2)
+    (one,) = asked(queue, [SILENT])
+    assert "without a word" in one.failed
+    queue.close()
