@@ -151,10 +151,9 @@ def extent_m(spec: SceneSpec) -> float | None:
 
 
 def reach_m(spec: SceneSpec) -> float | None:
-    """How far a scene's city spans from its origin to every side, if the scene or its mission says so."""
-    kind = scene_kind(spec.kind)
-    extent = spec.options.get("extent_m", kind.extent_m if kind else None)
-    if kind is None or not isinstance(extent, int | float) or any(name in spec.options for name in kind.wider_by):
+    """How far a scene's city spans from its origin to every side, if that is known."""
+    kind, extent = scene_kind(spec.kind), extent_m(spec)
+    if kind is None or extent is None or any(name in spec.options for name in kind.wider_by):
         return None
     return extent / 2.0 + kind.outskirts_m
 

@@ -29,7 +29,7 @@ use std.traffic { destination }
 # A statement's beginning → what stands in the mission if an example does not say it itself.
 REST = {
     "goal": 'goal "Go."',
-    "scene": "scene coastal",
+    "scene": "scene coastal { extent = 3000 m }",
     "clock": "clock { tick = 10 s, sync = 500 ms }",
     "budget {": "budget { ticks <= 60 }",
     "mode": "mode broadcast in { star, broadcast }",

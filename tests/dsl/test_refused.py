@@ -148,6 +148,24 @@ def test_places_outside_of_a_town_are_refused_as_they_are_when_it_is_built(place
         assert max(abs(metres) for metres in placed.entities[0].position[:2]) <= 160.0
 
 
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("position = (461 m, 0 m)", "outside of the scene, which spans 460 m to every side"),
+        ("position = (459 m, 0 m)", ""),
+        ("position = (0 m, 0 m, -30 m)", "below everything in the scene, whose lowest surface lies at 0 m"),
+    ],
+)
+@pytest.mark.parametrize("options", ["", "inside = wide"])
+def test_a_town_of_no_stated_extent_is_as_wide_as_they_are_built(place: str, said: str, options: str) -> None:
+    text = TOWN.format(place).replace("robot_dog", "quadrotor").replace("std.ground", "std.air")
+    found = compile_text(text.replace("extent = 200 m, blocks = 2 by 2", options)).diagnostics
+    if options and "outside" in said:  # such a town may be wider than it says
+        said = ""
+    assert [item.code for item in found] == (["LJ0211"] if said else []), found
+    assert all(said in item.message for item in found)
+
+
 def test_a_fault_of_a_base_mission_is_shown_where_that_is_named(small: str, tmp_path: Path) -> None:
     (tmp_path / "base.ljs").write_text(small.replace("lifeboat {", "lifeboat when mode == star {"))
     (tmp_path / "m.ljs").write_text("ljs 1\nuse .base { small }\nmission more extends small {}\n")

@@ -32,9 +32,12 @@ target warehouse {
 }
 mission m "M" {
   goal "G."
-  scene coastal { datum = sea level at -3.5 m }
+  scene map { folder = "m", datum = sea level at -3.5 m }
   clock { tick = 10 s, sync = 500 ms }
 """
+ANYWHERE = 'map { folder = "m", '
+"""A scene of whose extent nothing is known."""
+
 SEEN = """
   message detection : report from pilot to all
   adjudicate matched(b: buoy, r: detection) { when iou(r.box, truth(b, r.frame).box) >= 0.5 }
@@ -398,7 +401,7 @@ def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
   adjudicate near() {{ when distance_xy(boat, v) <= 301 m }}
   unlock rescue(v: v) when now >= 0 s
   success when {condition}"""
-    text = f"{TYPES.replace('coastal', 'bay')}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
+    text = f"{TYPES.replace(ANYWHERE, 'bay { ')}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
     said = [(one.code, one.severity) for one in compile_text(text).diagnostics]
     assert said == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])
 

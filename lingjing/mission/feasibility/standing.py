@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, spelled
 from lingjing.mission.geometry2d import contains
-from lingjing.mission.kinds import engine_kind, land, levels_m, reach_m, spoken
+from lingjing.mission.kinds import engine_kind, land, levels_m, reach_m, scene_kind, spoken
 
 UNDER_M = 1.0
 """So far below the lowest surface an asset is under it, and not a leg's length short."""
@@ -35,23 +35,27 @@ def _is_known(body: Body) -> bool:
 def _proofs(body: Body, outline: Outline) -> Iterator[Proof]:
     yield from _out_of_scene(body, outline)
     if body.entity.role == "asset":
+        yield from _under_the_scene(body, outline)
         yield from _off_its_surface(body, outline)
 
 
 def _out_of_scene(body: Body, outline: Outline) -> Iterator[Proof]:
-    scene, engine = outline.instance.scene, engine_kind(body.entity.engine)
-    reach = reach_m(scene)
-    if reach is None:
+    reach = reach_m(outline.instance.scene)
+    east, north, _ = body.entity.position
+    if reach is None or engine_kind(body.entity.engine).anywhere:
         return
-    east, north, up = body.entity.position
-    loose = body.where.loose_m
-    if max(abs(east), abs(north)) > reach + loose and not engine.anywhere:
+    if max(abs(east), abs(north)) > reach + body.where.loose_m:
         hint = "move it into the scene, or give the scene a larger `extent`"
         message = f"{_shown(body)}, outside of the scene, which spans {spelled(reach)} m to every side"
         yield Proof("LJ0211", body.path, message, hint, subject=body.id)
-    lowest = min(0.0, scene.datum_m)
-    is_placed = body.entity.role == "asset" and loose == 0.0
-    if is_placed and up < lowest - UNDER_M and engine.landbound:
+
+
+def _under_the_scene(body: Body, outline: Outline) -> Iterator[Proof]:
+    scene = outline.instance.scene
+    kind, lowest = scene_kind(scene.kind), min(0.0, scene.datum_m)
+    if kind is None or not kind.level or body.where.loose_m or not engine_kind(body.entity.engine).landbound:
+        return
+    if body.entity.position[2] < lowest - UNDER_M:
         message = f"{_shown(body)}, below everything in the scene, whose lowest surface lies at {spelled(lowest)} m"
         yield Proof("LJ0211", body.path, message, _ELEVATION, subject=body.id)
 
