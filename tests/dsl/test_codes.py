@@ -8,6 +8,10 @@ from lingjing.dsl import compile_text
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.mission.diagnostics import Diagnostic
 
+HARD = "constraint hard dry { always now >= 0 s }"
+RAFT = "target raft : person_in_water { interaction rescue { within = 1 m }, interaction rescue { within = 2 m } }"
+GO = "asset tug : lifeboat { verb go(a: length, a: mass) }"
+
 # code, what is replaced in the small mission, by what, line, column, a part of the message
 CASES = [
     ("LJ0001", "delay = 1 tick,", "delay = 1 tick;", 12, 60, "`;` has no meaning"),
@@ -27,6 +31,11 @@ CASES = [
     ("LJ0102", "r.frame", "r.fraem", 32, 76, "no field `fraem`"),
     ("LJ0103", "visibility = 8 km", "wind = 1 m/s from 2 deg", 11, 40, "`wind` is given twice"),
     ("LJ0104", "  param altitude", "  param uavs = 2\n  param altitude", 14, 9, "declared twice"),
+    ("LJ0104", "  param altitude", "  param now = 2 s\n  param altitude", 14, 9, "`now` means the time"),
+    ("LJ0104", "  success", f"  {HARD}\n  {HARD.replace('hard', 'soft')}\n  success", 39, 19, "the constraint `dry`"),
+    ("LJ0104", "  success", f"  {HARD.replace('dry', 'rescued')}\n  success", 38, 19, "`rescued` is declared twice"),
+    ("LJ0104", "mission small", f"{RAFT}\nmission small", 6, 82, "the interaction `rescue` is declared twice"),
+    ("LJ0104", "mission small", f"{GO}\nmission small", 6, 43, "the argument `a`"),
     ("LJ0105", "exists r: matched(v, r) }", "exists q: rescued(v) }", 35, 51, "what `q` ranges over"),
     ("LJ0106", "ticks <= 60, ", "", 10, 3, "lacks `ticks`"),
     ("LJ0107", "everybody.\"", "everybody.\"\n  done when true", 8, 3, "`done` has no meaning in a mission"),

@@ -67,6 +67,7 @@ class ConductChecker(DeclarationChecker):
         if node.kind.text not in KINDS:
             self.report.unknown("LJ0109", node.kind, f"a constraint is hard or soft, not `{node.kind.text}`", KINDS)
             return None
+        self._named(node.name)
         environment = self.rules.per(node.variable, node.domain)
         what = f"the constraint `{node.name.text}`"
         entries = self.blocks.read(node.block, CONSTRAINT_KEYS, what, others=(s.Condition,), owner=node.name)
@@ -119,6 +120,13 @@ class ConductChecker(DeclarationChecker):
         )
 
     # -- private
+
+    def _named(self, name: s.Name) -> None:
+        """A constraint that is broken is an event of its name, as a rule that has come true is."""
+        rule = self.scope.rules.get(name.text)
+        if rule is not None:
+            self.report.declared_twice(name, f"`{name.text}`", rule.span)
+        self.report.once(self.scope.constraints, name, "the constraint")
 
     def _destination(self, entry: PropertyEntry | None) -> ex.Expr | None:
         """Where the inspected route leads: an entity whose place is no secret, for every agent may see its route."""

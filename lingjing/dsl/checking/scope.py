@@ -142,6 +142,7 @@ class SymbolTables:
         self.stages: dict[str, tuple[str | None, Span]] = {}
         self.inspections: dict[str, Span] = {}
         self.limits: dict[str, Span] = {}
+        self.constraints: dict[str, Span] = {}
         self.mounted: dict[str, list[str]] = {}
         """Group → the names of its cameras."""
         self.modes: tuple[str, ...] = ()

@@ -22,7 +22,8 @@ from lingjing.mission.vocabulary import MODES
 
 SECONDS = Type("quantity", TIME)
 RECEIPTS = ("own", "all", "none")
-
+OWN_NAMES = {"mode": "the mode played in", "now": "the time since the beginning", "tick": "how long a tick is"}
+"""Names that expressions have without a declaration → what they mean."""
 
 _DRAWN = ("=", "~")
 _SCENE_KEYS = keyed(
@@ -98,7 +99,10 @@ class SettingsChecker(DeclarationChecker):
     """One method a declaration; each gives its part of the graph, or None if it is faulty."""
 
     def declare(self, name: s.Name, symbol: DeclaredName) -> None:
-        """Enter a name that expressions may use; reports a second declaration."""
+        """Enter a name that expressions may use; reports a second declaration, and a name that means something."""
+        if name.text in OWN_NAMES:
+            self.report.at("LJ0104", name, f"`{name.text}` means {OWN_NAMES[name.text]}", "choose another name")
+            return
         first = self.scope.symbols.get(name.text)
         if first is None:
             self.scope.symbols[name.text] = symbol

@@ -23,6 +23,7 @@ from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.diagnostics import Span
 from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSITION, TEXT, Type
 from lingjing.mission.units import BY_NAME, LENGTH, NAMED, TIME, dimension_unit, without_unit
 
@@ -86,6 +87,7 @@ class TypeChecker(DeclarationChecker):
         own: list[model.Property] = []
         seen: dict[str, s.PropertyLine] = {}
         said: set[str] = set()
+        performed: dict[str, Span] = {}
         for item in node.block.items if node.block else ():
             if isinstance(item, s.PropertyLine) and item.name.text == "engine":
                 engine = self._engine(item, seen)
@@ -97,6 +99,7 @@ class TypeChecker(DeclarationChecker):
             elif isinstance(item, s.VerbLine):
                 self._add_verb(item, verbs, said)
             elif isinstance(item, s.InteractionBlock):
+                self.report.once(performed, item.name, "the interaction")
                 entries = self._interaction(item)
                 name = item.name.text
                 interactions[name] = declared(name, entries, interactions.get(name))
@@ -248,7 +251,9 @@ class TypeChecker(DeclarationChecker):
             return
         said.add(node.name.text)
         arguments = []
+        named: dict[str, Span] = {}
         for parameter in node.parameters:
+            self.report.once(named, parameter.name, "the argument")
             argument = self._verb_argument(parameter)
             if argument is not None:
                 arguments.append(argument)
