@@ -39,7 +39,7 @@ from lingjing.play.child_messages import (
 from lingjing.play.descendants import adopting
 from lingjing.play.folders import release_if_empty
 from lingjing.play.raw_output import RawOutput
-from lingjing.play.report import INTERRUPTED, EpisodeReport, end_without_result
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, end_without_result
 from lingjing.play.supervised_child import ENDING, Play, serve
 
 GRACE_S = 60.0
@@ -111,6 +111,8 @@ def _taken(
             child.began = None
             child.interrupts.reported |= report.reason == INTERRUPTED
             waiting.remove(report.seed)
+            if not waiting or report.reason == ABORTED:
+                child.expect_its_end()
             yield report
         case ChildFailed(code, said) if child.began is not None and code == ExitCode.INFRASTRUCTURE:
             began, child.began = child.began, None
@@ -283,6 +285,11 @@ class _Child:
         poller.register(self._pidfd, select.POLLIN)
         return bool(poller.poll(int(patience_s * 1000)))
 
+    def expect_its_end(self) -> None:
+        """It has nothing more to say: what its policies left to be done at the end of the process keeps nobody."""
+        if self._until is None:
+            self._until = OwnDeadline(self._pid, GRACE_S, watched=True)
+
     def _interrupt(self) -> None:
         self._until = OwnDeadline(self._pid, GRACE_S, watched=True)
         with contextlib.suppress(ProcessLookupError):
@@ -290,7 +297,8 @@ class _Child:
 
     def _kill_unless_it_ends(self) -> None:
         """Its pipe is closed: it is at its end, or can tell of nothing any more."""
-        deadline = OwnDeadline(self._pid, GRACE_S if self.began is None else MUTE_S, watched=True)
+        left_s = MUTE_S if self.began is not None else GRACE_S if self._until is None else self._until.left_s()
+        deadline = OwnDeadline(self._pid, left_s, watched=True)
         while not (has_ended := self._has_ended(_PATIENCE_S)) and deadline.left_s() > 0.0:
             self._raw.pass_on()  # it may be waiting for that
         self._is_mute = not has_ended

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import faulthandler
 import os
@@ -108,6 +109,14 @@ def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, mon
     found = played(lambda seed: (os.closerange(3, 4096), time.sleep(3600)), tmp_path, (7,))
     assert found[7].detail == "7: its process closed what it reports through"
     assert found[7].crashed
+
+
+def test_what_a_policy_leaves_for_the_end_of_its_process_keeps_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lingjing.play.supervision.GRACE_S", 0.2)
+    found = played(lambda seed: atexit.register(time.sleep, 3600), tmp_path, (3, 4))
+    assert [found[seed].reason for seed in (3, 4)] == ["success", "success"]
 
 
 def test_nonsense_in_the_pipe_is_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
