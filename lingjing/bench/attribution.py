@@ -28,8 +28,10 @@ from lingjing.bench.suite import ATTRIBUTION, NameOrFile, ShortText, SuitePart, 
 from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, ResultTable
 from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask
+from lingjing.play.report import EpisodeReport
 from lingjing.trace.copying import copy_trace
 from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import CUT_SHORT
 
 BRANCHES = 60
 """Branches that `blame` may play for an episode here; placebos are left to `lingjing blame` itself."""
@@ -67,12 +69,13 @@ class AttributionSuite(SuitePart):
 
 class AttributionRow(msgspec.Struct, frozen=True, kw_only=True):
     """A method's answer for an episode. `standing` is `differs` if the episode is another here than in the file, for
-    which nothing is counted; `failed` if the method raised, which counts as an answer of nothing."""
+    which nothing is counted, nor for one that was `cut short`; `failed` if the method raised, which counts as an answer
+    of nothing."""
 
     method: str
     episode: PlantedEpisode
     named: tuple[NamedFault, ...] = ()
-    standing: Literal["answered", "differs", "failed"] = "answered"
+    standing: Literal["answered", "differs", "failed", "cut short"] = "answered"
     detail: str = ""
 
     @property
@@ -214,14 +217,29 @@ class AttributionRun:
         tasks = (EpisodeTask(episode.options(), place) for place, episode in places.items())
         for task, report in self.executor.play(tasks):
             episode = places[task.folder]
-            same = report.digest == episode.digest
             for name, method in self.methods.items():
                 if (name, episode) not in known:
-                    row = self._asked(name, method, episode, Path(report.trace)) if same else _differs(name, episode)
-                    known[name, episode] = row
-                    self._keep(row)
+                    known[name, episode] = self._answer(name, method, episode, report)
             _clear(task.folder)
         return [known[name, episode] for episode in episodes for name in self.methods]
+
+    def _answer(
+        self, name: str, method: AttributionMethod, episode: PlantedEpisode, report: EpisodeReport
+    ) -> AttributionRow:
+        """A row for an episode that was played; kept, unless it was cut short: then it is played again another time."""
+        if report.reason in CUT_SHORT:
+            row = AttributionRow(method=name, episode=episode, standing="cut short", detail=report.reason)
+        elif report.digest != episode.digest:
+            row = AttributionRow(
+                method=name, episode=episode, standing="differs", detail="its digest is another one here"
+            )
+        else:
+            row = self._asked(name, method, episode, Path(report.trace))
+        if row.standing != "cut short":
+            self._keep(row)
+        said = ", ".join(f"{one.agent} {one.faculty} at {one.boundary}" for one in row.named) or "nothing"
+        self.tell(f"{episode.name}; {name}: {said if row.standing == 'answered' else row.standing}")
+        return row
 
     def _asked(self, name: str, method: AttributionMethod, episode: PlantedEpisode, path: Path) -> AttributionRow:
         try:
@@ -237,8 +255,6 @@ class AttributionRun:
     def _keep(self, row: AttributionRow) -> None:
         with self._file.open("ab") as answers:
             answers.write(msgspec.json.encode(row) + b"\n")
-        said = ", ".join(f"{one.agent} {one.faculty} at {one.boundary}" for one in row.named) or "nothing"
-        self.tell(f"{row.episode.name}; {row.method}: {said if row.standing == 'answered' else row.standing}")
 
     def _kept(self) -> Iterable[AttributionRow]:
         for line in self._file.read_bytes().splitlines() if self._file.is_file() else ():
@@ -258,10 +274,6 @@ def without_labels(trace: Trace, path: Path) -> Trace:
     return copy_trace(trace, msgspec.structs.replace(trace.header, bindings=bindings), path)
 
 
-def _differs(name: str, episode: PlantedEpisode) -> AttributionRow:
-    return AttributionRow(method=name, episode=episode, standing="differs", detail="its digest is another one here")
-
-
 def _clear(folder: Path) -> None:
     from shutil import rmtree
 
@@ -270,14 +282,20 @@ def _clear(folder: Path) -> None:
 
 # -- tables
 
+_NOT_COUNTED = {
+    "differs": "are others here than when they were made",
+    "cut short": "were cut short, will be played again by the same command",
+}
+
 
 def attribution_tables(rows: Sequence[AttributionRow], title: str) -> tuple[ResultTable, ...]:
     """All methods on all episodes; then by faculty and by mission, single faults alone."""
-    counted = [row for row in rows if row.standing != "differs"]
+    counted = [row for row in rows if row.standing not in _NOT_COUNTED]
     notes = []
-    differing = len({row.episode for row in rows}) - len({row.episode for row in counted})
-    if differing:
-        notes.append(f"{differing} episodes are others here than when they were made, and are not counted")
+    for standing, why in _NOT_COUNTED.items():
+        left_out = len({row.episode for row in rows if row.standing == standing})
+        if left_out:
+            notes.append(f"{left_out} episodes {why}, and are not counted")
     raised = sum(row.standing == "failed" for row in counted)
     if raised:
         notes.append(f"in {raised} cases a method raised, which counts as an answer of nothing")

@@ -61,9 +61,12 @@ def measure(path: Path, args: argparse.Namespace) -> int:
     suite, episodes = read_attribution_suite(path)
     chosen = [one for one in episodes if one.mission in (args.missions or (one.mission,))]
     chosen = [one for one in chosen if one.mode in (args.modes or (one.mode,))][: args.limit]
+    if not chosen:
+        known = dict.fromkeys(f"{one.mission} {one.mode}" for one in episodes)
+        raise UsageError(f"{path}: no such episodes are in it", hint=f"there are some of {', '.join(known)}")
     names: Sequence[str] = args.method or suite.methods
     methods = {name: find_method(name) for name in names}
-    if args.check or not chosen:
+    if args.check:
         _say(f"{path}: {len(chosen)} episodes with planted faults, methods: {', '.join(names)}")
         return ExitCode.OK
     run = AttributionRun(args.output or RUNS / "bench" / suite.name, methods, LocalExecutor(args.jobs), _say)

@@ -200,6 +200,24 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
     assert executor.played == 2  # answers are kept
 
 
+def test_an_episode_that_was_cut_short_is_not_counted_and_played_again(report: EpisodeReport, tmp_path: Path) -> None:
+    planted = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
+    methods = {"one": AttributionMethod(lambda trace: [named("skipper[1]", "execution", 2)])}
+    lost = Stored(msgspec.structs.replace(report, reason="infrastructure-abort", digest=""))
+    (row,) = AttributionRun(tmp_path, methods, lost, lambda line: None).run([planted])
+    assert row.standing == "cut short"
+    whole, *_ = attribution_tables([row], "T")
+    assert whole.notes == ("1 episodes were cut short, will be played again by the same command, and are not counted",)
+    assert all(math.isnan(cell.value) for cell in whole.lines[0].cells)
+    (row,) = AttributionRun(tmp_path, methods, Stored(report), lambda line: None).run([planted])
+    assert row.standing == "answered"
+
+
+def test_a_mission_that_is_not_among_the_planted_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "planted", "--check", "--missions", "ssx"]) == ExitCode.USAGE
+    assert "no such episodes" in capsys.readouterr().err
+
+
 def test_a_method_in_a_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text("def first(trace):\n    return [('a', 'handoff', 4), ('b', 'routing', None)]\n")
