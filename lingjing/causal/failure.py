@@ -16,9 +16,10 @@ from typing import Literal
 import msgspec
 
 from lingjing.analysis.families import attribute
-from lingjing.analysis.registries import registries
+from lingjing.analysis.registries import Rebuilt, registries
 from lingjing.errors import UsageError
 from lingjing.kernel.rules import holds
+from lingjing.kernel.stages import Stages
 from lingjing.mission.expression import components
 from lingjing.mission.graph.spelling import spell
 from lingjing.trace.reader import Trace
@@ -77,16 +78,17 @@ def failure_of(trace: Trace) -> FailureSignature | None:
     if outcome.success:
         return None
     attribution = attribute(trace)
+    *_, last = registries(trace)
     return FailureSignature(
         reason=outcome.reason,
-        named=tuple(sorted(_named(trace, outcome.reason, outcome.detail))),
-        unmet=tuple(sorted(set(_unmet(trace)))),
+        named=tuple(sorted(set(_named(trace, outcome.reason, last)))),
+        unmet=tuple(sorted(set(_unmet(trace, last)))),
         family="" if attribution is None else attribution.family,
         replaced=tuple(sorted(set(_replaced(trace)))),
     )
 
 
-def _named(trace: Trace, reason: str, detail: str) -> Iterator[str]:
+def _named(trace: Trace, reason: str, last: Rebuilt) -> Iterator[str]:
     """What the ending names: broken hard constraints, late stages."""
     instance = trace.header.instance
     if reason == "constraint":
@@ -94,12 +96,11 @@ def _named(trace: Trace, reason: str, detail: str) -> Iterator[str]:
         broken = {event.kind for record in trace.boundaries for event in record.events}
         yield from names & broken
     if reason == "late":
-        words = set(re.findall(r"\w+", detail))
-        yield from (stage.name for stage in instance.stages if stage.name in words)
+        yield from (one.stage for one in Stages(instance).late(last.registry))
 
 
-def _unmet(trace: Trace) -> Iterator[str]:
-    at = list(registries(trace))[-1].at
+def _unmet(trace: Trace, last: Rebuilt) -> Iterator[str]:
+    at = last.at
     for each, part in components(trace.header.instance.success):
         members = [{}] if each is None else [{each.variable: one} for one in at.domain(each.domain)]
         if not all(holds(part, scope, at) for scope in members):

@@ -1,0 +1,31 @@
+"""`FailureSignature`: what the ending of an episode names."""
+
+from pathlib import Path
+
+from lingjing.causal.failure import failure_of
+from lingjing.play.episode import run
+from lingjing.trace.reader import read_trace
+
+HERE = Path(__file__).parent / "shrink"
+
+
+def test_stages_are_late_by_their_own_bound_and_not_by_the_words_of_the_ending(tmp_path: Path) -> None:
+    """The ending reads "the stage execute was not done in the 2 ticks it had": `done` is not among the late."""
+    stage = "stage execute per p in person { done when saved(p) }"
+    text = (HERE / "harbour.ljs").read_text()
+    assert stage in text
+    mission = tmp_path / "harbour.ljs"
+    mission.write_text(
+        text.replace(
+            stage,
+            "stage execute per p in person { done when saved(p), ticks <= 2 }\n"
+            "  stage done per p in person { done when saved(p), ticks <= 20 }",
+        )
+    )
+    report = run(
+        mission, policy=f"{HERE / 'skippers.py'}:Timid", seed=3, settings={"people": 2.0},
+        out=tmp_path / "episode", overview=False,
+    )  # fmt: skip
+    assert report.reason == "late" and "done in the 2 ticks" in report.detail
+    found = failure_of(read_trace(report.trace))
+    assert found is not None and found.named == ("execute",)
