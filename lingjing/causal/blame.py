@@ -39,6 +39,7 @@ NARROWED = 3
 """So many repairs are narrowed, those that replace least first."""
 
 MOST_PAIRS = 45
+"""So many sets of two are tried: all of ten faculties of agents."""
 
 
 class BlameOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -230,9 +231,10 @@ class _Search:
             return [], not self._short
         pairs = list(self._departures)
         one = self._reduced(pairs)
-        twos = [frozenset(two) for two in combinations(pairs, 2) if not self._masked.keys() >= set(two)][:MOST_PAIRS]
+        every_two = [frozenset(two) for two in combinations(pairs, 2) if not self._masked.keys() >= set(two)]
+        twos = every_two[:MOST_PAIRS]
         found = [two for two, won in zip(twos, self._try(twos, "two at a time"), strict=True) if won]
-        every = not self._short and len(twos) < MOST_PAIRS
+        every = not self._short and len(twos) == len(every_two)
         if found:
             return found, every
         return [one], every and len(one) <= 2

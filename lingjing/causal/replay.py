@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, cast
+from typing import Any
 
 import msgspec
 
@@ -166,17 +166,16 @@ def _engine(trace: Trace, path: tuple[Any, ...], pair: list[dict[str, Any]]) -> 
 
 
 def _along(path: tuple[Any, ...], value: Any) -> Iterator[Any]:
-    """The values on the way to a field."""
+    """The values on the way to a field; None where the last step leads to what is not there."""
     for step in path:
-        value = value[step]
+        value = value.get(step) if isinstance(value, dict) else value[step]
         yield value
 
 
 def _spelled(path: tuple[Any, ...], pair: list[dict[str, Any]]) -> str:
     """`snapshots[3].states[uav[1]].position[0]`: elements that have an id are called by it."""
-    text, value = "", cast("Any", pair[0])
-    for step in path:
-        value = value[step]
+    text = ""
+    for step, value in zip(path, _along(path, pair[0]), strict=True):
         if isinstance(step, int):
             name = value.get("id") or value.get("agent") or value.get("request") if isinstance(value, dict) else None
             text += f"[{name or step}]"

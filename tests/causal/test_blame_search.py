@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
+
 from lingjing.causal.blame import Blame, BlameOptions, _Search
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
@@ -11,6 +13,7 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header
 from tests.kernel import kernel_kit as kit
 
+replace = msgspec.structs.replace
 WAY, ORDER, LATE = ("waypoint", "skipper", 4), ("execution", "scout[1]", 9), ("handoff", "scout[2]", 12)
 
 
@@ -96,6 +99,32 @@ def test_what_no_replacement_wins_is_said() -> None:
     assert told.repairs == () and not told.exhausted
     assert host.asked.count("all at once") == 2
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
+
+
+def test_all_pairs_of_ten_were_tried_and_of_eleven_not() -> None:
+    """Forty-five sets of two are tried, which are all of ten."""
+
+    class Needs(MadeUp):
+        """Won where both of two that show from the start are replaced."""
+
+        def __init__(self, shown: int) -> None:
+            super().__init__(*(("waypoint", f"scout[{number}]", 4) for number in range(shown)))
+            header = self.trace.header
+            agents = tuple(replace(header.instance.agents[0], id=agent) for _, agent, _ in self.needed)
+            header = replace(header, instance=replace(header.instance, agents=agents))
+            self.trace = Trace(self.trace.path, header, (), None, False)
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            return {(faculty, agent): (tick,) for faculty, agent, tick in self.needed}
+
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            mine = {one.agent for one in plan.substitutions}
+            parts = tuple(ReplacedPart(4, agent, "waypoint") for agent in sorted(mine))
+            won = {"scout[0]", "scout[1]"} <= mine
+            return BranchResult(success=won, reason="success" if won else "budget", replaced=parts)
+
+    assert searched(Needs(10), branches=500).complete
+    assert not searched(Needs(11), branches=500).complete
 
 
 def replace_success(result: BranchResult) -> BranchResult:

@@ -75,6 +75,19 @@ def test_a_forged_state_is_named_with_its_engine(search: Trace) -> None:
     assert (tick, engine) == (5, owner) and field.endswith("states[boat].position[0]")
 
 
+def test_what_the_record_lacks_is_named(search: Trace) -> None:
+    """A field that only the replayed boundary has: the name of what a map of names holds."""
+    record = search.boundaries[5]
+    last = record.snapshots[-1]
+    empty = tuple(replace(state, resources={}) if state.resources else state for state in last.states)
+    assert empty != last.states
+    changed = forged(search, 5, snapshots=(*record.snapshots[:-1], replace(last, states=empty)))
+    tick, engine, field = differs(changed)
+    first = next(state for state in last.states if state.resources)
+    owner = next(entity.engine for entity in search.header.instance.entities if entity.id == first.id)
+    assert (tick, engine) == (5, owner) and f"states[{first.id}].resources." in field
+
+
 def test_a_forged_decision_leads_elsewhere(search: Trace) -> None:
     record = search.boundaries[2]
     stop = Decision(command=Action(verb="stop"))
