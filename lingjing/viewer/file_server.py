@@ -12,12 +12,12 @@ import re
 import secrets
 import threading
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
-from urllib.parse import parse_qs, quote, urlsplit
+from urllib.parse import quote
 
 from lingjing.errors import UsageError
-from lingjing.viewer.server import HOST, PATIENCE_S, unheard
+from lingjing.viewer.server import HOST, PATIENCE_S, LocalHttpServer, asked_for, unheard
 
 ORIGIN = "https://app.foxglove.dev"
 """Whose page may read the answers; the desktop app has no origin that is checked."""
@@ -33,12 +33,10 @@ class TraceFileServer:
         self.token = secrets.token_urlsafe(24)
         handler = type("Handler", (_Handler,), {"path_served": path, "token": self.token})
         try:
-            self._http = ThreadingHTTPServer((HOST, port), handler)
+            self._http = LocalHttpServer((HOST, port), handler)
         except (OSError, OverflowError) as error:
             why = getattr(error, "strerror", None) or str(error)
             raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
-        self._http.daemon_threads = True
-        self._http.block_on_close = False
         self._thread = threading.Thread(target=self._http.serve_forever, args=(0.1,), name="lingjing-file", daemon=True)
         with unheard():
             self._thread.start()
@@ -103,13 +101,13 @@ class _Handler(BaseHTTPRequestHandler):
     # -- parts
 
     def _is_allowed(self) -> bool:
-        url, port = urlsplit(self.path), self.connection.getsockname()[1]
-        given = parse_qs(url.query, max_num_fields=16).get("token", [""])[-1]
+        path, asked = asked_for(self.path)
+        given, port = asked.get("token", ""), self.connection.getsockname()[1]
         if self.headers.get("Host", "").lower() not in (f"{HOST}:{port}", f"localhost:{port}"):
             self._answer(HTTPStatus.MISDIRECTED_REQUEST, 0)
         elif not hmac.compare_digest(given.encode(), self.token.encode()):
             self._answer(HTTPStatus.FORBIDDEN, 0)
-        elif url.path != "/trace.mcap":
+        elif path != "/trace.mcap":
             self._answer(HTTPStatus.NOT_FOUND, 0)
         elif not self.path_served.is_file():
             self._answer(HTTPStatus.GONE, 0)

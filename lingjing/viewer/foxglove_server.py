@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, quote, urlsplit
+from urllib.parse import quote
 
 from lingjing.analysis.played_city import surroundings_of
 from lingjing.errors import UsageError
@@ -36,7 +36,7 @@ from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
 from lingjing.trace.writer import PART, nanoseconds
 from lingjing.viewer.file_server import ORIGIN
 from lingjing.viewer.live import POLL_S
-from lingjing.viewer.server import HOST, unheard
+from lingjing.viewer.server import HOST, asked_for, unheard
 from lingjing.viewer.told import ToldEpisode
 
 PROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
@@ -189,7 +189,7 @@ class FoxgloveServer:
     def _checked(self, connection: Any, request: Any) -> Any:
         """An answer that refuses, or None: the token, this machine's own name, and room for one more."""
         port = self._server.socket.getsockname()[1]
-        given = parse_qs(urlsplit(request.path).query, max_num_fields=16).get("token", [""])[-1]
+        given = asked_for(request.path)[1].get("token", "")
         named = [host.lower() for host in request.headers.get_all("Host")]
         if named not in ([f"{HOST}:{port}"], [f"localhost:{port}"]):
             return connection.respond(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for this machine only\n")

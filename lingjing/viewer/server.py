@@ -69,7 +69,7 @@ class ViewServer:
         self.token = token or secrets.token_urlsafe(24)
         handler = type("Handler", (_Handler,), {"served": served, "token": self.token})
         try:
-            self._http = _Http((HOST, port), handler)
+            self._http = LocalHttpServer((HOST, port), handler)
         except (OSError, OverflowError) as error:
             why = getattr(error, "strerror", None) or str(error)
             raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
@@ -99,10 +99,22 @@ def unheard() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-class _Http(ThreadingHTTPServer):
+def asked_for(target: str) -> tuple[str, dict[str, str]]:
+    """The path and the query of a request's target, of a name that is there twice the last value; nothing of a target
+    that cannot be read."""
+    try:
+        url = urlsplit(target)
+        return url.path, {name: values[-1] for name, values in parse_qs(url.query, max_num_fields=16).items()}
+    except ValueError:
+        return "", {}
+
+
+class LocalHttpServer(ThreadingHTTPServer):
+    """A thread for each of at most `MOST_CONNECTIONS` connections; readers that go away are no news."""
+
     daemon_threads = True
     block_on_close = False
-    allow_reuse_address = False
+    allow_reuse_address = True  # else a port that was just given up is not to be had for a minute
     request_queue_size = 64
 
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
@@ -137,14 +149,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer, or say why not."""
-        url = urlsplit(self.path)
-        asked = {name: values[-1] for name, values in parse_qs(url.query, max_num_fields=16).items()}
+        path, asked = asked_for(self.path)
         if not self._is_local():
             self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for 127.0.0.1 and localhost only")
         elif not hmac.compare_digest(asked.get("token", "").encode(), self.token.encode()):
             self._refuse(HTTPStatus.FORBIDDEN, "the address lacks its token: open the one that the command printed")
         else:
-            self._answer(url.path, asked)
+            self._answer(path, asked)
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
         """Nothing is logged: the addresses hold the token."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import http.client
+import socket
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -54,6 +56,20 @@ def test_nobody_without_the_token_gets_a_byte(server: TraceFileServer) -> None:
         assert status in (403, 404) and body == b""
     assert ask(server, Host="evil.example")[0] == 421
     assert parse_qs(urlsplit(server.url).query)["ds.url"] == [server.file_url] and server.url.startswith(ORIGIN)
+
+
+def test_nonsense_and_readers_that_go_away_write_nothing(
+    server: TraceFileServer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    url = urlsplit(server.file_url)
+    fields = "&".join(f"field{number}=1" for number in range(20))
+    assert ask(server, path=f"{url.path}?{url.query}&{fields}")[0] == 403
+    with socket.create_connection(("127.0.0.1", url.port or 0), timeout=300) as gone:
+        gone.sendall(b"GET ")
+        gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets the connection
+    assert ask(server)[0] == 200
+    server.close()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_file_that_has_gone_and_a_taken_port_are_told(server: TraceFileServer, tmp_path: Path) -> None:

@@ -136,7 +136,13 @@ def test_what_is_hidden_and_not_found_is_not_sent(
 
 @pytest.mark.parametrize(
     ("path", "headers", "status"),
-    [("/", {}, 403), ("/?token=x", {}, 403), ("/?token={token}x", {}, 403), ("/?token={token}", {"Host": "a"}, 421)],
+    [
+        ("/", {}, 403),
+        ("/?token=x", {}, 403),
+        ("/?token={token}x", {}, 403),
+        (f"/?{'a=1&' * 20}token={{token}}", {}, 403),
+        ("/?token={token}", {"Host": "a"}, 421),
+    ],
 )
 def test_nobody_without_the_token_or_under_another_name_is_let_in(
     play: Callable[..., FoxgloveServer], path: str, headers: dict[str, str], status: int

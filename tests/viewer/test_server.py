@@ -95,6 +95,19 @@ def test_only_get_is_answered_and_nonsense_does_no_harm(server: ViewServer) -> N
     assert ask(server, "/")[0] == 200
 
 
+def test_a_query_of_too_many_fields_is_answered(server: ViewServer) -> None:
+    fields = "&".join(f"field{number}=1" for number in range(20))
+    assert ask(server, f"/telling?{fields}")[0] == 403
+
+
+def test_a_port_that_was_given_up_is_to_be_had_again(trace: Trace) -> None:
+    first = ViewServer(ServedTrace(trace, truth=False))
+    port = port_of(first)
+    assert ask(first, "/follow")[0] == 200  # ended by the server, so that its end of the connection lingers
+    first.close()
+    ViewServer(ServedTrace(trace, truth=False), port).close()
+
+
 def test_a_reader_that_reads_nothing_keeps_nobody_waiting(server: ViewServer) -> None:
     idle = [socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) for _ in range(8)]
     for connection in idle:
