@@ -5,6 +5,7 @@ import json
 from collections import Counter
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from lingjing.bench.frame_sets.balance import class_set, validation_seeds
@@ -13,11 +14,12 @@ from lingjing.bench.frame_sets.labelled import labelled_frames, seen_targets
 from lingjing.bench.frame_sets.sources import found_traces
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.trace.reader import read_trace
-from tests.bench.frame_kit import BOAT, VICTIM, made_frame, pictures_of
+from lingjing.trace.reader import Trace, read_trace
+from tests.bench.frame_kit import BOAT, VICTIM, made_frame, picture, pictures_of
 from tests.trace import synthetic
 
 PERSON = "person_in_water"
+replace = msgspec.structs.replace
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +75,11 @@ def test_every_frame_is_taken_where_balance_is_not_asked_for() -> None:
     made = class_set(frames, PERSON, balanced=False)
     assert Counter(one.present for one in made.frames) == {True: 1, False: 7}
     assert (made.spare_negatives, made.faint) == (0, 1)
+
+
+def test_shares_of_seeds_are_rounded_up_and_not_by_a_hair() -> None:
+    assert len(validation_seeds(range(100), 0.07)) == 7
+    assert len(validation_seeds(range(100), 0.071)) == 8
 
 
 def test_a_frame_counts_for_classes_that_its_mission_has() -> None:
@@ -173,6 +180,35 @@ def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(
     with pytest.raises(UsageError, match="not the one that its trace speaks of"):
         write_set(tmp_path / "set", [class_set(frames, PERSON)], lambda name: b"other")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["../evil.jpg", "/tmp/evil.jpg", "", "..", ".hidden", "a/b.jpg", "a\0.jpg"])
+def test_no_name_of_a_trace_leads_out_of_the_folder(name: str, tmp_path: Path) -> None:
+    """Classes and missions are what a trace says, which may be anybody's."""
+    frames = [made_frame(1, boxes=(VICTIM,), name=name), made_frame(2)]
+    with pytest.raises(UsageError, match="has no file"):
+        write_set(tmp_path / "in" / "set", [class_set(frames, PERSON)], lambda _: picture(1))
+    elsewhere = replace(VICTIM, cls=name)
+    frames = [made_frame(1, boxes=(elsewhere,), targets=(name,)), made_frame(2, targets=(name,))]
+    with pytest.raises(UsageError, match="has no file"):
+        write_set(tmp_path / "in" / "set", [class_set(frames, name)], pictures_of(frames))
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_set_that_names_files_elsewhere_is_not_read(tmp_path: Path) -> None:
+    frames = [made_frame(1, boxes=(VICTIM,)), made_frame(2)]
+    write_set(tmp_path / "set", [class_set(frames, PERSON)], pictures_of(frames))
+    file = tmp_path / "set" / PERSON / "frames.jsonl"
+    file.write_text(file.read_text().replace("ssr-star-2000-00000000-f1.jpg", "/dev/zero"))
+    with pytest.raises(UsageError, match="has no file `/dev/zero`"):
+        read_class(tmp_path / "set", PERSON)
+
+
+def test_a_mission_of_a_trace_names_no_folder(episode: Path) -> None:
+    trace = read_trace(episode)
+    instance = replace(trace.header.instance, mission="../../x")
+    other = Trace(trace.path, replace(trace.header, instance=instance), trace.boundaries, trace.outcome, True)
+    assert all(frame.name.startswith("x-") and "/" not in frame.name for frame in labelled_frames(other))
 
 
 def test_a_set_is_never_written_over_another(written: Path) -> None:

@@ -11,6 +11,7 @@ of the hashes of their names.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Sequence
 from typing import Literal
 
@@ -52,7 +53,7 @@ class ClassSet(msgspec.Struct, frozen=True, kw_only=True):
 def validation_seeds(seeds: Iterable[int], share: float) -> frozenset[int]:
     """The last `share` (0..1) of the seeds, rounded up; none of a single seed."""
     every = sorted(set(seeds))
-    count = min(len(every) - 1, -int(-len(every) * share // 1))
+    count = min(len(every) - 1, math.ceil(round(len(every) * share, 9)))  # 0.07 of 100 are 7, not 7.000000000000001
     return frozenset(every[len(every) - count :]) if count > 0 else frozenset()
 
 

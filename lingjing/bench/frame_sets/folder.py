@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,8 +36,8 @@ PixelBounds = tuple[float, float, float, float]
 def write_set(target: Path, sets: Sequence[ClassSet], jpeg: Callable[[str], bytes], about: str = "") -> None:
     """Write class sets; `jpeg` gives a frame's picture by its name.
 
-    Raises `UsageError` if the folder cannot be written or holds something already, or if a picture is not the one that
-    its frame speaks of.
+    Raises `UsageError` if the folder cannot be written or holds something already, if a picture is not the one that
+    its frame speaks of, or if a class or a frame has a name that no file should have: both come from traces.
     """
     target = target.absolute()
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
@@ -45,7 +46,7 @@ def write_set(target: Path, sets: Sequence[ClassSet], jpeg: Callable[[str], byte
         target.parent.mkdir(parents=True, exist_ok=True)
         with folder_beside(target) as folder:
             for one in sets:
-                _write_class(folder / one.cls, one, jpeg)
+                _write_class(folder / _plain(one.cls), one, jpeg)
             (folder / CARD).write_text(frame_card(sets, about), encoding="utf-8")
             folder.replace(target)
     except OSError as error:
@@ -65,10 +66,17 @@ def _write_class(folder: Path, one: ClassSet, jpeg: Callable[[str], bytes]) -> N
             picture = jpeg(each.frame.name)
             if hashlib.sha256(picture).hexdigest() != each.frame.sha256:
                 raise UsageError(f"the picture of {each.frame.name} is not the one that its trace speaks of")
-            (folder / split / each.frame.name).write_bytes(picture)
+            (folder / split / _plain(each.frame.name)).write_bytes(picture)
         (folder / f"coco_{split}.json").write_text(json.dumps(coco(one.cls, mine), indent=1) + "\n", encoding="utf-8")
         lines = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in _metadata(one.cls, mine))
         (folder / split / "metadata.jsonl").write_text(lines, encoding="utf-8")
+
+
+def _plain(name: str) -> str:
+    """The name of a file in a folder, which leads nowhere else. Raises `UsageError` for any other."""
+    if not re.fullmatch(r"\w[\w.-]{0,199}", name):
+        raise UsageError(f"a frame set has no file `{name[:200]}`", hint="names hold letters, digits, `_`, `.` and `-`")
+    return name
 
 
 def coco(cls: str, frames: Iterable[SetFrame]) -> dict[str, Any]:
@@ -129,11 +137,14 @@ def read_class(folder: Path, cls: str) -> tuple[SetFrame, ...]:
     """The frames of one class. Raises `UsageError` if they cannot be read."""
     file = folder / cls / FRAMES
     try:
-        return tuple(msgspec.json.decode(line, type=SetFrame) for line in file.read_bytes().splitlines())
+        frames = tuple(msgspec.json.decode(line, type=SetFrame) for line in file.read_bytes().splitlines())
     except OSError as error:
         raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
     except msgspec.DecodeError as error:
         raise UsageError(f"`{file}` is not what this version writes: {error}", hint="export the set again") from error
+    for one in frames:
+        _plain(one.frame.name)
+    return frames
 
 
 def read_picture(folder: Path, cls: str, one: SetFrame) -> bytes:

@@ -60,7 +60,7 @@ def labelled_frames(trace: Trace) -> Iterator[LabelledFrame]:
             wrong.setdefault(report.frame, set()).add(report.cls)
     targets = tuple(sorted({entity.type for entity in instance.entities if entity.role == "target"}))
     policy = "+".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
-    episode = f"{instance.mission}-{instance.mode}-{instance.seed}-{trace.outcome.digest[:MARK]}"
+    episode = f"{_plain(instance.mission)}-{_plain(instance.mode)}-{instance.seed}-{trace.outcome.digest[:MARK]}"
     for frame in shots(trace):
         yield LabelledFrame(
             name=f"{episode}-{_plain(frame.id)}.jpg",
@@ -86,9 +86,9 @@ def seen_targets(frames: Iterable[LabelledFrame]) -> tuple[str, ...]:
     return tuple(sorted({box.cls for frame in frames for box in frame.boxes if box.cls in frame.targets}))
 
 
-def _plain(frame: str) -> str:
-    """A frame's id as a part of a file's name: `f3-uav[1]-nadir` → `f3-uav1-nadir`."""
-    return re.sub(r"[^A-Za-z0-9_-]", "", frame)
+def _plain(text: str) -> str:
+    """A name as a part of a file's name: `f3-uav[1]-nadir` → `f3-uav1-nadir`."""
+    return re.sub(r"[^A-Za-z0-9_-]", "", text)
 
 
 __all__ = ["LabelledFrame", "labelled_frames", "seen_targets"]
