@@ -125,7 +125,7 @@ def _thirds(group: str, name: str, rows: Sequence[SuiteRow]) -> list[ResultLine]
     for third, counts in zip(TERCILES, pooled, strict=True):
         rates = counts.rates()
         values = (rates.adherence, rates.repetition, rates.out_of_bounds, rates.forgotten)
-        cells = (plain(counts.actions, ".0f"), *(percent(float("nan") if one is None else one) for one in values))
+        cells = (plain(counts.actions, ".0f"), *map(percent, values))
         found.append(ResultLine(group, (name, third.capitalize()), cells))
     return found
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Literal, TypeVar
 
+from lingjing.analysis.behaviour import ActionCounts, BehaviourRates
 from lingjing.analysis.detection import PerceptionCounts, calibration_error
 from lingjing.analysis.metrics import Metrics
 from lingjing.bench.rows import SuiteRow
@@ -70,6 +71,10 @@ class Played:
         known = [(float(value), float(count)) for value, count in pairs if value is not None]
         whole = sum(count for _, count in known)
         return sum(value * count for value, count in known) / whole if whole else math.nan
+
+    def behaviour(self) -> BehaviourRates:
+        """The rates of all actions, pooled."""
+        return sum((third for row in self.rows for third in row.report.terciles), ActionCounts()).rates()
 
     def f1(self) -> float:
         """Detection F1 over the pooled counts."""

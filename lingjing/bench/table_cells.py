@@ -83,9 +83,11 @@ def _read(cell: ResultCell) -> float:
         return cell.value
 
 
-def percent(share: float) -> ResultCell:
-    """A share as a percentage, or a dash."""
-    return ResultCell(ABSENT) if math.isnan(share) else ResultCell(f"{100 * share:.0f}", 100 * share)
+def percent(share: float | None) -> ResultCell:
+    """A share as a percentage, or a dash for none."""
+    if share is None or math.isnan(share):
+        return ResultCell(ABSENT)
+    return ResultCell(f"{100 * share:.0f}", 100 * share)
 
 
 def plain(value: float, spec: str) -> ResultCell:

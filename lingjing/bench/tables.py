@@ -191,13 +191,14 @@ def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         lines = []
         for entrant, own in rows_by(some, lambda row: row.entrant).items():
             played = Played(tuple(own))
+            rates = played.behaviour()
             cells = (
                 percent(played.mean("coverage")),
                 plain(played.mean("first_discovery_tick"), ".1f"),
                 percent(played.mean("redundant_revisits")),
                 plain(played.mean("idle_fraction"), ".2f"),
                 percent(played.mean("discovery_messages")),
-                *(percent(played.weighted(name, "actions")) for name in _ACTION_RATES),
+                *map(percent, (rates.adherence, rates.repetition, rates.out_of_bounds, rates.forgotten)),
             )
             lines.append(_line(own[0], (entrant,), cells))
         heads = (
@@ -212,11 +213,8 @@ def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             "Forgot",
         )
         named = titled(titled(title, "behaviour"), condition)
-        note = "first discovery is a tick, over episodes with one; rates of actions are weighted by actions"
+        note = "first discovery is a tick, over episodes with one; actions of all episodes are pooled"
         yield ResultTable("behaviour", named, ("Entrant",), heads, marked(lines, lower=(1, 2, 3, 6, 7, 8)), (note,))
-
-
-_ACTION_RATES = ("adherence", "repetition", "out_of_bounds", "forgotten")
 
 
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:

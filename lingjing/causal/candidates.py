@@ -173,7 +173,7 @@ class CandidatePlayer:
     def _play(self, candidates: Sequence[Candidate], who: str) -> None:
         tasks = {}
         for one in candidates:
-            place = self.folder / f"{one.key[:16]}-{who or 'same'}"
+            place = self.folder / f"{one.key[:16]}-{'control' if who else 'same'}"
             rmtree(place, ignore_errors=True)
             mission = self.folder / f"{one.key[:16]}.ljs"
             mission.write_text(one.text, encoding="utf-8")

@@ -32,12 +32,12 @@ def column(entrant: str, mission: str, mode: str, won: int, of: int = 10, **chan
 
 def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
     metrics = [
-        {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "repetition": 0.1, "actions": 10},
-        {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "repetition": 0.5, "actions": 90},
+        {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "rep": 0.1, "target_events": 10},
+        {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "rep": 0.5, "target_events": 90},
     ]
     played = Played(tuple(made_row(seed=seed, metrics=one) for seed, one in enumerate(metrics)))
     assert played.f1() == pytest.approx(18 / 19)
-    assert played.weighted("repetition", "actions") == pytest.approx(0.46)
+    assert played.weighted("rep", "target_events") == pytest.approx(0.46)
     assert math.isnan(Played(()).f1()) and math.isnan(Played(()).rate())
 
 
@@ -259,12 +259,24 @@ def test_the_bar_says_what_is_done_and_left() -> None:
 
 
 def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -> None:
+    """Five agents that act twice have five actions with a predecessor, one that acts 90 times has 89: of these 94 five
+    are repeated. Weighted by actions it would be ten of a hundred."""
     few = {"coverage": 0.9, "first_discovery_tick": 12, "redundant_revisits": 0.1, "idle_fraction": 0.12,
-           "discovery_messages": 0.8, "actions": 10, "adherence": 1.0}  # fmt: skip
-    many = {**few, "first_discovery_tick": None, "actions": 90, "adherence": 0.5}
-    rows = [made_row(metrics=few), made_row(seed=1, metrics=many)]
+           "discovery_messages": 0.8}  # fmt: skip
+    many = {**few, "first_discovery_tick": None}
+    thirds = {
+        0: (ActionCounts(actions=5, adherent=5), ActionCounts(actions=5, adherent=5, following=5, repeated=5)),
+        1: (ActionCounts(actions=30, following=29, adherent=30), ActionCounts(actions=60, following=60, adherent=15)),
+    }
+    rows = [
+        made_row(seed=seed, report=made_report(seed=seed, metrics=blank_metrics(**one), terciles=thirds[seed]))
+        for seed, one in enumerate((few, many))
+    ]
     (table,) = make_tables(rows, ["behaviour"])
-    assert [cell.text for cell in table.lines[0].cells][:6] == ["90", "12.0", "10", "0.12", "80", "55"]
+    told = [cell.text for cell in table.lines[0].cells]
+    assert told == ["90", "12.0", "10", "0.12", "80", "55", "5", "0", "0"]
+    (table,) = make_tables([made_row(metrics=few)], ["behaviour"])
+    assert [cell.text for cell in table.lines[0].cells][5:] == ["–"] * 4
 
 
 def lost(entrant: str, group: str, mission: str, mode: str, *families: str) -> list[SuiteRow]:
