@@ -45,7 +45,7 @@ def handler(args: argparse.Namespace) -> int:
         text = _ljs(mission)
     else:
         text = _reset_scenario(mission, args)
-    write_output(text, args.output)
+    write_output(text, args.output, [args.file])
     return ExitCode.OK
 
 

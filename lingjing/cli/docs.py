@@ -34,7 +34,7 @@ def handler(args: argparse.Namespace) -> int:
     else:
         from lingjing.dsl.pages.page import page
 
-        write_output(page(mission), args.output)
+        write_output(page(mission), args.output, [args.file])
     return ExitCode.OK
 
 

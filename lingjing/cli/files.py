@@ -6,7 +6,7 @@ import contextlib
 import os
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,9 @@ from lingjing.terminal import write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
+
+RECORDED = {b"\x89MCAP0\r\n": "a trace", b"PAR1": "a suite's results"}
+"""How files of episodes begin (MCAP and Parquet specifications), and what they are."""
 
 
 def read_mission(path: str) -> Mission:
@@ -28,21 +31,28 @@ def read_mission(path: str) -> Mission:
     return mission
 
 
-def write_output(content: str | bytes, output: str | None) -> None:
-    """Write to the file that is named, whole or not at all, or a text to standard output (None or `-`)."""
+def write_output(content: str | bytes, output: str | None, reads: Iterable[str | Path] = ()) -> None:
+    """Write to the file that is named, whole or not at all, or a text to standard output (None or `-`).
+
+    Raises `UsageError` for one of the files that the command `reads`, and as `write_whole` does.
+    """
     if output in (None, "-"):
         write_data(content if isinstance(content, str) else content.decode())
-    else:
-        write_whole(str(output), content)
+        return
+    check_output(str(output), reads)
+    write_whole(str(output), content)
 
 
-def check_output(output: str) -> None:
-    """Raise `UsageError` where a file cannot be written, before long work is done for it."""
+def check_output(output: str, reads: Iterable[str | Path] = ()) -> None:
+    """Raise `UsageError` where a file cannot or must not be written, before long work is done for it."""
     target = Path(output).resolve()
     if output == "-" or (target.exists() and not target.is_file() and not target.is_dir()):
         return
     if target.is_dir():
         raise UsageError(f"cannot write `{output}`: it is a folder", hint="name a file")
+    if any(_same(target, Path(path)) for path in reads):
+        raise UsageError(f"cannot write `{output}`: this command reads it", hint="choose another file with -o")
+    _check_not_recorded(target, output)
     try:
         with tempfile.TemporaryFile(dir=target.parent):
             pass
@@ -67,7 +77,7 @@ def print_columns(rows: Sequence[tuple[str, ...]]) -> None:
 def write_whole(path: str, content: str | bytes) -> None:
     """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written.
 
-    A device or a pipe gets the content itself. A link is followed. Texts are UTF-8.
+    A device or a pipe gets the content itself. A link is followed. A trace is never replaced. Texts are UTF-8.
     """
     data = content.encode() if isinstance(content, str) else content
     target = Path(path).resolve()
@@ -77,6 +87,7 @@ def write_whole(path: str, content: str | bytes) -> None:
         with target.open("wb") as file:
             file.write(data)
         return
+    _check_not_recorded(target, path)
     try:
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
     except OSError as error:
@@ -86,10 +97,31 @@ def write_whole(path: str, content: str | bytes) -> None:
             file.write(data)
         Path(temporary).chmod(0o666 & ~_umask())
         Path(temporary).replace(target)
-    except BaseException:
+    except BaseException as error:
         with contextlib.suppress(OSError):
             Path(temporary).unlink()
+        if isinstance(error, OSError):
+            hint = "choose another place with -o, or make room"
+            raise UsageError(f"cannot write `{path}`: {error.strerror}", hint=hint) from None
         raise
+
+
+def _same(target: Path, other: Path) -> bool:
+    """Whether two paths are one file, under whatever names."""
+    try:
+        return target.samefile(other)
+    except OSError:  # one of them is not there
+        return False
+
+
+def _check_not_recorded(target: Path, output: str) -> None:
+    """Raise `UsageError` for a file that holds what was played: it cannot be made again from what is written."""
+    with contextlib.suppress(OSError), target.open("rb") as file:
+        start = file.read(max(map(len, RECORDED)))
+        for magic, name in RECORDED.items():
+            if start.startswith(magic):
+                hint = "choose another file with -o"
+                raise UsageError(f"cannot write `{output}`: {name} is there, which is never replaced", hint=hint)
 
 
 def _umask() -> int:

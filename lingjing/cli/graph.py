@@ -31,7 +31,7 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.mission.graph import graph
 
     chosen = args.format or format_of(args.output)
-    write_output(render(graph(read_mission(args.file), args.mode), chosen), args.output)
+    write_output(render(graph(read_mission(args.file), args.mode), chosen), args.output, [args.file])
     return ExitCode.OK
 
 

@@ -37,13 +37,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Print the numbers of one episode, or of several: means, and what is pooled."""
-    from lingjing.cli.files import write_output
+    from lingjing.cli.files import check_output, write_output
     from lingjing.errors import UsageError
 
     if args.attention and len(args.traces) > 1:
         raise UsageError("--attention is of one trace", hint="picture ids repeat from trace to trace")
     if args.jobs < 1:
         raise UsageError(f"-j {args.jobs}: at least one")
+    if args.output is not None:
+        check_output(args.output, [path for path in (*args.traces, args.attention) if path])
     found = _all_of(args.traces, args.jobs)
     rows = [row for row, _ in found]
     pooled = _pooled([counts for _, counts in found], args)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from lingjing.cli.arguments import whole_number
-from lingjing.cli.files import say_written, write_output
+from lingjing.cli.files import check_output, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.play.descendants import be_told_of_the_end_of
@@ -50,6 +50,8 @@ def handler(args: argparse.Namespace) -> int:
     budget, port = _number("--pictures", args.pictures, 2000), _number("--port", args.port, 65535)
     if args.follow:
         return _follow(args, port)
+    if args.output is not None:
+        check_output(args.output, [args.trace])
     from lingjing.trace.reader import read_trace
 
     trace = read_trace(args.trace)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import importlib.util
+import shutil
 import signal
 import subprocess
 import sys
@@ -47,6 +48,29 @@ def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
         done = view(*arguments)
         assert done.returncode == 2 and said in done.stderr, done.stderr
         assert "Traceback" not in done.stderr
+
+
+def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) -> None:
+    trace, other, mission = tmp_path / "trace.mcap", tmp_path / "other.mcap", tmp_path / "m.ljs"
+    shutil.copy(path, trace)
+    shutil.copy(path, other)
+    source = (Path(__file__).parents[2] / "scenarios" / "bi.ljs").read_text(encoding="utf-8")
+    mission.write_text(source, encoding="utf-8")
+    (tmp_path / "link.html").symlink_to(trace)
+    for arguments, said in (
+        (("view", trace, "-o", trace), "this command reads it"),
+        (("view", trace, "-o", tmp_path / "link.html"), "this command reads it"),
+        (("view", trace, "-o", other), "a trace is there, which is never replaced"),
+        (("view", trace, "--foxglove", "-o", other), "a trace is there"),
+        (("metrics", trace, "-o", trace), "this command reads it"),
+        (("report", trace, "-o", other), "a trace is there"),
+        (("compile", mission, "--emit", "mission", "-o", mission), "this command reads it"),
+    ):
+        command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        assert done.returncode == 2 and f"cannot write `{arguments[-1]}`: {said}" in done.stderr, done.stderr
+    assert trace.read_bytes() == other.read_bytes() == path.read_bytes()
+    assert mission.read_text(encoding="utf-8") == source
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
