@@ -21,10 +21,11 @@ from lingjing.mission.reset.emit import emit
 from lingjing.mission.reset.fields import FIELDS, field_of
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.reset.shapes import LISTS
-from lingjing.mission.reset.template import signatures
+from lingjing.mission.reset.template import fleet_of, signatures
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("air_delivery", "bi", "cd", "cr", "fire_search", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")
+FLEETS = tuple(name for name in NAMES if fleet_of(name))
 TEMPLATES = templates_beside(ROOT / "nowhere")
 TWINS = sorted((ROOT / "scenarios" / "reset").glob("*.json"))
 Nine = dict[str, m.Mission]
@@ -34,7 +35,7 @@ Edit = Callable[[Scenario], object]
 
 @pytest.fixture(scope="module")
 def nine() -> Nine:
-    return {name: TEMPLATES(name) for name in NAMES}
+    return {name: TEMPLATES(name) for name in (*NAMES, *map(fleet_of, FLEETS))}
 
 
 def read(nine: Nine, text: str) -> tuple[m.Mission, tuple[str, ...]]:
@@ -136,9 +137,23 @@ def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
     driven = {one.engine for one in LISTS}
     for signature in signatures():
         groups = nine[signature.mission].groups
-        assert signature.engines == {g.engine for g in groups if g.role == "asset"} & driven
+        engines = {g.engine for g in groups if g.role == "asset"} & driven
+        assert (signature.engines | signature.optional, signature.engines & signature.optional) == (engines, set())
         assert signature.types == {(g.type, *g.bases)[-1] for g in groups if g.role == "target"}
-    assert {signature.mission for signature in signatures()} == set(NAMES)
+    assert {signature.mission for signature in signatures()} == {*NAMES, "cr_fleet"}
+
+
+@pytest.mark.parametrize("name", FLEETS)
+def test_a_fleet_has_what_its_mission_has_and_takes_several_of_it(nine: Nine, name: str) -> None:
+    mission, fleet = nine[name], nine[fleet_of(name)]
+    held = [{(g.name, (g.type, *g.bases)[-1], g.role) for g in one.groups} for one in (mission, fleet)]
+    assert held[0] == held[1]
+    assert all(group.count is not None for group in fleet.groups)
+    for mode in fleet.modes.allowed:
+        text = emit(fleet, seed=2, mode=mode)
+        again, notes = read(nine, text)
+        assert instantiate(again, seed=2) == instantiate(fleet, seed=2, mode=mode) and emit(again) == text
+        assert notes[0] == f"template '{fleet.name}': named by 'lingjing'"
 
 
 def test_no_field_means_two_things() -> None:

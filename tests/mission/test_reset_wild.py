@@ -297,6 +297,7 @@ def test_paths_name_keys_as_the_document_spells_them() -> None:
     crossed = [{"x": x, "y": y} for x, y in ((0.0, 0.0), (9000.0, 9000.0), (9000.0, 0.0), (0.0, 9000.0))]
     whole = document({"search_range": crossed, "goalFirePosition": [PLACE]}, drones=1, cars=3)
     scenario = whole["scenario"]
+    scenario["lingjing"] = {"mission": "ufr"}
     scenario["equipmentList"]["auto_vehicle_entity_list"] = scenario["equipmentList"].pop("autoVehicleEntityList")
     scenario["equipment_list"] = scenario.pop("equipmentList")
     scenario["task_matrix"] = scenario.pop("taskMatrix")
@@ -407,8 +408,42 @@ def test_what_is_there_and_what_is_wanting_is_said() -> None:
     fire = {"goalFirePosition": [PLACE]}
     instance, notes = play(document(fire, drones=3, dogs=2, task_type="uavdog"))
     assert instance.mission == "idf" and any("has no multirotor; 3 kept, not played" in note for note in notes)
-    with pytest.raises(MissionError, match="autoVehicleEntityList: holds 3, mission 'ufr' has one truck"):
-        play(document(fire, drones=2, cars=3))
+    whole = document(fire, drones=2, cars=3)
+    whole["scenario"]["lingjing"] = {"mission": "ufr"}
+    with pytest.raises(MissionError, match="autoVehicleEntityList: holds 3, mission 'ufr' has one truck") as caught:
+        play(whole)
+    assert '"lingjing": {"mission": "ufr_fleet"}' in (caught.value.hint or "")
+
+
+FLEETS = [
+    ("ufr", {"drones": 2, "cars": 3}, {"task_type": "fire truck"}, {"goalFirePosition": [PLACE]}, "one truck"),
+    ("ssr", {"drones": 2, "ships": 2}, {}, {"rescuePersonPosition": [{"personId": "p", **PLACE}]}, "one boat"),
+    ("bi", {"drones": 10}, {"task_type": "bridge"}, {"fracturePosition": [PLACE]}, "one uav"),
+    ("cr", {"drones": 1, "cars": 2}, {"task_type": "multicars"}, {"congestionPoints": JAMS, "goalPosition": PLACE},
+     "one van"),
+    ("cr", {"drones": 3, "cars": 1}, {}, {"congestionPoints": JAMS, "destination": PLACE}, "one uav"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("mission", "fleet", "task", "state", "one"), FLEETS)
+def test_several_where_a_template_has_one_are_its_fleet(
+    mission: str, fleet: Json, task: Json, state: Json, one: str
+) -> None:
+    instance, notes = play(document(state, **fleet, **task))
+    assert instance.mission == f"{mission}_fleet"
+    assert sum(entity.role == "asset" for entity in instance.entities) == sum(fleet.values())
+    (said,) = [note for note in notes if "is played, which takes several" in note]
+    assert said.endswith(f"'{mission}' has {one}: '{mission}_fleet' is played, which takes several")
+    assert not [note for note in notes if "not understood" in note or "kept, not played" in note], notes
+
+
+def test_cars_alone_drive_around_congestion() -> None:
+    state = {"congestionPoints": JAMS, "destinationPosition": [{**PLACE, "id": "a"}, {**PLACE, "x": 0.0, "id": "b"}]}
+    for task in ({}, {"task_type": "multi-cars"}, {"task_type": "congestion"}):
+        for cars in (1, 2):
+            instance, _ = play(document(state, cars=cars, **task))
+            assert instance.mission == "cr_fleet"
+            assert [len(at(instance, group)) for group in ("van", "uav", "goal_place", "jam")] == [cars, 0, 2, 1]
 
 
 def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_distance(

@@ -19,6 +19,7 @@ from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.frame import FAR_M, GROUND_HIGH_M, HIDDEN_HIGH_M, LOW_M, ON_THE_GROUND, DocumentFrame
 from lingjing.mission.reset.shapes import Coordinates
+from lingjing.mission.reset.template import fleet_of
 
 _MOST = 1e9
 """No number of a hidden place is as large."""
@@ -165,7 +166,9 @@ def filled(
             return mission
         if len(spots) > 1:
             said = f"holds {len(spots)}, mission '{mission.name}' has one {group.name}"
-            parsed.report(where, said, 'leave one, or name a template that has several: "lingjing": {"mission": …}')
+            several = fleet_of(mission.name) or "…"
+            hint = f'leave one, or name a template that has several: "lingjing": {{"mission": "{several}"}}'
+            parsed.report(where, said, hint)
             return mission
     else:
         mission = _counted(mission, group, len(spots), parsed, where)

@@ -29,7 +29,7 @@ from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.repair import followed
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
-from lingjing.mission.reset.template import template_name
+from lingjing.mission.reset.template import fleet_of, template_name
 from lingjing.mission.vocabulary import MODES
 from lingjing.mission.weather_words import RAINY, sky_of
 
@@ -59,6 +59,7 @@ def instantiate_document(
             where, f"there is no template '{name[:60]}'", "name one of the missions in scenarios/"
         ) from None
     parsed.notes.insert(0, f"template '{name}': {why}")
+    template = _of_several(template, parsed, templates)
     mission = _placed(template, parsed, found)
     if parsed.faults:
         raise document_error(path, followed(parsed.faults, first, parsed.task_path))
@@ -69,6 +70,22 @@ def instantiate_document(
     }
     origin = model.Origin(file=path, sha256=digest, document=text, draws=draws, places=dict(parsed.placed))
     return msgspec.structs.replace(mission, origin=origin), tuple(parsed.notes)
+
+
+def _of_several(template: model.Mission, parsed: Parsed, templates: Callable[[str], model.Mission]) -> model.Mission:
+    """The template's fleet, with a note, where a list holds several of what the template has one of, unless the
+    document names the template itself."""
+    fleet, given = fleet_of(template.name), parsed.scenario.lingjing
+    if not fleet or (given is not None and given.mission is not None):
+        return template
+    for one in LISTS:
+        count = len(getattr(parsed.scenario.equipment_list, one.attribute))
+        driven = [group for group in template.groups if group.role == "asset" and group.engine == one.engine]
+        if len(driven) == 1 and driven[0].count is None and count > 1:
+            held = f"{parsed.list_path(one.name)}: holds {count}, '{template.name}' has one {driven[0].name}"
+            parsed.notes.insert(1, f"{held}: '{fleet}' is played, which takes several")
+            return templates(fleet)
+    return template
 
 
 # -- the parts of the mission ---------------------------------------------------------------------------------------

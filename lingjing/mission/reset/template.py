@@ -25,7 +25,8 @@ class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 
     The words in `also` mean it only where the document has hidden places of its types: they say who is there.
     It is not for documents with entities of the engines in `without`, who could do more than it asks for; where these
-    are told apart, a `general` field says too little.
+    are told apart, a `general` field says too little. It takes entities of the engines in `optional` where there are
+    some. `fleet` is the mission for documents that list several where this one has one.
     """
 
     mission: str
@@ -34,6 +35,8 @@ class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     spellings: frozenset[str]
     also: frozenset[str] = frozenset()
     without: frozenset[str] = frozenset()
+    optional: frozenset[str] = frozenset()
+    fleet: str = ""
 
     def named(self, word: str, found: Iterable[Found]) -> bool:
         """Whether a task type, folded, means the mission in a document with these hidden places."""
@@ -86,6 +89,11 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
         hint = _name_it(agreed[0].mission)
         raise parsed.fault(said[0][1], f"may be any of {_either(agreed)}; nothing in the document tells which", hint)
     return agreed[0].mission, said[0][1], " and ".join(dict.fromkeys(why for _, _, why in said)) + unknown
+
+
+def fleet_of(mission: str) -> str:
+    """The mission that takes several entities where this one has one, or ""."""
+    return next((one.fleet for one in signatures() if one.mission == mission), "")
 
 
 def _either(those: Iterable[TemplateSignature]) -> str:
