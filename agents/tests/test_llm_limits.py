@@ -56,6 +56,12 @@ class Counting:
         return ModelCompletion("ok", "stop", self.tokens, 0)
 
 
+def test_a_folder_that_cannot_be_made_is_named(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "absent"))
+    with pytest.raises(UsageError, match=r"cannot make .*absent/lingjing-turns"):
+        limited(Counting(), service(concurrency=1), "http://localhost")
+
+
 async def test_calls_at_a_time_are_limited_over_clients_and_threads() -> None:
     model = Counting(together=3)
 

@@ -148,6 +148,8 @@ def test_the_record_can_be_listed_and_read(tmp_path, mission, capsys):
     assert files
     assert all(path.read_bytes()[:2] == b"\xff\xd8" for path in files)
     assert len(files) == len(shown)
+    assert main(["calls", report.trace, "--pictures", str(mission)]) == 2
+    assert f"cannot write into `{mission}`" in capsys.readouterr().err
     assert main(["calls", str(tmp_path / "nowhere")]) == 2
     assert main(["calls", str(mission)]) == 2
 

@@ -27,6 +27,7 @@ from lingjing.play.spending import SpendingLimits
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import PromptReviser
 from lingjing.trace.reader import read_trace
+from lingjing.trace.writer import PART
 
 TRIES = 3
 """How often one episode is tried. One that cannot be played ends the search: all candidates play the same ones."""
@@ -220,9 +221,9 @@ class PromptSearch:
 
     def _revised(self, reviser: PromptReviser, best: PromptCandidate, number: int) -> str:
         """The next candidate's text; what was asked and answered is kept beside it."""
-        failed = [one for one in best.episodes if not one.success][:FAILURES]
-        told = [failed_episode(read_trace(self._episode(best, one.seed) / "trace.mcap")) for one in failed]
-        revision = reviser.revise(best.text, best.line, told)
+        failed = [self._episode(best, one.seed) for one in best.episodes if not one.success]
+        left = [found for folder in failed if (found := _trace_in(folder)) is not None][:FAILURES]
+        revision = reviser.revise(best.text, best.line, [failed_episode(read_trace(path)) for path in left])
         try:
             self.check(revision.text)
         except ValueError as error:
@@ -272,6 +273,12 @@ def _possible(report: EpisodeReport) -> EpisodeReport:
     if report.detail.startswith(OUT_OF_LIMITS):
         raise SpendingLimitError(report.detail)
     return report
+
+
+def _trace_in(folder: Path) -> Path | None:
+    """The trace that an episode has left: a partial one if its policy ended its process, or none."""
+    places = (folder / "trace.mcap", folder / f"trace.mcap{PART}")
+    return next((place for place in places if place.is_file()), None)
 
 
 def _counted(seed: int, report: EpisodeReport) -> PromptEpisode:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
 
-from lingjing.cli.files import print_columns
+from lingjing.cli.files import print_columns, write_whole
 from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.call_store import CALLS_NAME, CallReader, calls_of
 from lingjing.trace.calls import CallResult, RecordedCall
@@ -40,16 +41,16 @@ def handler(args: argparse.Namespace) -> int:
             f"`{place}` has no record of model calls beside it" if place.exists() else f"there is no `{place}`",
             hint=f"an episode whose policies ask chat models leaves `{CALLS_NAME}` beside its trace",
         )
-    reader = CallReader(found)
-    calls = reader.calls(args.agent, args.tick)
-    if args.pictures:
-        calls = _writing_pictures(calls, reader, Path(args.pictures))
-    if args.output_format == "json":
-        _print_json(calls)
-    elif args.full:
-        _print_full(calls)
-    else:
-        print_columns([_COLUMNS, *map(_row, calls)])
+    with closing(CallReader(found)) as reader:
+        calls = reader.calls(args.agent, args.tick)
+        if args.pictures:
+            calls = _writing_pictures(calls, reader, Path(args.pictures))
+        if args.output_format == "json":
+            _print_json(calls)
+        elif args.full:
+            _print_full(calls)
+        else:
+            print_columns([_COLUMNS, *map(_row, calls)])
     return ExitCode.OK
 
 
@@ -108,9 +109,12 @@ def _said(content: object) -> str:
 
 
 def _writing_pictures(calls: Iterable[RecordedCall], reader: CallReader, folder: Path) -> Iterator[RecordedCall]:
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write into `{folder}`: {error.strerror}", hint="name another folder") from error
     for call in calls:
         for name in call.pictures:
             hashed = bytes.fromhex(name) if len(name) == 64 and set(name) <= set("0123456789abcdef") else b""
-            (folder / f"{hashed.hex() or 'unnamed'}.jpg").write_bytes(reader.content(hashed))
+            write_whole(str(folder / f"{hashed.hex() or 'unnamed'}.jpg"), reader.content(hashed))
         yield call

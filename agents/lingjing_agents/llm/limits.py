@@ -49,7 +49,7 @@ class LimitedClient:
         self._service = service
         self._url = url
         self._folder = _own_folder() / sha256(url.encode()).hexdigest()[:16]
-        self._folder.mkdir(exist_ok=True)
+        _make(self._folder)
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
         """Wait for a turn and ask. Raises `ModelError`; the service's fault if no turn comes in time."""
@@ -141,13 +141,22 @@ def _estimated(request: ChatRequest) -> float:
 
 
 def _own_folder() -> Path:
-    """A folder that this user alone can write. Raises `UsageError` if somebody else has made it."""
+    """A folder that this user alone can write. Raises `UsageError` if it cannot be made, or somebody else has made
+    it."""
     folder = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()) / f"lingjing-turns-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
+    _make(folder)
     found = folder.lstat()
     if found.st_uid != os.getuid() or found.st_mode & 0o077 or folder.is_symlink():
         raise UsageError(f"`{folder}` is not a folder of this user alone", hint="remove it, or set XDG_RUNTIME_DIR")
     return folder
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except OSError as error:
+        hint = "set XDG_RUNTIME_DIR, or TMPDIR, to a folder of yours"
+        raise UsageError(f"cannot make `{folder}` for the limits of calls: {error.strerror}", hint=hint) from error
 
 
 def limited(client: ModelClient, service: ServiceEntry, url: str) -> ModelClient:
