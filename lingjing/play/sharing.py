@@ -1,4 +1,4 @@
-"""What episodes share that are forked from one process: their city, and what is looked up but once.
+"""What episodes share that are forked from one process: their city, its meshes for viewers, what is looked up but once.
 
 Called in that process, where nothing of a policy and no plug-in of a stranger may run: a scene that is not built in is
 left to each episode.
@@ -13,13 +13,16 @@ from lingjing.numerics import versions
 from lingjing.play.options import PlayOptions, checked_options, compiled, read_options
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
+from lingjing.scene.surroundings import surroundings
 
 
 def share(text: str) -> None:
-    """Hold the city of these options (JSON) for the episodes that will be forked."""
+    """Hold the city of these options (JSON), and its meshes, for the episodes that will be forked."""
     versions()
     options: PlayOptions = checked_options(read_options(text, "the options"))
     instance = instantiate(compiled(options), seed=options.seed, mode=options.mode, settings=options.settings)
     host = PluginHost(entry_points=False, extra=(builtin,))
     if instance.scene.kind in host.scenes:
-        hold(build_city(instance.scene, host))
+        city = build_city(instance.scene, host)
+        hold(city)
+        surroundings(city, instance)

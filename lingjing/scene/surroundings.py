@@ -39,6 +39,9 @@ AROUND_M = 250.0
 LIFT_M = 0.04
 """Each layer lies so much above the one before."""
 
+KEPT = 8
+"""Cities whose meshes are kept for later episodes of this process and of those that are forked from it."""
+
 OVERHEAD_M = 20_000.0
 """What is higher stands over no map: a satellite."""
 
@@ -53,8 +56,7 @@ def surroundings(city: City, instance: Instance) -> Surroundings:
     spots: list[Vector2] = [(e.position[0], e.position[1]) for e in instance.entities if e.position[2] < OVERHEAD_M]
     spots += [corner for region in instance.regions for corner in region.polygon]
     xs, ys = [x for x, _ in spots] or [0.0], [y for _, y in spots] or [0.0]
-    shapes, _ = shapes_around(city, (min(xs), min(ys), max(xs), max(ys)), MOST_POINTS)
-    return Surroundings(city_meshes(shapes), mounted_camera_pose)
+    return Surroundings(_meshes_around(city, (min(xs), min(ys), max(xs), max(ys))), mounted_camera_pose)
 
 
 def shapes_around(city: City, played: Extent, most: int) -> tuple[tuple[PlanShape, ...], list[Layer]]:
@@ -105,6 +107,19 @@ def city_meshes(shapes: Iterable[PlanShape]) -> tuple[CityMesh, ...]:
 
 
 # -- private
+
+_known: dict[tuple[int, Extent], tuple[City, tuple[CityMesh, ...]]] = {}
+
+
+def _meshes_around(city: City, played: Extent) -> tuple[CityMesh, ...]:
+    """`city_meshes` of the shapes in and around an extent; those of the latest cities are kept."""
+    key = id(city), _within(_grown(played), city.bounds)
+    if key not in _known:
+        shapes, _ = shapes_around(city, played, MOST_POINTS)
+        _known[key] = city, city_meshes(shapes)  # the city with them, so that nothing else gets its id
+        while len(_known) > KEPT:
+            del _known[next(iter(_known))]
+    return _known[key][1]
 
 
 @dataclass(slots=True)

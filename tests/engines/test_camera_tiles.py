@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lingjing.engines.camera.building_meshes import building
-from lingjing.engines.camera.cityscape import KEPT_TILES
+from lingjing.engines.camera.cityscape import KEPT_TILES, Cityscape
 from lingjing.engines.camera.culling import (
     boxes_in_sight,
     casters,
@@ -29,7 +29,7 @@ from lingjing.plugins.geometry import world_to_pixel
 from lingjing.scene.city import Building, City, Lane, PaintedArea, Pieces, Prop, Road
 from lingjing.scene.store import write_store
 from lingjing.trace.records import CameraPose
-from tests.engines.camera_town import WHY_NOT, box, instance, look, ready
+from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, town
 
 TOWER = (-10.0, -10.0, 0.0, 10.0, 10.0, 30.0)
 
@@ -183,3 +183,33 @@ def test_only_two_way_streets_have_a_yellow_middle() -> None:
     alone = lanes([there], (), middles_of([there])).vertices["style"][0, 2]
     paired = lanes([there], (), middles_of([there, back])).vertices["style"][0, 2]
     assert (alone % 4, paired % 4) == (EDGE, CENTRE)
+
+
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_a_city_with_other_props_is_drawn_as_by_a_new_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boats and buoys of a harbour differ from episode to episode: nothing is meshed again for them."""
+
+    def boat(name: str, east: float, north: float, cls: str = "moored_boat", model: str = "sailboat") -> Prop:
+        return Prop(id=name, cls=cls, model=model, position=(east, north, -1.5), floating=True)
+
+    standing = town().props
+    vent = Prop(id="v", cls="steam_vent", model="steam_vent", position=(40.0, 30.0, 0.0))
+    first = town(props=(*standing, boat("a", 30.0, -90.0), boat("b", -450.0, -150.0)), sha256="1")
+    second = town(props=(*standing[1:], vent, boat("a", 60.0, -70.0), boat("c", 450.0, -150.0)), sha256="2")
+    shots = [((0.0, 0.0, 100.0), "nadir"), ((-60.0, -60.0, 12.0), "front"), ((380.0, -150.0, 40.0), "nadir")]
+    warm, new = CameraEngine(), CameraEngine()
+    try:
+        ready(warm, city=first)
+        assert len([look(warm, *shot) for shot in shots]) == 3
+        monkeypatch.setattr(Cityscape, "__init__", lambda *_: pytest.fail("the town was made again"))
+        ready(warm, city=second)
+        monkeypatch.undo()
+        ready(new, city=second)
+        for shot in (*shots, *reversed(shots)):
+            mine, other = look(warm, *shot), look(new, *shot)
+            assert (mine.rgb == other.rgb).all() and mine.info == other.info
+            assert mine.semantic is not None and (mine.semantic == other.semantic).all()
+            assert mine.depth is not None and (mine.depth == other.depth).all()
+    finally:
+        warm.close()
+        new.close()

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
+from lingjing.mission.instance import Entity
 from lingjing.scene.city import Building, City, Prop
 from lingjing.scene.plan import PlanShape
-from lingjing.scene.surroundings import city_meshes, shapes_around
+from lingjing.scene.surroundings import city_meshes, shapes_around, surroundings
+from tests.bare_instance import bare_instance
+from tests.declared import declared
 
 OUTLINE = ((0.0, 0.0), (10.0, 0.0), (10.0, 20.0), (0.0, 20.0))
 YARD = ((2.0, 2.0), (2.0, 6.0), (6.0, 6.0), (6.0, 2.0))
@@ -60,3 +64,15 @@ def test_a_large_city_loses_its_trees_first() -> None:
     assert len(whole) == 51 and none == []
     fewer, lacks = shapes_around(city, (0.0, 0.0, 10.0, 10.0), 20)
     assert [shape.layer for shape in fewer] == ["building"] and lacks == ["tree"]
+
+
+def test_episodes_in_one_city_share_its_meshes() -> None:
+    house = Building(id="b", polygon=OUTLINE, base_m=0.0, top_m=9.0)
+    city = City(id="c", origin=(0.0, 0.0), bounds=(-900.0, -900.0, 900.0, 900.0), buildings=(house,))
+    far = bare_instance((declared(Entity(id="a", group="a", index=1, role="asset", type="t", engine="x",
+                                         position=(800.0, 800.0, 0.0))),))  # fmt: skip
+    shown = surroundings(city, bare_instance(())).meshes
+    assert len(shown) == 2 and surroundings(city, bare_instance(())).meshes is shown
+    assert surroundings(city, far).meshes == ()  # another part of it
+    again = surroundings(msgspec.structs.replace(city), bare_instance(())).meshes
+    assert again is not shown and [mesh.points.tolist() for mesh in again] == [mesh.points.tolist() for mesh in shown]

@@ -27,7 +27,7 @@ from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.mesh_cache import MeshCache
 from lingjing.engines.camera.mesh_rows import LAYOUT, MeshPart, VertexIndex, empty
 from lingjing.engines.camera.road_meshes import middles_of
-from lingjing.engines.camera.skyline import Skyline, build_skyline
+from lingjing.engines.camera.skyline import Skyline, build_skyline, with_tiles
 from lingjing.engines.camera.structure_meshes import Under
 from lingjing.engines.camera.surroundings import build_surroundings
 from lingjing.engines.camera.tile_mesh import CASTERS, TileMesh, crossings_of, mesh_tile
@@ -166,6 +166,22 @@ class Cityscape:
             frozenset(key for key in keys if d.content(key) != variants[0].content(key)) for d in variants
         )
 
+    def furnish(self, city: City, under: Under) -> None:
+        """Take over a city that differs from the present one in its props alone, which are in no mesh. What it draws is
+        what one that was made for it would draw."""
+        old, tiles = self.tiles, Tiles(city, KEPT_PIECES)
+        self.tiles, self._city, self._under, self._shade_is = tiles, city, under, None
+        self._skyline = with_tiles(self._skyline, city, tiles)
+        self._number = {key: k for k, key in enumerate(tiles.keys)}
+        changed = {key for variant in self._variants for key in variant.tiles}
+        for (key, number), resident in list(self._residents.items()):
+            if number or key in changed or key not in self._number:
+                self._drop(self._residents.pop((key, number)))
+            elif (tile := tiles.load(key)).props != old.load(key).props:
+                self._residents[key, number] = Resident(
+                    resident.mesh, resident.sheets, resident.walls, *_furniture(tile)
+                )
+
     # -- choosing
 
     def view(self, pose: CameraPose, visibility_m: float, light: Light) -> TownView:
@@ -228,9 +244,8 @@ class Cityscape:
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
-        lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
         walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
-        return Resident(bare, sheets, walls, prop_batches(pieces), lively, lamp_heads(pieces.props))
+        return Resident(bare, sheets, walls, *_furniture(pieces))
 
     def _meshed(self, key: TileKey, pieces: Pieces, faced: Mapping[str, int]) -> TileMesh:
         near = self._around(key)
@@ -437,6 +452,12 @@ class _Lit(dict[Mode, moderngl.VertexArray]):
         owner, name, vertices, index = self._make
         self[key] = owner.array_of(name, vertices, index, key)
         return self[key]
+
+
+def _furniture(pieces: Pieces) -> tuple[tuple[Batch, ...], tuple[Prop, ...], npt.NDArray[np.float64]]:
+    """The props of a tile as a `Resident` has them: batches, those that show something, heads of lamps."""
+    lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
+    return prop_batches(pieces), lively, lamp_heads(pieces.props)
 
 
 def _layout(program: moderngl.Program) -> tuple[str, ...]:

@@ -171,6 +171,12 @@ class Renderer:
             with self.context:
                 self._town.vary(variants)
 
+    def furnish(self, city: City, under: Under) -> None:
+        """Take over a town that differs from the loaded one in its props alone."""
+        assert self._town is not None
+        with self.context:
+            self._town.furnish(city, under)
+
     def _load_town(self, city: City, under: Under) -> None:
         self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]

@@ -74,9 +74,7 @@ class CameraEngine:
             raise InfrastructureError(f"the camera draws at most {DRAWN_MOST} entities, not {len(entities)}")
         if self._renderer is None:
             self._renderer = Renderer()
-        if self._city is not None and self._terrain is None and _without_props(city) == _without_props(self._city):
-            self._city, self._props = city, prop_batches(city)  # what floats on a sea differs from episode to episode
-        elif city != self._city:
+        if city != self._city and not self._refurnish(self._renderer, city):
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
         self._quality = engine_options(CameraOptions, spec).quality
@@ -217,6 +215,19 @@ class CameraEngine:
             self._props = prop_batches(city)
         self._city = city
 
+    def _refurnish(self, renderer: Renderer, city: City) -> bool:
+        """Take over a city that differs from the present one in its props alone: what floats on a sea or in a harbour
+        differs from episode to episode. False for any other city."""
+        if self._city is None or city.store or _without_props(city) != _without_props(self._city):
+            return False
+        if self._terrain is None:
+            self._props = prop_batches(city)
+        else:
+            self._terrain = Terrain(city)
+            renderer.furnish(city, self._terrain.surface)
+        self._city = city
+        return True
+
     def _under(self, east: float, north: float, up: float) -> float:
         """Elevation of the plane that the shadow of something at a point falls on."""
         assert self._city is not None
@@ -249,7 +260,7 @@ class CameraEngine:
 
 
 def _without_props(city: City) -> City:
-    return msgspec.structs.replace(city, id="", props=())
+    return msgspec.structs.replace(city, id="", sha256="", props=())
 
 
 __all__ = ["CameraEngine"]

@@ -7,7 +7,7 @@ however large the city is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -48,8 +48,7 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
     for tile in tiles:
         canvas.paint(tile)
         tops.append([b.top_m for b in tile.buildings if _seen_from_afar(b)])
-        west, south, east, north = extent(tile, city.tile_m)
-        boxes.append((west, south, -3.0, east, north, _top(tile)))
+        boxes.append(_box(tile, city.tile_m))
     least = _least([top for some in tops for top in some])
     tall = [key for key, some in zip(tiles.keys, tops, strict=True) if max(some, default=-1.0) >= least]
     made = {key: _blocks(tiles.load(key), least) for key in tall}  # read again: all at once they take much room
@@ -59,6 +58,23 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
     blocks = joined(part for group in groups for part in group)
     ranges = np.stack([first, counts], axis=2)
     return Skyline(blocks, tiles.keys, np.array(boxes).reshape(-1, 6), ranges, canvas.pixels())
+
+
+def with_tiles(sky: Skyline, city: City, tiles: Tiles) -> Skyline:
+    """The skyline of a city that differs in its props alone: a tile that is new or gone holds nothing else, so has no
+    block."""
+    number = {key: k for k, key in enumerate(sky.keys)}
+    ranges = np.zeros((2, len(tiles.keys), 2), np.int64)
+    for k, key in enumerate(tiles.keys):
+        if key in number:
+            ranges[:, k] = sky.ranges[:, number[key]]
+    boxes = np.array([_box(tile, city.tile_m) for tile in tiles]).reshape(-1, 6)
+    return replace(sky, keys=tiles.keys, boxes=boxes, ranges=ranges)
+
+
+def _box(tile: Tile, tile_m: float) -> tuple[float, ...]:
+    west, south, east, north = extent(tile, tile_m)
+    return west, south, -3.0, east, north, _top(tile)
 
 
 def _blocks(tile: Tile, least: float) -> tuple[MeshPart, MeshPart]:
