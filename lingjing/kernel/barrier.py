@@ -61,7 +61,7 @@ async def _await(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
     started = time.monotonic()
     try:
         return await call(), time.monotonic() - started
-    except (Exception, asyncio.CancelledError):
+    except (Exception, asyncio.CancelledError, GeneratorExit):
         raise
     except BaseException as error:  # a policy must not end the process it is a guest of
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
@@ -149,7 +149,7 @@ class PolicyBarrier:
         try:
             value, wall_s = future.result(timeout=left)
         except concurrent.futures.TimeoutError as error:
-            if future.done():  # the policy itself raised a TimeoutError
+            if _raised(future, error):  # the policy's own
                 return failure(error, started)
             future.cancel()
             self._threads[name].abandon()
@@ -164,6 +164,11 @@ class PolicyBarrier:
 
     def _late(self) -> PolicyAnswer:
         return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
+
+
+def _raised(future: concurrent.futures.Future[Any], error: BaseException) -> bool:
+    """Whether the call ended with this very error; one that answers at the last moment has not."""
+    return future.done() and not future.cancelled() and future.exception() is error
 
 
 def _decision_record(agent: str, answer: PolicyAnswer) -> DecisionRecord:

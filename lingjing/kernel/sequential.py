@@ -20,6 +20,12 @@ from lingjing.errors import InfrastructureError
 from lingjing.kernel.barrier import PolicyAnswer, PolicyBarrier, failure
 from lingjing.plugins.calls import AbandonedCallError
 
+_AGAIN_S = 0.5
+"""After what time a call that goes on is interrupted once more."""
+
+_NOBODY = 0
+"""The process that a loop belongs to which nobody uses again."""
+
 
 class _LateError(BaseException):
     """The time of a call is over. No policy that catches `Exception` catches it."""
@@ -41,7 +47,7 @@ class SequentialPolicies(PolicyBarrier):
             with _alarm(self._limit_s):
                 value = self._loop().run_until_complete(_awaited(call))
         except _LateError:
-            self._loops.append((0, asyncio.new_event_loop()))  # the one that was interrupted is of no more use
+            self._loops.append((_NOBODY, self._loops[-1][1]))  # the one that was interrupted is of no more use
             return self._late()
         except AbandonedCallError:  # what is replayed was given up here
             return self._late()
@@ -61,7 +67,7 @@ class SequentialPolicies(PolicyBarrier):
 async def _awaited(call: Callable[[], Awaitable[Any]]) -> Any:
     try:
         return await call()
-    except (Exception, asyncio.CancelledError, _LateError):
+    except (Exception, asyncio.CancelledError, GeneratorExit, _LateError):
         raise
     except BaseException as error:  # a policy must not end the process it is a guest of
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
@@ -69,13 +75,14 @@ async def _awaited(call: Callable[[], Awaitable[Any]]) -> Any:
 
 @contextmanager
 def _alarm(limit_s: float) -> Iterator[None]:
-    """Raise `_LateError` in the main thread when the time is over."""
+    """Raise `_LateError` in the main thread when the time is over, and again: a callback's is only logged by its
+    loop."""
 
     def late(number: int, frame: FrameType | None) -> None:
         raise _LateError
 
     before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, limit_s)
+    signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
     try:
         yield
     finally:

@@ -7,10 +7,11 @@ import gc
 import os
 import threading
 import warnings
+from concurrent.futures import Future
 
 import pytest
 
-from lingjing.kernel.barrier import AgentThread
+from lingjing.kernel.barrier import AgentThread, PolicyBarrier
 
 
 async def _answer() -> int:
@@ -36,6 +37,24 @@ def test_a_thread_answers() -> None:
         assert thread.submit(_answer).result(timeout=600)[0] == 4
     finally:
         thread.close()
+
+
+class _JustDone(Future[tuple[int, float]]):
+    """It is not done when it is waited for, and done when it is looked at next."""
+
+    def result(self, timeout: float | None = None) -> tuple[int, float]:
+        self.set_result((4, 0.1))
+        raise TimeoutError
+
+
+def test_an_answer_at_the_last_moment_is_late_and_no_error_of_the_policy() -> None:
+    barrier = PolicyBarrier({}, 5.0)
+    barrier._threads["a"] = AgentThread("a")
+    assert barrier._wait("a", _JustDone(), 0.0).reason == "policy_timeout"
+    own: Future[tuple[int, float]] = Future()
+    own.set_exception(TimeoutError("mine"))
+    answer = barrier._wait("a", own, 0.0)
+    assert (answer.reason, answer.detail) == ("policy_error", "TimeoutError: mine")
 
 
 async def _lose_the_descriptor() -> int:
