@@ -15,6 +15,9 @@ from lingjing.mission.instance import Instance
 from lingjing.mission.units import si_value
 from lingjing.mission.wording import shown_datum, shown_number
 
+_OPERAND = 1 + max(RANKS.values())
+"""How tightly a sign binds, and what needs no brackets."""
+
 
 class InstanceText:
     """Writes the rules of one instance; holds no run-time state."""
@@ -52,8 +55,10 @@ class InstanceText:
                 return f"{self(base)}[{self(index)}]"
             case ex.Range(low=low, high=high):
                 return f"{self(low)}..{self(high)}"
-            case ex.Unary(operator=operator, operand=operand):
-                return f"{operator} {self._side(operand, RANKS['not'])}" if operator == "not" else f"-{self(operand)}"
+            case ex.Unary(operator="not", operand=operand):
+                return f"not {self._side(operand, RANKS['not'])}"
+            case ex.Unary(operand=operand):
+                return f"-{self._side(operand, _OPERAND)}"
             case ex.Binary(operator=operator, left=left, right=right):
                 rank = RANKS[operator]
                 return f"{self._side(left, rank)} {operator} {self._side(right, rank + 1)}"
@@ -66,8 +71,10 @@ class InstanceText:
         return f"{name}({', '.join([*map(self, node.arguments), *named])})"
 
     def _side(self, node: ex.Expr, rank: int) -> str:
-        text = self(node)
-        return f"({text})" if isinstance(node, ex.Binary) and RANKS[node.operator] < rank else text
+        text, binds = self(node), _OPERAND
+        if isinstance(node, ex.Binary) or (isinstance(node, ex.Unary) and node.operator == "not"):
+            binds = RANKS[node.operator]
+        return f"({text})" if binds < rank else text
 
     def _listed(self, items: tuple[ex.Expr, ...]) -> str:
         return ", ".join(map(self, items))

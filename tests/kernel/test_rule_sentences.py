@@ -6,8 +6,11 @@ import pytest
 import lingjing
 from lingjing.data import data_path
 from lingjing.kernel.rule_sentences import rule_sentences
+from lingjing.mission.expression import Binary, Expr, Ref, Unary
 from lingjing.mission.instance import Instance
+from lingjing.mission.instance_text import InstanceText
 from lingjing.mission.instantiate import instantiate
+from tests.kernel import kernel_kit as kit
 
 
 def played(name: str, mode: str, seed: int = 1) -> Instance:
@@ -62,3 +65,17 @@ def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: st
     mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
     told = {rule_sentences(instantiate(mission, seed=seed)) for seed in range(4)}
     assert len(told) == 1
+
+
+@pytest.mark.parametrize(
+    ("condition", "text"),
+    [
+        (Unary("-", Binary("+", Ref("a", "local"), Ref("b", "local"))), "-(a + b)"),
+        (Binary("==", Unary("not", Ref("a", "local")), Ref("b", "local")), "(not a) == b"),
+        (Unary("not", Binary("==", Ref("a", "local"), Ref("b", "local"))), "not a == b"),
+        (Binary("and", Unary("not", Ref("a", "local")), Ref("b", "local")), "not a and b"),
+        (Binary("*", Unary("-", Ref("a", "local")), Ref("b", "local")), "-a * b"),
+    ],
+)
+def test_signs_and_not_are_of_what_is_in_their_brackets(condition: Expr, text: str) -> None:
+    assert InstanceText(kit.make_instance())(condition) == text
