@@ -30,6 +30,9 @@ from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT
 
+PROVED = "LJ06"
+"""How the codes of proofs begin that no episode of a mission can be won."""
+
 CandidateVerdict = Literal["fails", "other", "won", "no mission", "hopeless", "aborted"]
 """What became of a candidate: it fails the same way; it fails otherwise; it is won; it is no valid mission, or what was
 kept is not as it was; it cannot be won, as a proof says or because the control lost; its episode was cut short."""
@@ -204,9 +207,11 @@ class CandidatePlayer:
 
     def _refused(self, candidate: Candidate) -> CandidateVerdict | None:
         """Why the candidate need not be played."""
-        compiled = compile_text(candidate.text).mission
+        result = compile_text(candidate.text)
+        compiled = result.mission
         if compiled is None:
-            return "no mission"
+            errors = [one.code for one in result.diagnostics if one.severity == "error"]
+            return "hopeless" if all(code.startswith(PROVED) for code in errors) else "no mission"
         before = self.trace.header.instance
         try:
             instance = instantiate(compiled, seed=before.seed, mode=before.mode)

@@ -37,6 +37,9 @@ class Replay(msgspec.Struct, frozen=True, kw_only=True):
     """What running a trace again has shown. `confirmed` boundaries had the digest that the trace has for them;
     without a `difference` these are all of `boundaries`.
 
+    Of a file that was cut or damaged only what is before the fault is there to be run: `ends` says whether the
+    episode's outcome is in it.
+
     `drawn` if pictures were drawn anew; else their poses and boxes were taken from the trace. `pixels` is then the
     first picture whose pixels differ, which another renderer explains. `versions` are the libraries that differ
     from those the trace was made with: the digest is promised for equal ones.
@@ -46,6 +49,7 @@ class Replay(msgspec.Struct, frozen=True, kw_only=True):
     boundaries: int
     confirmed: int
     digest: str
+    ends: bool = True
     difference: Difference | None = None
     drawn: bool = False
     pixels: str = ""
@@ -90,6 +94,7 @@ def replay(
         boundaries=len(trace.boundaries),
         confirmed=confirmed,
         digest=trace.boundaries[-1].digest,
+        ends=trace.outcome is not None,
         difference=difference,
         drawn=draw,
         pixels=pixels,
@@ -98,15 +103,15 @@ def replay(
 
 
 def _other_deciders(trace: Trace, recorded: BoundaryRecord) -> Difference | None:
-    """Whether decisions are of others than the instance's agents, or not in their order, one each. They are what is
-    replayed, so no digest tells."""
-    agents = [agent.id for agent in trace.header.instance.agents]
+    """Whether decisions are not one of each of the instance's agents, in their order; before boundary 0 nobody decides.
+    They are what is replayed, so no digest tells: whoever is missing would count as having done nothing."""
+    agents = [agent.id for agent in trace.header.instance.agents] if recorded.tick else []
     made = [one.agent for one in recorded.decisions]
-    if made == [agent for agent in agents if agent in made]:
+    if made == agents:
         return None
     return Difference(
         boundary=recorded.tick, engine=KERNEL, field="decisions", recorded=_cut(made),
-        replayed=f"at most one of each, in this order: {_cut(agents)}",
+        replayed=f"one of each, in this order: {_cut(agents)}",
     )  # fmt: skip
 
 

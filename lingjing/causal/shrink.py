@@ -239,6 +239,8 @@ def _not_again(trace: Trace, player: CandidatePlayer, verdict: CandidateVerdict)
         "fails": "",
     }[verdict]
     hint = "a policy whose answers are not the same each time cannot be shrunk; settings of engines count too"
+    if verdict == "hopeless":
+        hint = "there is no failure of the policies to be made smaller; `lingjing validate` says what is in the way"
     return UsageError(f"the episode of {trace.path} {said}", hint=hint)
 
 

@@ -16,6 +16,10 @@ from lingjing.terminal import write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
+    from lingjing.trace.reader import Trace
+
+NO_OUTCOME = "it is still played, was killed, cut or damaged (`lingjing verify` tells)"
+"""Why a trace ends before its episode."""
 
 RECORDED = {b"\x89MCAP0\r\n": "a trace", b"PAR1": "a suite's results"}
 """How files of episodes begin (MCAP and Parquet specifications), and what they are."""
@@ -29,6 +33,13 @@ def read_mission(path: str) -> Mission:
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
     return mission
+
+
+def say_if_cut(trace: Trace) -> None:
+    """Say on standard error that a file holds a part of its episode only, for whatever is then made of it."""
+    if trace.outcome is None:
+        last = f"ends behind boundary {trace.boundaries[-1].tick}" if trace.boundaries else "holds no boundary"
+        say(f"note: {trace.path} {last} without an outcome: {NO_OUTCOME}")
 
 
 def write_output(content: str | bytes, output: str | None, reads: Iterable[str | Path] = ()) -> None:

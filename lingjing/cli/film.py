@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lingjing.cli.files import say_written
+from lingjing.cli.files import say_if_cut, say_written
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode
 
@@ -29,7 +29,9 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.viewer.film import make_film
 
     path = Path(args.output)
-    for note in make_film(read_trace(args.trace), path, truth=args.truth):
+    trace = read_trace(args.trace)
+    say_if_cut(trace)
+    for note in make_film(trace, path, truth=args.truth):
         say(f"note: {note}")
     say_written(path)
     return ExitCode.OK

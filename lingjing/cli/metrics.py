@@ -80,10 +80,12 @@ def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], Episo
 
 def _one(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
     from lingjing.analysis.pooled import counts_of
+    from lingjing.cli.files import say_if_cut
     from lingjing.trace.reader import collector_paused, read_trace
 
     with collector_paused():
         trace = read_trace(path)
+        say_if_cut(trace)
         counts = counts_of(trace)
         return _row(trace, counts), counts
 

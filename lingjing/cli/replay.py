@@ -7,6 +7,7 @@ import json
 import sys
 
 from lingjing.causal.replay import Replay, replay
+from lingjing.cli.files import NO_OUTCOME
 from lingjing.errors import ExitCode, LingjingError
 from lingjing.trace.reader import read_trace
 
@@ -53,6 +54,7 @@ def sentence(told: Replay) -> str:
     pictures = "pictures drawn anew" if told.drawn else "boxes of pictures taken from the trace"
     if told.difference is None:
         text = f"{told.path}: confirmed: {told.boundaries} boundaries, digest {told.digest[:16]}, {pictures}"
+        text += "" if told.ends else f"\n  what followed was not: the file has no outcome; {NO_OUTCOME}"
         text += f"\n  pixels differ first in {told.pixels}" if told.pixels else ""
         return text + (
             f"\n  confirmed though made with other libraries: {', '.join(told.versions)}" if told.versions else ""

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from lingjing.cli.arguments import whole_number
-from lingjing.cli.files import check_output, say_written, write_output
+from lingjing.cli.files import check_output, say_if_cut, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.play.descendants import be_told_of_the_end_of
@@ -55,6 +55,7 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.trace.reader import read_trace
 
     trace = read_trace(args.trace)
+    say_if_cut(trace)
     if args.rerun:
         return _rerun(trace, args)
     if args.foxglove:

@@ -253,7 +253,9 @@ def _opened(path: Path) -> IO[bytes]:
     try:
         file = path.open("rb")
     except OSError as error:
-        raise UsageError(f"cannot read the trace {path}: {error.strerror}") from error
+        inside = path / "trace.mcap"
+        hint = f"name the file in it: {inside}" if inside.is_file() else ""
+        raise UsageError(f"cannot read the trace {path}: {error.strerror}", hint=hint) from error
     if file.read(len(MAGIC)) != MAGIC:
         file.close()
         raise UsageError(f"{path} is not a trace", hint="a trace is an MCAP file such as runs/…/trace.mcap")

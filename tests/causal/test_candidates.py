@@ -1,5 +1,6 @@
 """`CandidatePlayer`: where candidates are played."""
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -40,3 +41,17 @@ def test_a_control_from_a_file_is_played_within_the_folder(tmp_path: Path, monke
     player.known[candidate.key, ""] = TriedCandidate(key=candidate.key, who="", verdict="fails")
     assert player.verdict(candidate) == "hopeless"
     assert [path.resolve().parent for path in played] == [folder]
+
+
+def test_a_mission_that_nobody_can_win_is_told_from_no_mission(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
+    player = CandidatePlayer(
+        trace=Trace(Path("made-up.mcap"), Header(instance=kit.make_instance(), bindings=(), fingerprint={}), (), None,
+                    False),
+        signature=FailureSignature(reason="budget"), sameness="reason", options=PlayOptions(mission=""), policies={},
+        folder=tmp_path, log=tmp_path / "tried.jsonl", budget=3, control="oracle",
+    )  # fmt: skip
+    too_short, torn = re.sub(r"ticks <= \d+", "ticks <= 2", text), text.replace("mission", "missing")
+    assert too_short != text
+    verdicts = [player.replayed(Candidate(one, {})) for one in (too_short, torn)]
+    assert verdicts == ["hopeless", "no mission"]

@@ -149,6 +149,14 @@ def test_decisions_of_others_than_the_agents_are_named(search: Trace) -> None:
         assert differs(forged(search, 3, decisions=decisions)) == (3, "kernel", "decisions")
 
 
+def test_decisions_that_were_taken_out_are_missed(search: Trace) -> None:
+    """Also where they had no effect, so that everything else is as it was."""
+    for agent in {made.agent for made in search.boundaries[3].decisions}:
+        left = tuple(made for made in search.boundaries[3].decisions if made.agent != agent)
+        assert differs(forged(search, 3, decisions=left)) == (3, "kernel", "decisions")
+    assert differs(forged(search, 0, decisions=search.boundaries[3].decisions)) == (0, "kernel", "decisions")
+
+
 def test_boundaries_that_are_missing_or_there_twice_are_named(search: Trace) -> None:
     records = search.boundaries
     for some in (records[:5] + records[6:], records[:5] + records[4:], records[1:]):
@@ -199,7 +207,8 @@ def test_another_instance_is_not_this_episode(search: Trace) -> None:
 def test_a_partial_trace_is_run_to_its_last_boundary(search: Trace) -> None:
     part = Trace(search.path, search.header, search.boundaries[:4], None, False, search.places)
     told = replay(part, world="inline")
-    assert told.difference is None and told.confirmed == 4
+    assert told.difference is None and told.confirmed == 4 and not told.ends
+    assert "\n  what followed was not: the file has no outcome; " in sentence(told)
     with pytest.raises(UsageError, match="holds no boundary"):
         replay(Trace(search.path, search.header, (), None, False), world="inline")
 

@@ -50,6 +50,18 @@ def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
+def test_a_damaged_file_is_said_to_hold_a_part(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "trace.mcap"
+    cut.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    for arguments in (("view", cut, "-o", tmp_path / "x.html"), ("metrics", cut), ("view", cut.parent)):
+        command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        if arguments[1] == cut:
+            assert done.returncode == 0 and f"note: {cut} " in done.stderr and "without an outcome" in done.stderr
+        else:
+            assert done.returncode == 2 and f"hint: name the file in it: {cut}" in done.stderr
+
+
 def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) -> None:
     trace, other, mission = tmp_path / "trace.mcap", tmp_path / "other.mcap", tmp_path / "m.ljs"
     shutil.copy(path, trace)
