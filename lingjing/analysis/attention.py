@@ -19,9 +19,12 @@ import numpy.typing as npt
 from lingjing.analysis.detection import shots
 from lingjing.errors import UsageError
 from lingjing.plugins.frame_detector import UnitBox
-from lingjing.trace.reader import Trace
+from lingjing.trace.reader import Trace, read_trace
 
 AttentionMap = npt.NDArray[np.float64]
+
+ATTENTION_FILE = "attention.npz"
+"""Maps of where a model looked, beside the trace that they are of."""
 
 
 def read_attention(path: str | Path) -> dict[str, AttentionMap]:
@@ -63,6 +66,13 @@ def attention_iou(trace: Trace, maps: Mapping[str, AttentionMap]) -> float | Non
         if truth.entity in targets and truth.pixels > 0
     ]
     return float(np.mean(values)) if values else None
+
+
+def attention_beside(trace: Path) -> float | None:
+    """`attention_iou` of a trace by the maps in `ATTENTION_FILE` beside it; None where one of the two files is missing
+    or no map shows a target. Raises `UsageError` for a file that holds no maps."""
+    file = trace.with_name(ATTENTION_FILE)
+    return attention_iou(read_trace(trace), read_attention(file)) if file.is_file() and trace.is_file() else None
 
 
 def box_iou(attention: AttentionMap, box: UnitBox) -> float:

@@ -10,10 +10,12 @@ import fcntl
 import hashlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
+
+import msgspec
 
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.rows import SuiteRow
@@ -65,8 +67,13 @@ def read_results(place: Path) -> list[SuiteRow]:
         files = _files(place)
         if not files:
             raise UsageError(f"`{place}` holds no results of a suite", hint="name its folder, or a .parquet file")
-        return _merged(files)
-    return read_rows(place)
+        return with_attention(_merged(files), place)
+    return with_attention(read_rows(place), place.parent)
+
+
+def with_attention(rows: Iterable[SuiteRow], folder: Path) -> list[SuiteRow]:
+    """The rows, each with the attention IoU of the maps that lie beside its trace in the suite's folder."""
+    return [_attended(row, folder / row.report.trace) if row.report.trace else row for row in rows]
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -176,6 +183,13 @@ def fingerprint(salt: str) -> str:
     return hashlib.sha256(f"lingjing salt {salt}".encode()).hexdigest()[:16]
 
 
+def _attended(row: SuiteRow, trace: Path) -> SuiteRow:
+    from lingjing.analysis.attention import attention_beside
+
+    looked = attention_beside(trace)
+    return row if looked is None else msgspec.structs.replace(row, attention_iou=looked)
+
+
 def _files(folder: Path) -> list[Path]:
     whole = folder / RESULTS
     return [*([whole] if whole.is_file() else []), *sorted((folder / PARTS).glob(f"*{_SUFFIX}"))]
@@ -187,5 +201,6 @@ def _merged(files: list[Path]) -> list[SuiteRow]:
 
 
 __all__ = [
-    "RESULTS", "ResultsFolder", "alone_in", "fingerprint", "open_results", "policy_seed", "read_results", "write_whole",
+    "RESULTS", "ResultsFolder", "alone_in", "fingerprint", "open_results", "policy_seed", "read_results",
+    "with_attention", "write_whole",
 ]  # fmt: skip

@@ -51,8 +51,8 @@ def _kept(found: Sequence[tuple[Path, SuiteRow]]) -> Iterator[SuiteRow]:
     yield from tries.values()
 
 
-def _rank(row: SuiteRow) -> tuple[int, float, str, int]:
-    return row.tries, row.wall_s, row.salt_sha256, row.policy_seed
+def _rank(row: SuiteRow) -> tuple[int, float, str, int, bool]:
+    return row.tries, row.wall_s, row.salt_sha256, row.policy_seed, row.attention_iou is None
 
 
 def _check_alike(name: str, found: Iterable[tuple[Path, SuiteRow]], hint: str) -> None:

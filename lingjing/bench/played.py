@@ -62,6 +62,10 @@ class Played:
         error = calibration_error([said for one in self._perceived() for said in one.confidences])
         return math.nan if error is None else error
 
+    def attention_iou(self) -> float:
+        """The mean over the episodes whose attention is known."""
+        return mean_of([row.attention_iou for row in self.rows if row.attention_iou is not None])
+
     def _perceived(self) -> list[PerceptionCounts]:
         return [row.report.perceived for row in self.rows if row.report.perceived is not None]
 

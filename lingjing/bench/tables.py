@@ -218,7 +218,7 @@ def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """Perception by entrant: what was overlooked, what was made up."""
+    """The paper's perception by entrant: what was overlooked, what was made up, where it looked."""
     lines = []
     for entrant, own in rows_by(rows, lambda row: row.entrant).items():
         played = Played(tuple(own))
@@ -226,14 +226,15 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             percent(played.perceived("missing")),
             percent(played.perceived("hallucinating")),
             percent(played.perceived("confusing")),
+            plain(played.attention_iou(), ".2f"),
             plain(played.f1(), ".2f"),
             plain(played.calibration_error(), ".2f"),
         )
         lines.append(_line(own[0], (entrant,), cells))
-    compared = marked(lines, by_column=True, lower=(0, 1, 2, 4))
-    yield ResultTable(
-        "perception", titled(title, "perception"), ("Entrant",), ("Miss", "Halluc.", "Confus.", "F1", "ECE"), compared
-    )
+    compared = marked(lines, by_column=True, lower=(0, 1, 2, 5))
+    heads = ("Miss", "Halluc.", "Confus.", "Attn-IoU", "F1", "ECE")
+    note = "Attn-IoU: N/A without attention.npz beside a trace (docs/metrics.md)"
+    yield ResultTable("perception", titled(title, "perception"), ("Entrant",), heads, compared, (note,))
 
 
 def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:

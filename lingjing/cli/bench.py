@@ -156,6 +156,7 @@ def _executor(args: argparse.Namespace, plan: SuitePlan, results: ResultsFolder)
 
 def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> int:
     from lingjing.bench.exports import EXPORTS, SUFFIXES, html_page
+    from lingjing.bench.folder import with_attention
     from lingjing.bench.running import WHOLE
     from lingjing.bench.tables import make_tables
 
@@ -183,7 +184,7 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
             f"{len(due) - done} of {len(due)} episodes are left",
             hint="the same command with a higher --max-cost goes on; `lingjing bench table` shows what there is",
         )
-    tables = make_tables(results.rows, suite.tables, suite.title)
+    tables = make_tables(with_attention(results.rows, results.folder), suite.tables, suite.title)
     for name, export in EXPORTS.items():
         text = "\n".join(map(export, tables))
         results.write(

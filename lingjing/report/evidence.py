@@ -77,14 +77,6 @@ class TwinFolders(NamedTuple):
     twins: Path
 
 
-class AttentionNote(NamedTuple):
-    """The attention IoU of one trace beside which maps lie, and who played it."""
-
-    study: str
-    entrant: str
-    value: float
-
-
 class ReportEvidence(msgspec.Struct, frozen=True, kw_only=True):
     """Everything that figures may show. `left_out` says, a line each, what was found and is in none of them."""
 
@@ -93,7 +85,6 @@ class ReportEvidence(msgspec.Struct, frozen=True, kw_only=True):
     searches: tuple[PromptTrial, ...] = ()
     probes: tuple[FrameProbe, ...] = ()
     twins: tuple[TwinFolders, ...] = ()
-    attention: tuple[AttentionNote, ...] = ()
     left_out: tuple[str, ...] = ()
 
     def played(self) -> Iterator[ReportStudy]:
@@ -107,5 +98,5 @@ class ReportEvidence(msgspec.Struct, frozen=True, kw_only=True):
 
 
 __all__ = [
-    "AttentionNote", "FrameProbe", "PromptTrial", "ReportEvidence", "ReportStudy", "TracedEpisode", "TwinFolders",
+    "FrameProbe", "PromptTrial", "ReportEvidence", "ReportStudy", "TracedEpisode", "TwinFolders",
 ]  # fmt: skip

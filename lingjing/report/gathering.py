@@ -3,12 +3,13 @@ that a thousand of them are never in memory at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import msgspec
 
+from lingjing.analysis.attention import attention_beside
 from lingjing.bench.folder import read_results
 from lingjing.bench.frame_sets.folder import read_class, set_classes
 from lingjing.bench.frame_sets.probe import ProbeCell
@@ -20,7 +21,6 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import read_document
 from lingjing.errors import LingjingError, UsageError
 from lingjing.report.evidence import (
-    AttentionNote,
     FrameProbe,
     PromptTrial,
     ReportEvidence,
@@ -33,9 +33,6 @@ from lingjing.report.trace_rows import row_of, with_conditions
 from lingjing.trace.reader import collector_paused, read_trace
 from lingjing.trace.records import CUT_SHORT
 
-ATTENTION = "attention.npz"
-"""Maps of where a model looked, beside the trace that they are of."""
-
 DecodedT = TypeVar("DecodedT")
 
 NAMED = 3
@@ -47,7 +44,6 @@ class TraceReading(NamedTuple):
 
     path: Path
     row: SuiteRow | None
-    attention: float | None = None
     fault: str = ""
     hint: str = ""
 
@@ -66,14 +62,13 @@ def gather(
     """
     found = find_places(places)
     suites, traced = _suites(found.results, other_code)
-    loose, more, attention, left_out = _loose(found, jobs, tell)
+    loose, more, left_out = _loose(found, jobs, tell)
     evidence = ReportEvidence(
         studies=tuple(suites + loose),
         traced=tuple(traced + more),
         searches=tuple(_search(folder) for folder in found.searches),
         probes=tuple(FrameProbe(folder.name, _probe(folder)) for folder in found.probes),
         twins=tuple(_paired(found.frames, found.twins)),
-        attention=(*_beside(traced), *attention),
         left_out=tuple(left_out),
     )
     if not (evidence.episodes or evidence.searches or evidence.probes or evidence.twins):
@@ -122,19 +117,12 @@ def _kept(row: SuiteRow, folders: Sequence[Path]) -> Path | None:
     return next((path for folder in folders if (path := folder / row.report.trace).is_file()), None)
 
 
-def _beside(traced: Iterable[TracedEpisode]) -> Iterator[AttentionNote]:
-    """The attention of suites' traces beside which maps lie."""
-    for path, row in traced:
-        if path.with_name(ATTENTION).is_file() and (value := _attention(path)) is not None:
-            yield AttentionNote(row.suite, row.entrant, value)
-
-
 # -- traces that are no suite's
 
 
 def _loose(
     found: FoundPlaces, jobs: int, tell: Callable[[int, int], None]
-) -> tuple[list[ReportStudy], list[TracedEpisode], list[AttentionNote], list[str]]:
+) -> tuple[list[ReportStudy], list[TracedEpisode], list[str]]:
     read: list[tuple[TraceReading, SuiteRow]] = []
     cut, faults, again = list[Path](), list[str](), list[Path]()
     for done, one in enumerate(_readings(found.traces, jobs), 1):
@@ -163,10 +151,7 @@ def _loose(
     ]
     rows = [row for _, row in kept.values()]
     traced = [TracedEpisode(one.path, row) for one, row in kept.values()]
-    attention = [
-        AttentionNote("", row.entrant, one.attention) for one, row in kept.values() if one.attention is not None
-    ]
-    return [_study("", "", rows)] if rows else [], traced, attention, notes
+    return [_study("", "", rows)] if rows else [], traced, notes
 
 
 def _readings(paths: Sequence[Path], jobs: int) -> Iterator[TraceReading]:
@@ -182,18 +167,10 @@ def _readings(paths: Sequence[Path], jobs: int) -> Iterator[TraceReading]:
 def _reading(path: Path) -> TraceReading:
     try:
         with collector_paused():
-            return TraceReading(path, row_of(read_trace(path)), _attention(path))
+            row = row_of(read_trace(path))
+            return TraceReading(path, msgspec.structs.replace(row, attention_iou=attention_beside(path)))
     except LingjingError as error:
         return TraceReading(path, None, fault=str(error), hint=error.hint)
-
-
-def _attention(path: Path) -> float | None:
-    file = path.with_name(ATTENTION)
-    if not file.is_file():
-        return None
-    from lingjing.analysis.attention import attention_iou, read_attention
-
-    return attention_iou(read_trace(path), read_attention(file))
 
 
 def _noted(what: Sequence[object], said: str) -> Iterator[str]:
@@ -235,4 +212,4 @@ def _paired(sets: Sequence[Path], twins: Sequence[Path]) -> Iterator[TwinFolders
             yield TwinFolders(max(shared, key=lambda one: shared[one]), folder)
 
 
-__all__ = ["ATTENTION", "gather"]
+__all__ = ["gather"]

@@ -12,6 +12,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from lingjing.analysis.attention import attention_beside
+from lingjing.bench.folder import read_results
+from lingjing.bench.merging import merge_results
+from lingjing.bench.parquet import encode_rows
+from lingjing.bench.tables import make_tables
 from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.report import gathering
@@ -21,6 +26,7 @@ from lingjing.report.trace_rows import with_conditions
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.writer import TraceWriter
 from tests.bench.suite_kit import made_row
+from tests.play.report_kit import made_report
 
 
 def copied(runs: Path, place: Path, *, keep: float = 1.0) -> Path:
@@ -129,10 +135,33 @@ def test_attention_maps_beside_a_trace_are_taken_in(runs: Path, tmp_path: Path) 
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
     frame = next(one for one in trace.frames.values() if any(box.entity in targets and box.pixels for box in one.boxes))
     np.savez(tmp_path / "attention.npz", **{frame.id: np.eye(8)})
-    (note,) = gather([tmp_path]).attention
-    assert note.entrant == "oracle" and 0.0 <= note.value < 1.0
+    (row,) = gather([tmp_path]).studies[0].rows
+    assert row.attention_iou is not None and 0.0 <= row.attention_iou < 1.0
     (tmp_path / "attention.npz").write_text("none")
     assert "attention.npz" in gather([runs, tmp_path]).left_out[0], "what is wrong beside a trace leaves it out"
+
+
+def test_attention_maps_of_a_suite_are_in_its_tables_and_go_along_when_merged(runs: Path, tmp_path: Path) -> None:
+    suite = tmp_path / "suite"
+    trace = read_trace(copied(runs, suite / "runs" / "one" / "trace.mcap"))
+    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    frame = next(one for one in trace.frames.values() if any(box.entity in targets and box.pixels for box in one.boxes))
+    report = made_report(trace="runs/one/trace.mcap")
+    (suite / "results.parquet").write_bytes(encode_rows([made_row(report=report), made_row(seed=1)]))
+
+    def shown() -> str:
+        (table,) = make_tables(read_results(suite), ["perception"])
+        return table.lines[0].cells[table.heads.index("Attn-IoU")].text
+
+    assert shown() == "N/A"
+    np.savez(suite / "runs" / "one" / "attention.npz", **{frame.id: np.eye(8)})
+    played, other = read_results(suite)
+    assert played.attention_iou == attention_beside(suite / "runs" / "one" / "trace.mcap") is not None
+    assert other.attention_iou is None and shown() == f"{played.attention_iou:.2f}"
+    submitted = tmp_path / "all.parquet"
+    submitted.write_bytes(encode_rows(merge_results([suite])))
+    assert read_results(submitted) == [played, other]
+    assert merge_results([submitted, suite]) == merge_results([suite, submitted]) == [played, other]
 
 
 def test_processes_give_the_same(runs: Path, evidence: ReportEvidence) -> None:

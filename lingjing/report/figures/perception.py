@@ -46,7 +46,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             drawings=tuple(
                 _drawn(number_of, column_words(*column), rows, farthest) for column, rows in columns.items()
             ),
-            tables=(_panel(cells, farthest), _backbones(study, evidence)),
+            tables=(_panel(cells, farthest), _backbones(study)),
         )
 
 
@@ -86,11 +86,11 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
     return ResultTable("panel", "Perception by mission", ("Entrant",), heads, tuple(lines), (note,))
 
 
-def _backbones(study: ReportStudy, evidence: ReportEvidence) -> ResultTable:
+def _backbones(study: ReportStudy) -> ResultTable:
     """The paper's table by backbone; attention is of models whose maps lie beside their traces."""
     lines = []
-    for entrant, rows in rows_by(study.plain, lambda row: row.entrant).items():
-        looked = [one.value for one in evidence.attention if (one.study, one.entrant) == (study.name, entrant)]
+    for rows in rows_by(study.plain, lambda row: row.entrant).values():
+        looked = [row.attention_iou for row in rows if row.attention_iou is not None]
         cells = (
             ResultCell(str(len(rows)), len(rows)),
             *(rate(rows).cell() for rate in _RATES),
