@@ -166,9 +166,10 @@ def f1_domain_difference(simulated: Sequence[EpisodeCounts], real: Sequence[Epis
 
 
 def relative_cost(episodes: Iterable[EpisodeCounts], baseline: Iterable[EpisodeCounts]) -> float | None:
-    """Prompt and completion tokens of all model calls over those of the baseline; None if the baseline has none."""
-    here, there = (sum(one.tokens for one in some if one.retained) for some in (episodes, baseline))
-    return ratio(here, there)
+    """Prompt and completion tokens of all model calls, a retained episode, over those of the baseline: of as many
+    episodes the totals' ratio. None if the baseline has none, or nothing is retained."""
+    here, there = ([one.tokens for one in some if one.retained] for some in (episodes, baseline))
+    return ratio(fmean(here), fmean(there)) if here and there else None
 
 
 def drift(episodes: Iterable[EpisodeCounts]) -> dict[str, BehaviourRates]:

@@ -330,6 +330,8 @@ def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore
     assert pooled.relative_cost([spent(100, 20)], [pooled.counts_of(of(boundary(0)))]) is None
     cut = replace(spent(100, 20), retained=False)
     assert pooled.relative_cost([spent(100, 20), cut], [spent(200, 40), cut]) == 0.5
+    assert pooled.relative_cost([spent(100, 20), cut], [spent(200, 40)] * 2) == 0.5  # one of two was aborted
+    assert pooled.relative_cost([cut], [spent(200, 40)]) is None
 
 
 def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
