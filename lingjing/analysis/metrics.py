@@ -165,7 +165,7 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     coverage: Annotated[float | None, "outcome"]
     """Search cells visited over all cells that agents observe, N/A where none observes any."""
     frames: Annotated[int, "perception"]
-    """Pictures taken."""
+    """Pictures that cameras of bodies took; reference pictures are none of them."""
     absent_frames: Annotated[int, "perception"]
     """Pictures asked for that did not come."""
     faint_targets: Annotated[int, "perception"]
@@ -244,7 +244,7 @@ def metrics(trace: Trace) -> Metrics:
         substitutions=sum(bool(made.substituted) for made in decisions),
         idle_fraction=idle_fraction(trace),
         coverage=_coverage(trace),
-        frames=len(trace.frames),
+        frames=len(shots(trace)),
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
         stages=stages_of(trace),

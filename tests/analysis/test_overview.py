@@ -185,6 +185,7 @@ def test_a_reference_picture_is_no_evidence(trace: Trace) -> None:
     assert frame is not None and frame.camera != "reference"
     assert all(view.frame.camera != "reference" for view in best_views(history, 9))
     assert detect(shown) == detect(trace)
+    assert metrics(shown).frames == metrics(trace).frames > 0
 
 
 def test_where_nobody_reports_the_last_picture_is_shown(trace: Trace) -> None:
