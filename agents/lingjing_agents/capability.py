@@ -7,7 +7,18 @@ import re
 from collections.abc import Mapping, Sequence
 
 from lingjing.plugins.decisions import sendable
-from lingjing.plugins.policy import PHOTO, Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource, VerbSpec
+from lingjing.plugins.policy import (
+    PHOTO,
+    Action,
+    Brief,
+    CameraSpec,
+    Datum,
+    MessageSpec,
+    Outgoing,
+    Resource,
+    VerbMotion,
+    VerbSpec,
+)
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
@@ -17,19 +28,37 @@ def has_verb(resource: Resource, verb: str) -> bool:
     return any(spec.name == verb for spec in resource.verbs)
 
 
+def straight_to(resource: Resource, *coordinates: str) -> str:
+    """The verb with which a body goes straight to a place that these arguments name; "" if it has none."""
+    return _going(resource, "straight", coordinates)
+
+
+def route_to(resource: Resource) -> str:
+    """The verb with which a body drives to a place on a map; "" if it has none."""
+    return _going(resource, "route", ("x", "y"))
+
+
+def _going(resource: Resource, motion: VerbMotion, coordinates: tuple[str, ...]) -> str:
+    for verb in resource.verbs:
+        if verb.motion == motion and {argument.name for argument in verb.arguments} == set(coordinates):
+            return verb.name
+    return ""
+
+
 def flying_camera(brief: Brief) -> Resource | None:
     """The first embodied resource that can go to a point and look down: what makes an agent a searcher."""
     for resource in brief.resources:
-        able = has_verb(resource, "setDestination") and has_verb(resource, PHOTO)
+        able = straight_to(resource, "x", "y", "z") and has_verb(resource, PHOTO)
         if resource.embodied and able and nadir_camera(resource) is not None:
             return resource
     return None
 
 
 def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
-    """The first resource with `moveTo` that the agent embodies, or (`embodied=False`) may merely command."""
+    """The first resource that goes straight to places on the water and that the agent embodies, or (`embodied=False`)
+    may merely command."""
     for resource in brief.resources:
-        if resource.embodied == embodied and has_verb(resource, "moveTo"):
+        if resource.embodied == embodied and straight_to(resource, "x", "y"):
             return resource
     return None
 
@@ -37,8 +66,7 @@ def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
 def vehicle(brief: Brief) -> Resource | None:
     """The first embodied resource that drives: it goes to places on a map, without a height."""
     for resource in brief.resources:
-        going = [verb for verb in resource.verbs if verb.name == "setDestination"]
-        if resource.embodied and going and not any(argument.name == "z" for argument in going[0].arguments):
+        if resource.embodied and route_to(resource):
             return resource
     return None
 
@@ -68,15 +96,16 @@ def photo(body: Resource, camera: CameraSpec) -> Action:
 def fly(body: Resource, x: float, y: float, z: float) -> Action:
     """The command that sends a flier to a place in the world, metres to the centimetre."""
     return Action(
-        verb="setDestination", arguments={"x": round(x, 2), "y": round(y, 2), "z": round(z, 2)}, resource=body.id
+        verb=straight_to(body, "x", "y", "z"),
+        arguments={"x": round(x, 2), "y": round(y, 2), "z": round(z, 2)},
+        resource=body.id,
     )
 
 
 def drive(body: Resource, place: GroundPoint) -> Action:
     """The command that sends a vehicle or a vessel to a place, metres to the centimetre."""
-    verb = "moveTo" if has_verb(body, "moveTo") else "setDestination"
     x, y = centimetres(place)
-    return Action(verb=verb, arguments={"x": x, "y": y}, resource=body.id)
+    return Action(verb=straight_to(body, "x", "y") or route_to(body), arguments={"x": x, "y": y}, resource=body.id)
 
 
 def first_argument_bounds(

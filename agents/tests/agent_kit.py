@@ -5,6 +5,8 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from lingjing.mission.kinds import builtin_engines
+from lingjing.mission.kinds_format import VerbKind
 from lingjing.plugins.geometry import camera_pose
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
@@ -125,7 +127,12 @@ def length(name: str, **more: float) -> ArgumentSpec:
 
 
 def verb(name: str, *arguments: ArgumentSpec) -> VerbSpec:
-    return VerbSpec(name=name, arguments=arguments)
+    """A verb as the built-in engine declares it whose bodies take such arguments."""
+    names = {argument.name for argument in arguments}
+    above, turned = names & {"z", "distance", "altitude"}, "angle" in names
+    engine = "multirotor" if above else "quadruped" if turned else "vessel" if name == "moveTo" else "road"
+    kind = builtin_engines()[engine].verbs.get(name, VerbKind())
+    return VerbSpec(name=name, arguments=arguments, doc=kind.doc, motion=kind.motion)
 
 
 def quadrotor(index: int) -> Resource:

@@ -32,6 +32,7 @@ from agents.tests.agent_kit import (
     Inbox,
     brief,
     envelope,
+    length,
     observe,
     picture,
     sent_by,
@@ -56,14 +57,21 @@ CLAIM = sent_by(ASSIGNMENT, "driver")
 
 UAV = Resource(
     id="uav", type="quadrotor", embodied=True, cameras=(NADIR,),
-    verbs=(verb("takeoff"), verb("setDestination"), verb("takePhoto")),
+    verbs=(verb("takeoff"), verb("setDestination", length("x"), length("y"), length("z")), verb("takePhoto")),
     properties={"band_low_m": 40.0, "band_high_m": 120.0},
 )  # fmt: skip
 
 
+DRIVEN = (verb("setDestination", length("x"), length("y")), verb("stop"))
+
+
 def van(name: str = "van", **properties: float) -> Resource:
     return Resource(
-        id=name, type="delivery_van", embodied=True, verbs=(verb("setDestination"), verb("stop")), properties=properties
+        id=name,
+        type="delivery_van",
+        embodied=True,
+        verbs=DRIVEN,
+        properties=properties,
     )
 
 
@@ -367,7 +375,7 @@ def test_a_gap_is_reported_with_its_place_on_the_deck(monkeypatch):
     assert decision.command.verb == "setDestination"
 
 
-TRUCK = Resource(id="truck", type="fire_truck", embodied=True, verbs=(verb("setDestination"), verb("stop")))
+TRUCK = Resource(id="truck", type="fire_truck", embodied=True, verbs=DRIVEN)
 
 
 def test_a_truck_drives_to_a_fire_once_and_hears_that_it_is_out():

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from lingjing_agents.heuristic.policy import HeuristicPolicy
 
+from agents.tests.agent_kit import verb
 from agents.tests.chat_server import Reply
 from lingjing.plugins.policy import (
     REFERENCE,
@@ -204,7 +205,7 @@ def _verb(line: str) -> VerbSpec:
                 optional="may be left out" in told[2],
             )
         )  # fmt: skip
-    return VerbSpec(name=name, arguments=tuple(arguments))
+    return verb(name, *arguments)
 
 
 def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpec]:

@@ -19,7 +19,7 @@ import msgspec
 from lingjing.bench.columns import Column
 from lingjing.bench.executors import Executor
 from lingjing.bench.planted import FACULTIES, FaultLabel, PlantedEpisode, PlantedKind, faulty_options
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Instance
 from lingjing.mission.seeding import integer
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import EpisodeReport
@@ -261,18 +261,13 @@ def _faculties(instance: Instance, made: DecisionRecord) -> Iterator[tuple[str, 
         return
     yield "execution", "withheld"
     body = bodies.get(command.resource or next(iter(agent.commands), ""))
-    if body is not None and _goes_straight(body):
-        if "x" in command.arguments:
-            yield "waypoint", "displaced"
-    elif "x" in command.arguments:
-        yield "routing", "displaced"
-    elif command.verb in ("left", "right"):
-        yield "routing", "mirrored"
-
-
-def _goes_straight(body: Entity) -> bool:
-    """Whether a body flies or sails to places."""
-    return any(verb.name == "moveTo" or any(argument.name == "z" for argument in verb.arguments) for verb in body.verbs)
+    motions = {verb.name: verb.motion for verb in body.verbs} if body is not None else {}
+    motion = motions.get(command.verb, "")
+    faculty = "waypoint" if "straight" in motions.values() else "routing"
+    if motion in ("straight", "route"):
+        yield faculty, "displaced"
+    elif motion == "turn" and faculty == "routing":
+        yield faculty, "mirrored"
 
 
 def first_change(without: Trace, given: Trace) -> tuple[int | None, tuple[str, ...]]:

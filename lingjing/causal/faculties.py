@@ -1,10 +1,10 @@
 """The six faculties of an agent: which record of a decision each one makes, and how it is replaced by the truth.
 
-A decision is one command and some messages. Every part of it belongs to one faculty, told by what the mission declares
-of verbs, message kinds and cameras, never by a name of a mission or a policy. The truth is the decision of a
-*reference*: a privileged policy that is asked at the same boundary, with the same inbox and pictures and with the true
-states. `FACULTIES` is the table of docs/attribution.md. A part that agrees with the reference's within the tolerances
-below is left as it is, so that a replacement is a departure and no noise.
+A decision is one command and some messages. Every part of it belongs to one faculty, told by what engines declare of
+verbs and the mission of message kinds and cameras, never by a name of a mission, a policy or a verb. The truth is the
+decision of a *reference*: a privileged policy that is asked at the same boundary, with the same inbox and pictures and
+with the true states. `FACULTIES` is the table of docs/attribution.md. A part that agrees with the reference's within
+the tolerances below is left as it is, so that a replacement is a departure and no noise.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from lingjing.analysis.detection import iou, numbers
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.tasks import reported
+from lingjing.mission.vocabulary import VerbMotion
 from lingjing.trace.records import Action, Decision, Faculty, Outgoing
 
 PLACE_M = 15.0
@@ -31,8 +32,8 @@ STEP = 1.0
 OVERLAP = 0.5
 """A box is right that overlaps (IoU) with the true one by so much: what the shipped missions adjudicate by."""
 
-_STEPS = frozenset({"forward", "backward", "left", "right", "up", "down"})
-_STRAIGHT = "moveTo"
+_RELATIVE: frozenset[VerbMotion] = frozenset(("step", "up", "down", "turn"))
+"""Motions one of which may stand in the place of another: they differ in where they lead."""
 
 
 class FacultyMeaning(NamedTuple):
@@ -250,9 +251,11 @@ def _kind_of_move(said: Action, due: Action, scene: TrueSituation) -> Faculty | 
     """The faculty that two moves of one body differ in; None if they are not both moves of one body."""
     resource = _resource(said, scene)
     entity = next((one for one in scene.instance.entities if one.id == resource), None)
-    if entity is None or resource != _resource(due, scene) or not (_moves(said.verb) and _moves(due.verb)):
+    if entity is None or resource != _resource(due, scene):
         return None
-    if said.verb != due.verb and not {said.verb, due.verb} <= _STEPS:
+    motions = {verb.name: verb.motion for verb in entity.verbs}
+    here, there = motions.get(said.verb, ""), motions.get(due.verb, "")
+    if not here or not there or (said.verb != due.verb and not {here, there} <= _RELATIVE):
         return None
     return _motion(entity)
 
@@ -279,14 +282,8 @@ def _coordinates(action: Action) -> tuple[float, float] | None:
 def _motion(entity: Entity) -> Faculty | None:
     """The faculty that moves of an entity belong to: `waypoint` if it goes straight to places, through the air or over
     water, `routing` if it follows roads or walks; None if it does not move by commands."""
-    for verb in entity.verbs:
-        if verb.name == _STRAIGHT or {"x", "y", "z"} <= {argument.name for argument in verb.arguments}:
-            return "waypoint"
-    return "routing" if any(_moves(verb.name) for verb in entity.verbs) else None
-
-
-def _moves(verb: str) -> bool:
-    return verb in _STEPS or verb in (_STRAIGHT, "setDestination")
+    motions = {verb.motion for verb in entity.verbs} - {""}
+    return "waypoint" if "straight" in motions else "routing" if motions else None
 
 
 def _resource(action: Action, scene: TrueSituation) -> str:

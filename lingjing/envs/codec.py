@@ -20,6 +20,7 @@ from lingjing.envs.vocabulary import STATUSES, Vocabulary
 from lingjing.errors import UsageError
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec, Weather
 from lingjing.mission.model import Field
+from lingjing.mission.spec_schema import ELEVATIONS
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
 from lingjing.trace.request_ids import is_request_of
@@ -212,7 +213,7 @@ class Codec:
             cameras = entity.cameras
             return cameras[min(int((value + 1.0) / 2.0 * len(cameras)), len(cameras) - 1)].name if cameras else None
         low, high = spec.minimum, spec.maximum
-        if spec.name in ("z", "altitude"):
+        if spec.name in ELEVATIONS:
             low, high = entity.properties.get("band_low_m", 0.0), entity.properties.get("band_high_m", 120.0)  # type: ignore[assignment]
         if low is None:
             low = -self._reach_m

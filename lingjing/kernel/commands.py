@@ -20,13 +20,10 @@ from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
-from lingjing.mission.vocabulary import PHOTO
+from lingjing.mission.vocabulary import PHOTO, STOP
 from lingjing.plugins.decisions import altitude_band, argument_bounds
 from lingjing.trace.records import Action, Command, Receipt
 from lingjing.trace.request_ids import request_id
-
-PREEMPTING = "stop"
-"""The one verb that is admitted while its resource is busy."""
 
 DEAD = "dead"
 """The status word of an entity that does nothing any more."""
@@ -141,7 +138,7 @@ class CommandValidator:
         """What the mission itself forbids for now, or for good."""
         for permit in self._instance.permits if at is not None else ():
             concerned = permit.resource == resource and permit.verb in ("", action.verb)
-            if concerned and action.verb != PREEMPTING and at is not None and not holds(permit.condition, {}, at):
+            if concerned and action.verb != STOP and at is not None and not holds(permit.condition, {}, at):
                 return Rejection("not_permitted", f"the mission does not permit `{action.verb}` of `{resource}` yet")
         forbidden = tally.command(resource, action.verb) if tally is not None else ""
         return Rejection(LIMIT, forbidden) if forbidden else None
@@ -228,7 +225,7 @@ def _resource_fault(
     if first is not None:
         return Rejection("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")
     held = registry.pending.get(resource)
-    if held is not None and action.verb != PREEMPTING:
+    if held is not None and action.verb != STOP:
         return Rejection("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
     if action.verb == PHOTO:
         return _sight_fault(resource, registry.states[resource].status)
@@ -275,14 +272,14 @@ def _clip(
 
 
 def _limits(verb: VerbSpec, spec: ArgumentSpec, entity: Entity, registry: Registry) -> tuple[float, float]:
-    """Bounds of one argument at its entity's present elevation: `up` and `down` end at the altitude band."""
+    """Bounds of one argument at its entity's present elevation: what goes up or down ends at the altitude band."""
     low, high = argument_bounds(spec, entity.properties)
     band = altitude_band(entity.properties)
     if band is None:
         return low, high
     height = registry.states[entity.id].position[2]
-    if verb.name == "up":
+    if verb.motion == "up":
         return low, max(0.0, min(high, band[1] - height))
-    if verb.name == "down":
+    if verb.motion == "down":
         return low, max(0.0, min(high, height - band[0]))
     return low, high

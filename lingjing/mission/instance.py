@@ -22,7 +22,7 @@ from lingjing.mission.model import (
     Stage,
     Unlock,
 )
-from lingjing.mission.vocabulary import EVERYONE
+from lingjing.mission.vocabulary import EVERYONE, VerbMotion
 
 Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
@@ -130,11 +130,12 @@ class ArgumentSpec(Record, frozen=True, kw_only=True):
 
 
 class VerbSpec(Record, frozen=True, kw_only=True):
-    """One admissible command of a resource."""
+    """One admissible command of a resource; `motion` and, where its type says nothing, `doc` are its engine's words."""
 
     name: str
     arguments: tuple[ArgumentSpec, ...] = ()
     doc: str = ""
+    motion: VerbMotion = ""
 
 
 class StateSpec(Record, frozen=True, kw_only=True):

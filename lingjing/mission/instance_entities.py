@@ -21,6 +21,7 @@ from lingjing.mission.instance import (
     VerbSpec,
 )
 from lingjing.mission.kinds import engine_kind
+from lingjing.mission.kinds_format import EngineKind, VerbKind
 from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
@@ -127,7 +128,9 @@ def entities(
     if "position" not in columns:
         raise MissionError(f"{mission}/{group.name} has no position", hint=f"give '{group.name}' a position")
     cameras = tuple(_camera(camera, scope, f"{mission}/{group.name}/{camera.name}") for camera in group.cameras)
-    verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
+    verbs = tuple(
+        _verb(verb, scope, f"{mission}/{group.name}/{verb.name}", engine_kind(group.engine)) for verb in group.verbs
+    )
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
     state = tuple(StateSpec(name=prop.plain, unit=prop.unit) for prop in group.properties if prop.state)
     _check_abilities(group, columns, mission)
@@ -300,10 +303,14 @@ def _camera(camera: model.Camera, scope: Scope, path: str) -> CameraSpec:
         )
 
 
-def _verb(verb: model.Verb, scope: Scope, path: str) -> VerbSpec:
+def _verb(verb: model.Verb, scope: Scope, path: str, engine: EngineKind) -> VerbSpec:
+    kind = engine.verbs.get(verb.name, VerbKind())
     with at_path(path):
         return VerbSpec(
-            name=verb.name, arguments=tuple(_argument(argument, scope) for argument in verb.arguments), doc=verb.doc
+            name=verb.name,
+            arguments=tuple(_argument(argument, scope) for argument in verb.arguments),
+            doc=verb.doc or kind.doc,
+            motion=kind.motion,
         )
 
 

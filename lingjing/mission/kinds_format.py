@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.vocabulary import VerbMotion
 
 Surface = Literal["ground", "road", "roof", "facade", "bridge", "pipe", "water"]
 """What a thing can stand on in a scene."""
@@ -82,22 +83,52 @@ class SceneKind(_Record, frozen=True, kw_only=True):
         return () if given is None else given if isinstance(given, tuple) else (given,)
 
 
+class VerbKind(_Record, frozen=True, kw_only=True):
+    """What an engine does with a verb: how it moves the body, and in words, for whoever chooses among verbs."""
+
+    motion: VerbMotion = ""
+    doc: str = ""
+
+
+class TopSpeed(_Record, frozen=True, kw_only=True):
+    """What no body of an engine exceeds over ground: the property of that name, m/s, times `factor`, and these shares
+    of the strongest wind and current of the mission. Proofs rest on it, so it is generous."""
+
+    property: str
+    factor: Annotated[float, msgspec.Meta(ge=1)] = 1.0
+    wind: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+
+
 class EngineKind(_Record, frozen=True, kw_only=True):
     """A kind of engine.
 
-    `acts`: its entities can perform interactions. `landbound`: its bodies are never under the ground or the sea.
-    `stands_on` is the surface that they are always on. `anywhere`: they may begin outside of the scene, which they
-    cross at once. `orbits`: elements place them. `standard_properties`: speeds, endurances and loads mean what the
-    language says.
+    `verbs` are those that it understands beside `stop` and `takePhoto`. `acts`: its entities can perform interactions.
+    `landbound`: its bodies are never under the ground or the sea. `stands_on` is the surface that they are always on.
+    `anywhere`: they may begin outside of the scene, which they cross at once. `orbits`: elements place them.
+    `standard_properties`: speeds, endurances and loads mean what the language says.
+
+    The rest is for proofs, and where it is not said nothing is proved. `top_speed` bounds how fast a body is.
+    `stays`: one that nobody commands is moved by wind and current alone; `drift_factor`: one is moved by its declared
+    `drift` alone, at most so many times as fast. `in_band`: one that flies stays within its altitude `band`.
+    `overshoot`: a command to move by a length carries one at most so many times as far, and 2 m beyond. `least_power`:
+    the most economical way of moving takes at least this share of the power by which the property `endurance` counts.
     """
 
     name: str
+    verbs: dict[str, VerbKind] = {}
     acts: bool = True
     landbound: bool = False
     stands_on: Surface | Literal[""] = ""
     anywhere: bool = False
     orbits: bool = False
     standard_properties: bool = False
+    top_speed: TopSpeed | None = None
+    stays: bool = False
+    drift_factor: Annotated[float, msgspec.Meta(ge=1)] | None = None
+    in_band: bool = False
+    overshoot: Annotated[float, msgspec.Meta(ge=1)] | None = None
+    least_power: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
 
 
 class KindsFile(_Record, frozen=True, kw_only=True):

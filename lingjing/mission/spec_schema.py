@@ -29,7 +29,7 @@ def altitude_band(properties: Mapping[str, Datum]) -> tuple[float, float] | None
 def argument_bounds(spec: ArgumentSpec, properties: Mapping[str, Datum]) -> tuple[float, float]:
     """Within what the kernel clips an argument: its declared bounds, an elevation also to the altitude band.
 
-    What `up` and `down` may still rise and sink to the band depends on where the resource is.
+    How far a verb of the motion `up` or `down` may still go to the band depends on where the resource is.
     """
     low = -math.inf if spec.minimum is None else spec.minimum
     high = math.inf if spec.maximum is None else spec.maximum

@@ -16,6 +16,17 @@ EVERYONE = "all"
 PHOTO = "takePhoto"
 """The verb that asks a camera for a picture; the kernel routes it to the camera engine instead of its own engine."""
 
+STOP = "stop"
+"""The verb that ends what a body is doing; the only one that is admitted while the body is busy."""
+
+VerbMotion = Literal["", "straight", "route", "step", "up", "down", "turn"]
+"""How a verb moves its body, as the body's engine declares (`lingjing.mission.kinds_format.VerbKind`).
+
+`straight` or by a `route` of the engine's it goes to the place that the arguments `x`, `y` (and `z`) name. By a `step`
+along or across its heading, `up` or `down` it goes as far as the first argument says. By a `turn` it changes its
+heading. "" is a verb that does none of these.
+"""
+
 UNLOCK = "unlock."
 """What the kernel's own command for an interaction begins with: `unlock.rescue`."""
 

@@ -30,7 +30,7 @@ from lingjing.mission.instance import (
     Weather,
 )
 from lingjing.mission.model import Field
-from lingjing.mission.vocabulary import PHOTO
+from lingjing.mission.vocabulary import PHOTO, STOP, VerbMotion
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Absent,
@@ -49,6 +49,7 @@ from lingjing.trace.records import (
     TaskEvent,
     Usage,
 )
+from lingjing.trace.request_ids import is_request_of
 
 if TYPE_CHECKING:
     from lingjing.plugins.options import PluginOptions
@@ -237,9 +238,10 @@ class PolicyPlugin:
 
 
 __all__ = [
-    "PHOTO", "REFERENCE", "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec", "Cell",
-    "CellView", "City", "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo",
-    "Inbox", "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation",
-    "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route",
-    "RouteEnds", "TaskEvent", "Usage", "UsageError", "Vector", "VerbSpec", "Weather",
+    "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec",
+    "Cell", "CellView", "City", "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field",
+    "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError",
+    "Observation", "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region",
+    "Resource", "Route", "RouteEnds", "TaskEvent", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather",
+    "is_request_of",
 ]  # fmt: skip

@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lingjing.mission.values import is_finite
+from lingjing.mission.vocabulary import STOP
 from lingjing.trace.records import Command, Receipt, Status
-
-STOP = "stop"
-"""The one verb that pre-empts a pending request."""
 
 
 class Refusal(Exception):  # noqa: N818 - a refusal is an answer and not an error

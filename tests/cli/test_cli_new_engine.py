@@ -47,7 +47,7 @@ def site(package: Path) -> Path:
 
 def test_nothing_of_the_template_is_left_and_all_is_formatted(package: Path) -> None:
     files = [path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-    assert {path.suffix for path in files} <= {".py", ".ljs", ".toml", ".md"}
+    assert {path.suffix for path in files} <= {".py", ".ljs", ".toml", ".md", ".json"}
     for path in files:
         text = path.read_text(encoding="utf-8")
         assert "NAME0" not in text and "Name0" not in text and "Title0" not in text

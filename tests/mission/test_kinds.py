@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from collections.abc import Iterator
@@ -10,12 +11,15 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.causal.faculties import faculties_of
 from lingjing.cli import installed
 from lingjing.cli.main import main
 from lingjing.dsl import compile_text
 from lingjing.errors import ExitCode, PluginError
 from lingjing.mission import kinds, kinds_file
+from lingjing.mission.feasibility.motion import Air, ceiling
 from lingjing.mission.instance import SceneSpec
+from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import builtin_scenes, engine_kind, extent_m, lacks, reach_m, scene_faults
 from lingjing.mission.kinds_format import KindsFile, SceneKind
 
@@ -91,6 +95,30 @@ def test_a_strangers_engine_says_where_its_bodies_may_be(acme: Path) -> None:
     assert not engine_kind("submarine").anywhere and engine_kind("submarine").acts
 
 
+def test_a_strangers_engine_says_what_its_verbs_do_and_how_fast_its_bodies_are(acme: Path) -> None:
+    verbs = {"glide": {"motion": "straight", "doc": "glides there"}, "ascend": {"motion": "up"}}
+    speed = {"property": "speed_mps", "factor": 1.5, "wind": 1.0}
+    acme.write_text(json.dumps({"engines": [{"name": "balloon", "verbs": verbs, "top_speed": speed}]}))
+    shipped = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text("utf-8")
+    verb = "verb glide(x: length, y: length, z: length)\n  verb ascend(distance: length)\n  verb sing()"
+    text = shipped.replace(
+        "mission ssr", f"asset blimp {{\n  engine = balloon\n  speed = 4 m/s\n  {verb}\n}}\n\nmission ssr", 1
+    )
+    rider = "agent rider as rider controls float { observes float.* }"
+    held = f"asset float : blimp {{ position = (0 m, 0 m) }}\n  {rider}\n  asset boat :"
+    mission = compile_text(text.replace("asset boat :", held, 1)).mission
+    assert mission is not None
+    instance = instantiate(mission, seed=1)
+    blimp = next(entity for entity in instance.entities if entity.id == "float")
+    assert [(one.name, one.motion, one.doc) for one in blimp.verbs] == [
+        ("glide", "straight", "glides there"), ("ascend", "up", ""), ("sing", "", ""),
+    ]  # fmt: skip
+    agent = next(agent for agent in instance.agents if agent.id == "rider")
+    assert faculties_of(instance, agent) == ("waypoint", "execution")
+    assert ceiling(blimp, {}, Air(wind_mps=3.0), driven=True) == 9.0
+    assert ceiling(blimp, {}, Air(wind_mps=3.0), driven=False) == math.inf
+
+
 def test_of_a_scene_without_a_file_nothing_is_known(acme: Path) -> None:
     spec = SceneSpec(kind="moon", options={"depth_m": 5.0})
     assert list(scene_faults(spec)) == []
@@ -106,7 +134,16 @@ def test_a_kind_may_be_like_another(acme: Path) -> None:
     assert found.spelled() == {"depth_m": "depth", "width_m": "width"}
 
 
-@pytest.mark.parametrize("text", ["{", '{"scenes": [{"nam": 1}]}', '{"scenes": [{"name": "x", "like": "y"}]}', "[]"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        '{"engines": [{"name": "x", "verbs": {"go": {"motion": "sideways"}}}]}',
+        '{"scenes": [{"nam": 1}]}',
+        '{"scenes": [{"name": "x", "like": "y"}]}',
+        "[]",
+    ],
+)
 def test_a_file_that_is_none_is_named(acme: Path, text: str) -> None:
     acme.write_text(text)
     with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):

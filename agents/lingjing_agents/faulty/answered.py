@@ -6,11 +6,9 @@ from collections.abc import Mapping
 
 import msgspec
 
-from lingjing.plugins.policy import Action, Brief, Datum, Decision, MessageSpec, Outgoing, Resource
+from lingjing.plugins.policy import STOP, Action, Brief, Datum, Decision, MessageSpec, Outgoing, Resource
 from lingjing_agents.capability import has_verb
 from lingjing_agents.faulty.options import PlantedFault
-
-MIRRORED = {"left": "right", "right": "left"}
 
 
 def changed_answer(fault: PlantedFault, brief: Brief, decision: Decision) -> Decision:
@@ -20,7 +18,7 @@ def changed_answer(fault: PlantedFault, brief: Brief, decision: Decision) -> Dec
         case "localisation":
             messages = tuple(_mislocated(fault, brief, one) for one in messages)
         case "waypoint" | "routing" if command is not None and _concerns(fault, brief, command):
-            command = _rerouted(fault, command)
+            command = _rerouted(fault, brief, command)
         case "handoff":
             messages = tuple(kept for one in messages for kept in _handed(fault, brief, one))
         case "execution" if command is not None:
@@ -56,18 +54,19 @@ def _concerns(fault: PlantedFault, brief: Brief, command: Action) -> bool:
     resource = _resource(brief, command)
     if resource is None:
         return False
-    flies_or_sails = any(argument.name == "z" for verb in resource.verbs for argument in verb.arguments)
-    flies_or_sails |= has_verb(resource, "moveTo")
-    if fault.faculty == "waypoint":
-        return flies_or_sails and "x" in command.arguments
-    turns = command.verb in MIRRORED if fault.chosen == "mirrored" else "x" in command.arguments
-    return turns and not flies_or_sails
+    motions = {verb.name: verb.motion for verb in resource.verbs}
+    if ("straight" in motions.values()) != (fault.faculty == "waypoint"):
+        return False
+    due = ("turn",) if fault.chosen == "mirrored" else ("straight", "route")
+    return motions.get(command.verb) in due
 
 
-def _rerouted(fault: PlantedFault, command: Action) -> Action:
+def _rerouted(fault: PlantedFault, brief: Brief, command: Action) -> Action:
     """The command to another place, or to turn to the other side."""
     if fault.chosen == "mirrored":
-        return msgspec.structs.replace(command, verb=MIRRORED[command.verb])
+        resource = _resource(brief, command)
+        turns = [verb.name for verb in resource.verbs if verb.motion == "turn"] if resource is not None else []
+        return msgspec.structs.replace(command, verb=next((one for one in turns if one != command.verb), command.verb))
     x, y = _number(command.arguments, "x") + fault.east_m, _number(command.arguments, "y") + fault.north_m
     return msgspec.structs.replace(command, arguments={**command.arguments, "x": x, "y": y})
 
@@ -96,6 +95,6 @@ def _handed(fault: PlantedFault, brief: Brief, message: Outgoing) -> list[Outgoi
 def _halted(brief: Brief, command: Action) -> Action | None:
     """`stop` in place of the command; nothing for a body that has no such verb."""
     resource = _resource(brief, command)
-    if resource is None or not has_verb(resource, "stop"):
+    if resource is None or not has_verb(resource, STOP):
         return None
-    return Action(verb="stop", resource=resource.id)
+    return Action(verb=STOP, resource=resource.id)

@@ -9,7 +9,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, drive, has_verb, may_send, speed
+from lingjing_agents.capability import compose, drive, may_send, speed, straight_to
 from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m
 from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
@@ -35,7 +35,7 @@ class Rescuer:
         self._brief = brief
         self._body = body
         self._target_type = (target_type_of(brief) or (PEOPLE, ""))[0]
-        self._afloat = has_verb(body, "moveTo")
+        self._afloat = bool(straight_to(body, "x", "y"))
         self._sightings = self._target_type.sightings(brief)
         self._log = EventLog(self._target_type.done)
         self._before: GroundPoint | None = None

@@ -18,7 +18,7 @@ from lingjing.plugins.policy import (
     Route,
     Vector,
 )
-from lingjing_agents.capability import has_verb, nadir_camera, photo, rated
+from lingjing_agents.capability import has_verb, nadir_camera, photo, rated, straight_to
 from lingjing_agents.flight_levels import FlightLevels, crowded, overhead
 from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.ability import Ability
@@ -41,9 +41,8 @@ _LEAD_S, _LEAD_MPS = 60.0, 8.0
 def flyer(brief: Brief) -> Resource | None:
     """The first embodied resource that goes to points in the air."""
     for resource in brief.resources:
-        for verb in resource.verbs if resource.embodied else ():
-            if verb.name == "setDestination" and any(argument.name == "z" for argument in verb.arguments):
-                return resource
+        if resource.embodied and straight_to(resource, "x", "y", "z"):
+            return resource
     return None
 
 
@@ -88,7 +87,7 @@ class AircraftControl:
 
     def _straight_to(self, x: float, y: float, z: float) -> Action:
         arguments: dict[str, Datum] = {"x": x, "y": y, "z": z}
-        return Action(verb="setDestination", arguments=arguments, resource=self.body.id)
+        return Action(verb=straight_to(self.body, "x", "y", "z"), arguments=arguments, resource=self.body.id)
 
     def _others(self, truth: PrivilegedState) -> list[Vector]:
         """Where the rest of the fleet is."""

@@ -234,12 +234,9 @@ def walking(brief: Brief, plan: InstanceIndex, composer: MessageComposer, report
 
 
 def _walks(entity: Entity) -> bool:
-    turns = [verb for verb in entity.verbs if verb.name in ("left", "right")]
-    return (
-        bool(turns)
-        and all(argument.unit == "deg" for verb in turns for argument in verb.arguments)
-        and any(verb.arguments for verb in turns)
-    )
+    """Whether a body turns on the spot, by an angle that it is told."""
+    turns = [verb.arguments for verb in entity.verbs if verb.motion == "turn"]
+    return any(turns) and all(argument.unit == "deg" for arguments in turns for argument in arguments)
 
 
 def _guidance(truth: PrivilegedState) -> tuple[str, float] | None:

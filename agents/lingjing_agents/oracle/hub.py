@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.plugins.policy import Brief, Datum, Envelope, Outgoing
+from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, Outgoing
 from lingjing.plugins.tasks import Task
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
@@ -93,7 +93,7 @@ class Leading(Ability):
             body.id
             for body in self._plan.able(task)
             if self._plan.owners[body.id].id in self._roles
-            and not any(truth.forbidden(body.id, verb.name) for verb in body.verbs if verb.name != "stop")
+            and not any(truth.forbidden(body.id, verb.name) for verb in body.verbs if verb.name != STOP)
         ]
         if not able:
             return ""

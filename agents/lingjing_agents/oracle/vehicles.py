@@ -6,7 +6,7 @@ import math
 
 from lingjing.plugins.policy import Action, Brief, Datum, Outgoing, Resource
 from lingjing.plugins.tasks import Task
-from lingjing_agents.capability import speed
+from lingjing_agents.capability import route_to, speed, straight_to
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
@@ -22,11 +22,7 @@ _RING_M = 14.0
 
 def mover(resource: Resource) -> str:
     """The verb with which a resource goes to a point in the plane, "" if it has none."""
-    for verb in resource.verbs:
-        names = {argument.name for argument in verb.arguments}
-        if verb.name in ("moveTo", "setDestination") and names == {"x", "y"}:
-            return verb.name
-    return ""
+    return straight_to(resource, "x", "y") or route_to(resource)
 
 
 class TargetApproach:
@@ -34,6 +30,7 @@ class TargetApproach:
 
     def __init__(self, resource: Resource, plan: InstanceIndex) -> None:
         self.resource, self.verb, self._plan = resource, mover(resource), plan
+        self._straight = bool(straight_to(resource, "x", "y"))
         self._sent: dict[str, int] = {}
 
     def next(self, truth: PrivilegedState) -> tuple[Task, Action | None] | None:
@@ -59,11 +56,11 @@ class TargetApproach:
 
     def _to(self, truth: PrivilegedState, task: Task, onward: str) -> Action | None:
         here, there = truth.place(self.resource.id), truth.place(task.target)
-        stop_m = SHORT * task.within_m if self.verb == "moveTo" else 0.0
-        reach_m = stop_m + NEAR_M if self.verb == "moveTo" else task.within_m - 1.0
+        stop_m = SHORT * task.within_m if self._straight else 0.0
+        reach_m = stop_m + NEAR_M if self._straight else task.within_m - 1.0
         if math.dist(here, there) <= reach_m or truth.forbidden(self.resource.id, self.verb):
             return None
-        if self.verb == "moveTo":
+        if self._straight:
             east, north = truth.drift(task.target)
             lead_s = max(0.0, math.dist(here, there) - stop_m) / speed(self.resource)
             there = there[0] + lead_s * east, there[1] + lead_s * north

@@ -14,12 +14,14 @@ import msgspec
 from lingjing.plugins.decisions import altitude_band, argument_bounds, field_values, recipients, sendable
 from lingjing.plugins.policy import (
     PHOTO,
+    STOP,
     ArgumentSpec,
     Brief,
     CameraSpec,
     Cell,
     MessageSpec,
     Resource,
+    VerbMotion,
     VerbSpec,
     Weather,
 )
@@ -139,32 +141,27 @@ def _left_out(spec: ArgumentSpec) -> str:
 
 
 def _meaning(verb: VerbSpec, band: tuple[float, float] | None) -> str:
-    """What a verb does, told by its name in the paper's action table and by what it takes."""
-    unit = verb.arguments[0].unit if verb.arguments else ""
-    kind = "turn" if unit == "deg" else "move" if unit == "m" else ""
-    said = _VERBS.get((verb.name, kind)) or _VERBS.get((verb.name, "")) or ""
-    if verb.name in ("up", "down") and band is not None:
-        said += f"; ends at the band, elevation {band[1] if verb.name == 'up' else band[0]:g} m"
-    if verb.name in ("setDestination", "moveTo") and any(one.name == "x" for one in verb.arguments):
-        said = "goes to the place x east, y north" + (", elevation z" if len(verb.arguments) > 2 else "")
-    return verb.doc or said or "see its arguments"
+    """What a verb does, in the words of its type or of its engine."""
+    said = verb.doc or _RESERVED.get(verb.name) or _MOTIONS[verb.motion]
+    if verb.motion in ("up", "down") and band is not None:
+        said += f"; ends at the band, elevation {band[1] if verb.motion == 'up' else band[0]:g} m"
+    return said
 
 
-_VERBS: Mapping[tuple[str, str], str] = {
-    ("takeoff", ""): "climbs so many metres above where it stands (10 if left out)",
-    ("forward", "move"): "moves straight ahead along its heading",
-    ("backward", "move"): "moves straight back, keeping its heading",
-    ("left", "move"): "moves sideways to its left, keeping its heading",
-    ("right", "move"): "moves sideways to its right, keeping its heading",
-    ("left", "turn"): "turns left on the spot (its heading falls by so much)",
-    ("right", "turn"): "turns right on the spot (its heading grows by so much)",
-    ("left", ""): "turns left at the next junction",
-    ("right", ""): "turns right at the next junction",
-    ("up", "move"): "rises",
-    ("down", "move"): "sinks",
-    ("stop", ""): "ends what it is doing; is taken while it is busy",
-    (PHOTO, ""): "takes a picture, which comes with the next observation (the first camera if none is named)",
+_RESERVED: Mapping[str, str] = {
+    STOP: "ends what it is doing; is taken while it is busy",
+    PHOTO: "takes a picture, which comes with the next observation (the first camera if none is named)",
 }
+_MOTIONS: Mapping[VerbMotion, str] = {
+    "": "see its arguments",
+    "straight": "goes straight to the place",
+    "route": "goes to the place by a way of its own",
+    "step": "moves so far",
+    "up": "rises",
+    "down": "sinks",
+    "turn": "turns",
+}
+"""Of verbs for which nobody has words."""
 
 
 # -- messages

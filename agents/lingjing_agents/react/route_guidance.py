@@ -15,8 +15,9 @@ from dataclasses import replace
 import msgspec
 
 from lingjing.plugins.geometry import distance_xy
-from lingjing.plugins.policy import Action, Brief, Datum, EntityView, Observation, RouteEnds, Vector
+from lingjing.plugins.policy import PHOTO, STOP, Action, Brief, Datum, EntityView, Observation, RouteEnds, Vector
 from lingjing.plugins.roads import RoadMap, read_road_map
+from lingjing_agents.capability import straight_to
 
 NOT_GIVEN = "(not given: find it in pictures)"
 REACHED_M = 20.0
@@ -26,7 +27,6 @@ AROUND_M = 250.0
 """Roads are given as far as this around the ends of the route."""
 
 _PLACE = re.compile(r"\(-?\d+(?:\.\d+)?, -?\d+(?:\.\d+)?\)")
-_MOVES = ("setDestination", "forward", "backward", "left", "right", "up", "down", "takeoff")
 
 
 class RouteGuidance:
@@ -40,9 +40,9 @@ class RouteGuidance:
             self._roads = read_road_map(brief.road_network)
             self._way = self._roads.way(self._ends.start[:2], self._ends.end[:2])
         self._fliers = {
-            resource.id: resource
+            resource.id: going
             for resource in brief.resources
-            if resource.embodied and any(len(verb.arguments) == 3 for verb in resource.verbs)
+            if resource.embodied and (going := straight_to(resource, "x", "y", "z"))
         }
         self._next = 0
         self._height: dict[str, float] = {}
@@ -87,11 +87,11 @@ class RouteGuidance:
     def command(self, command: Action | None) -> Action | None:
         """The command that is given: in A3 a flier that the model moves goes to the next node, at its own height."""
         node = self.next_node()
-        if node is None or command is None or command.verb not in _MOVES or command.resource not in self._fliers:
+        if node is None or command is None or command.resource not in self._fliers or command.verb in (STOP, PHOTO):
             return command
         z = command.arguments.get("z", self._height.get(command.resource, 0.0))
         place: dict[str, Datum] = {"x": node[0], "y": node[1], "z": z}
-        return msgspec.structs.replace(command, verb="setDestination", arguments=place)
+        return msgspec.structs.replace(command, verb=self._fliers[command.resource], arguments=place)
 
     def _pass_nodes(self, place: Vector) -> None:
         points = () if self._way is None else self._way.points

@@ -7,7 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Picture, Receipt
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Picture,
+    Receipt,
+    is_request_of,
+)
 from lingjing_agents.react.facts import compact, tenths, weather
 from lingjing_agents.react.pictures import WHOLE, SentImage, in_words
 
@@ -17,12 +27,12 @@ class RequestLedger:
     answer."""
 
     def __init__(self) -> None:
-        self._commands: dict[str, Action] = {}
+        self._commands: dict[int, Action] = {}
 
     def note(self, tick: int, decision: Decision) -> None:
         """Keep a decision that was made at a boundary; it is carried out at the next. A call gives one command."""
         if decision.command is not None:
-            self._commands[f"c{tick + 1}"] = decision.command
+            self._commands[tick + 1] = decision.command
 
     def in_words(self, agent: str, receipts: Sequence[Receipt]) -> list[dict[str, object]]:
         """The receipts with the verb or the kind of message that each answers. Accepted messages are left out."""
@@ -33,7 +43,8 @@ class RequestLedger:
         ]
 
     def _said(self, agent: str, receipt: Receipt) -> dict[str, object]:
-        asked = self._commands.get(receipt.request.partition("-")[0]) if receipt.sender == agent else None
+        own = receipt.sender == agent and is_request_of("command", receipt.request)
+        asked = self._commands.get(receipt.tick) if own else None
         fields: dict[str, object] = {
             "request": receipt.request,
             "from": receipt.sender if receipt.sender != agent else "you",

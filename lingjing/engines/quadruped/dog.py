@@ -19,7 +19,7 @@ from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.engines.stock import Stock
 from lingjing.mission.instance import Entity, Vector
-from lingjing.plugins.requests import Refusal, number
+from lingjing.plugins.requests import STOP, Refusal, number
 from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState, Command
 
@@ -142,7 +142,7 @@ class Dog:
             raise Refusal("dead", f"`{self.id}` is lost")
         if self.phase is DogPhase.FALLEN:
             raise Refusal("fallen", f"`{self.id}` has fallen and is getting up")
-        if command.verb == "stop":
+        if command.verb == STOP:
             self.task = stopping(here)
             pack.ease(self.row)
         elif command.verb == "forward":

@@ -13,11 +13,10 @@ from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
 from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
 from lingjing.mission.feasibility.tour import length
 from lingjing.mission.instance import LimitSpec, VerbSpec
+from lingjing.mission.kinds import engine_kind
 
-OVERSHOOT = 1.25
-"""One command carries its vehicle at most this many times as far as it says, and `SWING_M` beyond."""
 SWING_M = 2.0
-_STEPPING = frozenset(("multirotor", "quadruped"))
+"""So far a command carries its vehicle beyond its length times the engine's overshoot, and a turn may swing it."""
 
 
 def refute_ticks(need: Need, limit: TimeLimit, outline: Outline, at: str) -> Proof | None:
@@ -116,18 +115,19 @@ def _longest_step(body: Body, counted: LimitSpec) -> float:
     """How far one counted command takes the vehicle, metres; infinity if that is not bounded or not all count."""
     names = {item.name for item in counted.counts if item.kind == "command" and item.resource == body.id}
     moving = [verb for verb in body.entity.verbs if verb.name not in IDLE_VERBS]
-    if body.entity.engine not in _STEPPING or not names or not moving:
+    overshoot = engine_kind(body.entity.engine).overshoot
+    if overshoot is None or not names or not moving:
         return math.inf
     if "" not in names and any(verb.name not in names for verb in moving):
         return math.inf
-    return max(_step(verb) for verb in moving)
+    return max(_step(verb, overshoot) for verb in moving)
 
 
-def _step(verb: VerbSpec) -> float:
+def _step(verb: VerbSpec, overshoot: float) -> float:
     """A verb's longest displacement: by its one bounded length; none if it only turns."""
-    metres = [argument for argument in verb.arguments if argument.unit == "m"]
-    if not metres and verb.arguments and all(argument.unit == "deg" for argument in verb.arguments):
+    if verb.motion == "turn":
         return SWING_M
-    if len(metres) != 1 or len(verb.arguments) != 1 or metres[0].maximum is None or metres[0].name in ("x", "y", "z"):
+    length = verb.arguments[0] if len(verb.arguments) == 1 and verb.arguments[0].unit == "m" else None
+    if verb.motion in ("straight", "route") or length is None or length.maximum is None:
         return math.inf
-    return metres[0].maximum * OVERSHOOT + SWING_M
+    return length.maximum * overshoot + SWING_M

@@ -79,10 +79,6 @@ class Outline(msgspec.Struct, frozen=True):
         """Ticks as seconds of mission time."""
         return ticks * self.instance.clock.tick_s
 
-    def by_engine(self, engine: str) -> tuple[Body, ...]:
-        """The bodies that an engine owns."""
-        return tuple(body for body in self.bodies.values() if body.entity.engine == engine)
-
     def actors(self, interaction: InteractionSpec) -> tuple[Body, ...]:
         """The bodies that may perform an interaction."""
         return tuple(self.bodies[actor.id] for actor in self.instance.actors(interaction))

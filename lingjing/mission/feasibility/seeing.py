@@ -9,6 +9,7 @@ from lingjing.mission.feasibility.needs import PictureNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.instance import CameraSpec
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.vocabulary import PHOTO
 
 RESOLVED_PX = 2.0
@@ -23,8 +24,6 @@ LARGEST_M = {"person_in_water": 2.5}
 
 _RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
 """By how much the scene may raise what stands on a surface; on others it may be anywhere."""
-
-_FLYING = frozenset(("multirotor", "plane"))
 
 
 def refute_picture(picture: PictureNeed, outline: Outline) -> Proof | None:
@@ -101,7 +100,7 @@ def _lowest_m(body: Body, target: Body) -> float:
     """Metres between camera and target at the lowest allowed altitude; 0 if the asset is not kept up by a band."""
     lowest = body.bounds("band_low_m")[0]
     raised = _RAISED_M.get(str(target.entity.properties.get("on")), math.inf)
-    if body.entity.engine not in _FLYING or not math.isfinite(lowest):
+    if not engine_kind(body.entity.engine).in_band or not math.isfinite(lowest):
         return 0.0
     top = target.entity.position[2] + extent_m(target) + raised
     return max(0.0, lowest - top)

@@ -13,7 +13,7 @@ from lingjing.mission import model
 from lingjing.mission.feasibility.outline import Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof, gathered, spelled
 from lingjing.mission.instance import CameraSpec, Entity
-from lingjing.mission.kinds import extent_m
+from lingjing.mission.kinds import engine_kind, extent_m
 
 WIDE = 50.0
 """From how many times the scene's extent on a picture is called too wide: the scene is a fiftieth of its width."""
@@ -25,9 +25,9 @@ MADE_M, LEAST_M = 550e3, 160e3
 def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
     """A hint for each satellite's camera that is far too wide for the scene, in the mission's first mode; nothing for a
     mission that cannot be evaluated or is too large to be looked at."""
-    if all(group.engine != "satellite" for group in mission.groups):
-        return ()
     try:
+        if not any(engine_kind(group.engine).orbits for group in mission.groups):
+            return ()
         mode = mission.modes.allowed[0]
         return () if too_large(mission, mode) else too_wide_of(of_mission(mission, mode))
     except LingjingError:
@@ -39,7 +39,7 @@ def too_wide_of(outline: Outline) -> tuple[Proof, ...]:
     extent = extent_m(outline.instance.scene)
     if extent is None:
         return ()
-    carriers = [body.entity for body in outline.by_engine("satellite")]
+    carriers = [body.entity for body in outline.bodies.values() if engine_kind(body.entity.engine).orbits]
     found = [_hint(entity, camera, extent) for entity in carriers for camera in entity.cameras]
     return gathered(proof for proof in found if proof is not None)
 

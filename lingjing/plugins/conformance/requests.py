@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 import msgspec
 
+from lingjing.mission.vocabulary import STOP
 from lingjing.plugins.conformance.case import EngineCase, advance, engine_of, play, require
 from lingjing.trace.records import Command, Receipt
 
 UNKNOWN_VERB = "conformance.noSuchVerb"
 UNKNOWN_RESOURCE = "conformance.no_such_resource"
 
-STOP = "stop"
 SENDER = "conformance"
 
 
@@ -184,6 +184,6 @@ def _preempt(case: EngineCase, command: Command) -> None:
 
 
 __all__ = [
-    "SENDER", "STOP", "UNKNOWN_RESOURCE", "UNKNOWN_VERB", "check_admission", "check_arguments", "check_busy",
+    "SENDER", "UNKNOWN_RESOURCE", "UNKNOWN_VERB", "check_admission", "check_arguments", "check_busy",
     "check_commands", "check_preemption", "check_receipts", "check_refusals",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
-from lingjing_agents.capability import has_verb, may_send
+from lingjing_agents.capability import has_verb, may_send, route_to
 from lingjing_agents.heuristic.dogs.building_finder import BuildingFinder
 from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
 from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
@@ -27,7 +27,7 @@ def walking_body(brief: Brief) -> Resource | None:
     """The first embodied resource that turns by degrees and steps forward by metres, and cannot be sent to a point."""
     for resource in brief.resources:
         turns = has_verb(resource, "left") and has_verb(resource, "right") and has_verb(resource, "forward")
-        if resource.embodied and turns and not has_verb(resource, "setDestination"):
+        if resource.embodied and turns and not route_to(resource):
             return resource
     return None
 
