@@ -67,11 +67,6 @@ def check(plan: BranchPlan, trace: Trace) -> None:
         _check_message(change, trace)
 
 
-def faculties(instance: Instance) -> tuple[tuple[str, str], ...]:
-    """All (faculty, agent) pairs of an instance, in the order of its agents."""
-    return tuple((faculty, agent.id) for agent in instance.agents for faculty in faculties_of(instance, agent))
-
-
 def boundary_of(trace: Trace, message: str) -> int:
     """The boundary whose decisions a message came from. `UsageError` if the trace has no such message."""
     for record in trace.boundaries:
