@@ -42,8 +42,12 @@ from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import Assignments
-from lingjing.mission.expression import Attr, Call, Expr, Ref, parts
+from lingjing.mission.expression import Attr, Call, Ref, parts
+from lingjing.mission.feasibility.needs import Handover
+from lingjing.mission.feasibility.outline import Outline, of_instance
+from lingjing.mission.feasibility.unfolding import mentions
 from lingjing.mission.instance import Instance
+from lingjing.mission.model import Stage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Receipt
 
@@ -111,6 +115,7 @@ class _Story:
     judged: bool = False
     locates: bool = False
     assigns: bool = False
+    handing: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         instance = self.trace.header.instance
@@ -121,8 +126,9 @@ class _Story:
         matching = matching_rules(self.trace)
         locating = _locating_rules(instance, matching)
         self.judged, self.locates = bool(matching), bool(locating)
-        handing = {stage.name for stage in instance.stages if _asks_for_assignment(stage.condition)}
-        self.assigns = bool(handing)
+        outline = of_instance(instance)
+        self.handing = {stage.name for stage in instance.stages if _asks_for_assignment(stage, outline)}
+        self.assigns = bool(self.handing)
         assignments = Assignments(instance)
         owners = {body: agent.id for agent in instance.agents for body in agent.controls}
         for record in self.trace.boundaries:
@@ -134,7 +140,7 @@ class _Story:
                         self.located.setdefault(name, event.tick)
             for change in record.stages:
                 self.done.setdefault(change.stage, change.tick)
-                if change.stage in handing:
+                if change.stage in self.handing:
                     self.handed.setdefault(change.subject, change.tick)
             for body, targets, message in assignments.at(record):
                 for target in targets:
@@ -292,7 +298,7 @@ def _due(story: _Story) -> int | None:
     """When the stages before the one that asks for an assignment were done; None if one of them never was."""
     ticks = [0]
     for stage in story.trace.header.instance.stages:
-        if _asks_for_assignment(stage.condition):
+        if stage.name in story.handing:
             break
         if stage.name not in story.done:
             return None
@@ -436,8 +442,10 @@ def _locating_rules(instance: Instance, matching: frozenset[str]) -> frozenset[s
     )
 
 
-def _asks_for_assignment(condition: Expr) -> bool:
-    return any(isinstance(part, Call) and part.function == "assigned" for part in parts(condition))
+def _asks_for_assignment(stage: Stage, outline: Outline) -> bool:
+    """Whether a stage is done by giving somebody a destination."""
+    domains = {stage.variable: stage.domain} if stage.variable and stage.domain else {}
+    return any(isinstance(one, Handover) for one in mentions(stage.condition, outline, domains))
 
 
 def _who_controls(instance: Instance, body: str) -> str:
