@@ -35,12 +35,14 @@ def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
     counted = [row for row in rows if row.standing == "counted" and not row.condition]
     columns = columns_of(counted)
     lines: list[ResultLine] = []
-    place = 0
+    listed, place, last = 0, 0, math.nan
     for name, average in ranking(counted):
         own = [row for row in counted if row.entrant == name]
         shown = own[0].privileged
         group = SHOWN if shown else UNRANKED if math.isnan(average) else ""
-        place += not group
+        if not group:
+            listed += 1
+            place, last = place if average == last else listed, average  # who ties shares a place
         cells = [percent(Played(tuple(row for row in own if (row.mission, row.mode) == one)).rate()) for one in columns]
         label = (str(place) if not group else "", f"{name} {PRIVILEGED}" if shown else name)
         lines.append(ResultLine(group, label, (ranged(average, average_range(own, columns)), *cells)))

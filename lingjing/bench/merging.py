@@ -11,6 +11,12 @@ from lingjing.errors import UsageError
 
 _KEPT_APART = "merge those of one version each, or put them together all the same with --other-code"
 
+_NOT_REPEATED = "one of the two was played on a machine, or by a policy, that does not repeat: leave one out"
+_DRAWN_APART = (
+    "their folders have salts of their own, so the policies drew other numbers: leave one out, play other seeds, or "
+    "play with one `salt` file in both folders"
+)
+
 
 def merge_results(places: Sequence[Path], *, other_code: bool = False) -> list[SuiteRow]:
     """The rows of all places, each episode once. Raises `UsageError` where they may not stand in one table."""
@@ -36,10 +42,11 @@ def _kept(found: Sequence[tuple[Path, SuiteRow]]) -> Iterator[SuiteRow]:
     for place, row in counted[1:]:
         first_place, first = counted[0]
         if _outcome(row) != _outcome(first):
+            drawn_alike = row.policy_seed == first.policy_seed
             raise UsageError(
                 f"{_named(row)} ended otherwise in `{place}` than in `{first_place}`: {row.report.reason} with digest "
                 f"{row.report.digest[:12]}, not {first.report.reason} with {first.report.digest[:12]}",
-                hint="one of the two was played on a machine, or by a policy, that does not repeat: leave one out",
+                hint=_NOT_REPEATED if drawn_alike else _DRAWN_APART,
             )
     tries: dict[RowKey, SuiteRow] = {}
     if counted:

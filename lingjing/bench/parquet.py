@@ -79,7 +79,10 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
             yield msgspec.convert(whole, SuiteRow)
         except (msgspec.ValidationError, ValueError, TypeError) as error:
             made = f"lingjing {plain.get('version') or 'of an unknown version'}, code {str(plain.get('code'))[:12]}"
-            hint = f"it was made by {made}; this is lingjing {lingjing.__version__}: read it with the one that made it"
+            hint = (
+                f"it was made by {made}; this is lingjing {lingjing.__version__}: read it with the one that made it, "
+                "or score its traces, where they are kept, with this one: lingjing report FOLDER/runs"
+            )
             raise UsageError(f"row {at} of `{file}` cannot be read: {error}", hint=hint) from error
 
 

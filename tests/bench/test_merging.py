@@ -54,6 +54,15 @@ def test_what_does_not_fit_together_is_refused(changes: dict[str, object], said:
         merge_results(places)
 
 
+def test_places_that_drew_other_numbers_are_told_apart_from_those_that_do_not_repeat(tmp_path: Path) -> None:
+    first = written(tmp_path, "a", made_row(policy_seed=1, salt_sha256="s"))
+    for seed, said in ((1, "does not repeat"), (2, "salts of their own")):
+        other = written(tmp_path, f"b{seed}", made_row(success=False, policy_seed=seed))
+        with pytest.raises(UsageError, match="ended otherwise") as refused:
+            merge_results([first, other])
+        assert said in refused.value.hint
+
+
 def test_rows_of_other_code_are_put_together_if_that_is_wanted(tmp_path: Path) -> None:
     places = [written(tmp_path, "a", made_row()), written(tmp_path, "b", made_row(code="d", entrant="f"))]
     assert len(merge_results(places, other_code=True)) == 2
@@ -87,6 +96,14 @@ def entrant(name: str, won: int, **changes: object) -> list[SuiteRow]:
         for mission in ("bi", "vdn")
         for seed in range(12)
     ]
+
+
+def test_who_ties_shares_a_place() -> None:
+    rows = [made_row(entrant=name, seed=seed, success=seed < won) for name, won in
+            (("a", 1), ("b", 3), ("c", 1), ("d", 0)) for seed in range(4)]  # fmt: skip
+    page = leaderboard(rows)
+    places = re.findall(r">(\d)</th><th[^>]*>([a-d])</th>", page[: page.index("Who played")])
+    assert places == [("1", "b"), ("2", "a"), ("2", "c"), ("4", "d")]
 
 
 def test_entrants_are_ranked_if_they_have_played_everything() -> None:

@@ -340,6 +340,7 @@ def test_what_holds_no_results_is_said(content: bytes | str, said: str, tmp_path
     assert main(["bench", "table", str(file)]) == ExitCode.USAGE
     told = capsys.readouterr()
     assert re.search(said, told.err) and told.out == ""
+    assert ("lingjing report FOLDER/runs" in told.err) == (content == "report")
 
 
 def test_results_are_read_while_they_are_played(tmp_path: Path) -> None:
