@@ -60,7 +60,8 @@ def check_ready(players: Sequence[Player], max_cost: float | None) -> None:
     """Raise `UsageError` where a model's key is missing, or money is to be capped and prices are not known."""
     keys: dict[str, list[str]] = {}
     for player in players:
-        variable = player.model.key_variable if player.model and "api_key_env" not in player.args else ""
+        usual = player.model.key_variable if player.model else ""
+        variable = str(player.args.get("api_key_env", usual))
         if variable and not os.environ.get(variable):
             keys.setdefault(variable, []).append(player.name)
     if keys:

@@ -24,7 +24,8 @@ PAID = SMALL.replace('policy = "oracle"', 'model = "gpt-5.5"').replace('["bi", "
 
 @pytest.fixture
 def suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    for key in ("OPENAI_API_KEY", "OWN_KEY"):
+        monkeypatch.delenv(key, raising=False)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "none"))  # whoever runs this may have models of their own
     file = tmp_path / "paid.toml"
     file.write_text(PAID)
@@ -81,6 +82,10 @@ def test_it_does_not_start_without_a_limit_a_key_or_a_price(
     command = ["bench", str(suite), "-o", str(out)]
     assert main(command) == ExitCode.USAGE
     assert capsys.readouterr().err.startswith("error: models cannot be asked: GPT-5.5: OPENAI_API_KEY is not set")
+    suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { api_key_env = "OWN_KEY" }'))
+    assert main(command) == ExitCode.USAGE
+    assert capsys.readouterr().err.startswith("error: models cannot be asked: GPT-5.5: OWN_KEY is not set")
+    suite.write_text(PAID)
     monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
     assert main(command) == ExitCode.USAGE
     told = capsys.readouterr().err
