@@ -67,7 +67,12 @@ def read_results(place: Path) -> list[SuiteRow]:
         files = _files(place)
         if not files:
             raise UsageError(f"`{place}` holds no results of a suite", hint="name its folder, or a .parquet file")
-        return with_attention(_merged(files), place)
+        try:
+            return with_attention(_merged(files), place)
+        except UsageError:
+            if _files(place) == files:
+                raise
+            return read_results(place)  # its suite has put its parts together meanwhile
     return with_attention(read_rows(place), place.parent)
 
 

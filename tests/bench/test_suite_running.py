@@ -75,6 +75,25 @@ def test_every_episode_is_played_once_seed_by_seed_and_matched(plan: SuitePlan, 
     assert again.tasks == []
 
 
+def test_results_are_read_while_their_parts_are_put_together(
+    plan: SuitePlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(plan, tmp_path / "a", AnsweringExecutor())
+    whole = read_results(tmp_path / "a")
+    other = tmp_path / "b"
+    with open_results(other) as results:
+        for row in whole:
+            results.add(row)
+
+        def compacting(file: Path) -> list[SuiteRow]:
+            monkeypatch.setattr(folders, "read_rows", read_rows)
+            results.compact()
+            return read_rows(file)
+
+        monkeypatch.setattr(folders, "read_rows", compacting)
+        assert {row.key for row in read_results(other)} == {row.key for row in whole}
+
+
 def test_an_abort_is_played_again_with_its_seed_and_kept_in_view(plan: SuitePlan, tmp_path: Path) -> None:
     executor = aborting("engine `road` died")
     play(plan, tmp_path / "a", executor)
