@@ -79,13 +79,15 @@ def trails_png(trace: Trace) -> bytes:
 
     from lingjing.analysis.history import history_of
     from lingjing.analysis.overview.mapview import draw_map
+    from lingjing.analysis.overview.style import as_written
 
-    figure = Figure(figsize=MAP_IN, dpi=MAP_DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.01, 0.085, 0.98, 0.875))
-    draw_map(axes, history_of(trace), city_of(trace), credit(trace.header.attribution), legend_columns=5)
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
+    with as_written():
+        figure = Figure(figsize=MAP_IN, dpi=MAP_DPI, facecolor="white")
+        FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.01, 0.085, 0.98, 0.875))
+        draw_map(axes, history_of(trace), city_of(trace), credit(trace.header.attribution), legend_columns=5)
+        figure.savefig(out, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
     return out.getvalue()
 
 

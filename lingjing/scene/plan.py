@@ -172,7 +172,7 @@ def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
     bar = 10 ** len(str(int(wide / 5))) / 10.0
     axes.plot([west + wide * 0.03, west + wide * 0.03 + bar], [south + high * 0.03] * 2, color="black", lw=3, zorder=20)
     axes.text(west + wide * 0.03, south + high * 0.038, f"{bar:g} m", fontsize=9, zorder=20)
-    figure.text(0.01, 0.01, f"{city.id} · {city.attribution}", fontsize=8)
+    figure.text(0.01, 0.01, f"{city.id} · {city.attribution}", fontsize=8, parse_math=False)
     figure.savefig(path, dpi=dpi, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 

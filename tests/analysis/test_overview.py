@@ -32,6 +32,12 @@ def drawn(trace: Trace, path: Path) -> np.ndarray:
     return np.asarray(Image.open(path).convert("RGB"))
 
 
+def test_a_title_is_written_as_it_is(trace: Trace, tmp_path: Path) -> None:
+    """A dollar sign begins no formula, least of all one that cannot be read."""
+    header = replace(trace.header, instance=replace(trace.header.instance, title=r"$\frac{$ of $x_1$"))
+    assert drawn(dataclasses.replace(trace, header=header), tmp_path / "overview.png").shape == (1200, 1800, 3)
+
+
 def test_it_is_a_full_page_with_something_in_every_panel(trace: Trace, tmp_path: Path) -> None:
     page = drawn(trace, tmp_path / "overview.png")
     assert page.shape == (1200, 1800, 3)

@@ -27,6 +27,11 @@ VIEWS = 4
 
 def draw_sheet(trace: Trace, path: Path, city: City | None) -> None:
     """See `lingjing.analysis.overview.draw_overview`."""
+    with style.as_written():
+        _draw(trace, path, city)
+
+
+def _draw(trace: Trace, path: Path, city: City | None) -> None:
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, facecolor=style.PAPER)
     FigureCanvasAgg(figure)  # the Agg canvas by itself: no pyplot, no global state, no display
     history = history_of(trace)

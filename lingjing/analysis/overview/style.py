@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import colorsys
 from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Annotation, Text
@@ -41,6 +43,11 @@ INCIDENT = "#111111"
 CROWD = 8
 """More targets than this are named by their index alone, and not in legends."""
 _ASSETS = ("#1f6fd1", "#c2410c", "#6d28d9", "#0f766e", "#a16207", "#be185d", "#4d7c0f", "#334155")
+
+
+def as_written() -> AbstractContextManager[None]:
+    """Settings of matplotlib under which a dollar sign in a title or a name is one, and begins no formula."""
+    return rc_context({"text.parse_math": False})
 
 
 def asset_colours(names: Iterable[str]) -> dict[str, str]:
