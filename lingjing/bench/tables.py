@@ -138,7 +138,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
                 done = played.steps()
                 measured.append((condition or "default", (
                     ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
-                    percent(played.scr()), _bootstrap_ends(played), plain(played.location_error_m(), ".0f"),
+                    percent(played.scr()), _bootstrap_ends(played), plain(played.location_error_m(), ".1f"),
                     percent(played.mean("coverage")), percent(played.weighted("json_compliance", "answers")),
                     plain(spent, ".2f"),
                     *(percent(done.get(stage, math.nan)) for stage in stages),
@@ -166,7 +166,7 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             cells = (
                 *(percent(done.get(name, math.nan)) for name in names),
                 plain(1 - played.f1(), ".2f"), percent(played.perceived("missing")),
-                plain(error, ".0f"), plain(error / farthest if farthest else math.nan, ".2f"),
+                plain(error, ".1f"), plain(error / farthest if farthest else math.nan, ".2f"),
                 plain(played.calibration_error(), ".2f"),
             )  # fmt: skip
             lines.append(ResultLine(entrant, (f"{mission.upper()} ({mode})",), cells))
@@ -318,9 +318,9 @@ def _line(row: SuiteRow, label: tuple[str, ...], cells: Iterable[ResultCell]) ->
 
 _MODE_MEASURES: tuple[tuple[str, Callable[[Played], float], Callable[[float], ResultCell], bool], ...] = (
     ("TSR", Played.rate, percent, False),
-    ("Msg", lambda played: played.mean("messages"), measure(".0f"), True),
+    ("Msg", lambda played: played.mean("messages"), measure(".1f"), True),
     ("KB", lambda played: played.mean("kilobytes"), measure(".1f"), True),
-    ("Rnd", lambda played: played.mean("rounds"), measure(".0f"), True),
+    ("Rnd", lambda played: played.mean("rounds"), measure(".1f"), True),
     ("Gap", lambda played: played.mean("gap"), measure(".0f"), True),
     ("Rep", lambda played: played.weighted("rep", "target_events"), measure(".0f", 100.0), True),
 )

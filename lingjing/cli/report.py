@@ -83,11 +83,15 @@ def _page(evidence: ReportEvidence, title: str) -> str:
 
 
 def _figure(evidence: ReportEvidence, kind: FigureKind, output: str) -> str | bytes:
-    from lingjing.report.raster import png_file
+    from lingjing.report.raster import boxed_letters, png_file
     from lingjing.report.sheet import sheet_of
     from lingjing.report.vector import svg_file
 
     sheet = sheet_of(kind, list(kind.make(evidence)))
     if sheet is None:
         raise UsageError(f"there is nothing to show in the figure `{kind.name}`", hint=f"run {kind.needs}")
-    return png_file(sheet) if output.lower().endswith(".png") else svg_file(sheet)
+    if not output.lower().endswith(".png"):
+        return svg_file(sheet)
+    if letters := boxed_letters(sheet):
+        say(f"note: no font here has {letters[:8]!r}: they are drawn as boxes (an .svg has them in the viewer's)")
+    return png_file(sheet)

@@ -23,7 +23,7 @@ from lingjing.report.drawing import (
     tone_of,
 )
 from lingjing.report.estimates import BoundedEstimate
-from lingjing.viewer.fonts import font
+from lingjing.viewer.fonts import font, lacking
 
 WIDE = 360.0
 """The width of a chart: a phone's, so that letters are read there as on a desk."""
@@ -329,8 +329,11 @@ def _group_words(group: BarGroup, unit: str) -> str:
 
 
 def text_width(text: str, size: float) -> float:
-    """How wide a line of text is in DejaVu Sans."""
-    return font(round(4 * size)).getlength(text) / 4
+    """How wide a line of text is in DejaVu Sans; letters that it lacks are as wide as Chinese ones, whatever fonts are
+    here."""
+    other = set(lacking(text))
+    own = "".join(letter for letter in text if letter not in other)
+    return font(round(4 * size)).getlength(own) / 4 + size * (len(text) - len(own))
 
 
 def fitting(text: str, wide: float, size: float = _USUAL) -> str:

@@ -49,7 +49,8 @@ def _told(evidence: ReportEvidence) -> Iterator[str]:
         entrants = len({row.entrant for row in counted})
         missions = dict.fromkeys(row.mission.upper() for row in counted)
         yield (
-            f"<p>{evidence.episodes} episodes of {entrants} entrant{'s' * (entrants > 1)} in "
+            f"<p>{evidence.episodes} episode{'s' * (evidence.episodes != 1)} of "
+            f"{entrants} entrant{'s' * (entrants > 1)} in "
             f"{_text(', '.join(missions))}; seeds {_text(seed_ranges({row.seed for row in counted}))}. Brackets and "
             "whiskers are 95 % intervals; N/A is what is not defined, a dash what nobody played.</p>"
         )

@@ -1,5 +1,5 @@
 """Drawings as PNG, drawn with Pillow at twice the final size and then made smaller. Letters that DejaVu Sans lacks
-show as boxes."""
+are written in a font of this machine, and show as boxes where none has them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lingjing.report.drawing import (
     WordsMark,
 )
 from lingjing.terminal import visible
-from lingjing.viewer.fonts import font
+from lingjing.viewer.fonts import font, lacking, letters_without_a_font
 
 SCALE = 2
 """Pixels of the file for each unit."""
@@ -43,6 +43,12 @@ def png_file(drawing: Drawing) -> bytes:
     return out.getvalue()
 
 
+def boxed_letters(drawing: Drawing) -> str:
+    """The letters of a drawing that no font here has."""
+    texts = [visible(mark.text) for mark in drawing.marks if isinstance(mark, WordsMark)]
+    return letters_without_a_font("".join(texts))
+
+
 def _draw(image: Image.Image, mark: DrawnMark, scale: int) -> None:
     pen = ImageDraw.Draw(image, "RGBA")
     match mark:
@@ -60,9 +66,10 @@ def _draw(image: Image.Image, mark: DrawnMark, scale: int) -> None:
         case SpotMark():
             pen.polygon([(x * scale, y * scale) for x, y in mark.corners()], fill=_ink(mark.tone))
         case WordsMark():
-            face = font(round(mark.size * scale), bold=mark.bold)
+            text = visible(mark.text)
+            face = font(round(mark.size * scale), lacking(text), bold=mark.bold)
             place = mark.x * scale, mark.y * scale
-            pen.text(place, visible(mark.text), font=face, fill=_ink(mark.tone), anchor=_ANCHORS[mark.anchor])
+            pen.text(place, text, font=face, fill=_ink(mark.tone), anchor=_ANCHORS[mark.anchor])
         case PictureMark():
             with Image.open(io.BytesIO(mark.data)) as stored:
                 size = round(mark.width * scale), round(mark.height * scale)
@@ -106,4 +113,4 @@ def _ink(tone: str, opacity: float = 1.0) -> tuple[int, int, int, int]:
     return red, green, blue, round(255 * opacity)
 
 
-__all__ = ["SCALE", "png_file"]
+__all__ = ["SCALE", "boxed_letters", "png_file"]

@@ -100,9 +100,9 @@ def test_modes_are_compared_on_the_same_mission() -> None:
     (table,) = make_tables(rows, ["modes"])
     assert [(line.label, *((cell.text, cell.mark) for cell in line.cells)) for line in table.lines] == [
         (("UFR", "TSR"), ("50", ""), ("50", "")),
-        (("UFR", "Msg"), ("6", "best"), ("61", "")),
+        (("UFR", "Msg"), ("6.0", "best"), ("61.0", "")),
         (("UFR", "KB"), ("0.5", "best"), ("3.0", "")),
-        (("UFR", "Rnd"), ("5", "best"), ("9", "")),
+        (("UFR", "Rnd"), ("5.0", "best"), ("9.0", "")),
         (("UFR", "Gap"), ("13", "best"), ("15", "")),
         (("UFR", "Rep"), ("17", ""), ("11", "best")),
     ]
@@ -149,7 +149,7 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
     (table,) = make_tables(rows, ["conditions"])
     assert table.heads[-2:] == ("detect", "locate")
     told = {line.label[0]: [cell.text for cell in line.cells] for line in table.lines}
-    assert told["Full"][:2] == ["10", "70"] and told["Full"][5:] == ["52", "90", "96", "1.00", "100", "100"]
+    assert told["Full"][:2] == ["10", "70"] and told["Full"][5:] == ["52.0", "90", "96", "1.00", "100", "100"]
     assert told["Coarse"][5:] == ["N/A", "50", "–", "0.25", "100", "0"]
     assert [line.cells[1].mark for line in table.lines] == ["best", "second"]
     assert make_tables(column("q", "ssr", "star", 7), ["conditions"]) == ()

@@ -110,7 +110,7 @@ def test_modes_are_compared_on_seeds_that_were_played_in_both(results: Callable[
     rows += [row(mode="broadcast", seed=seed, success=False, metrics={"messages": 9 + seed}) for seed in (1, 2, 3)]
     (part,) = parts_of("communication", gather([results(rows)]))
     told = entries(part.tables[0])
-    assert told["SSR", "Msg"] == {"Matched seeds": "2", "Star": "5 [5, 5]", "Broadcast": "10 [10, 11]"}
+    assert told["SSR", "Msg"] == {"Matched seeds": "2", "Star": "5.0 [5.0, 5.0]", "Broadcast": "10.5 [10.0, 11.0]"}
     assert told["SSR", "Gap"]["Star"] == "N/A"
     assert next(line for line in part.tables[0].lines if line.label[1] == "Msg").cells[1].mark == "best"
     assert entries(part.tables[1])["e, SSR star", "e, SSR broadcast"]["Only first won"] == "2"
@@ -182,6 +182,7 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     evidence = gather([results(rows)])
     (chain,) = parts_of("provenance", evidence)
     assert entries(chain.tables[0])["e",] == {"n": "4", "detect": "100 [51, 100]", "locate": "0 [0, 49]"}
+    assert chain.tables[0].notes == ()
     (lost,) = parts_of("failures", evidence)
     panes = [mark for mark in lost.drawings[0].marks if isinstance(mark, PaneMark)]
     assert [round(pane.width + 1) for pane in panes] == [178, 89, 89] and "Perception miss 50 %" in panes[0].told
@@ -193,9 +194,22 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     assert entries(search.tables[0])["e",]["search coverage, %"] == "50 [50, 50]"
     (panel,) = parts_of("perception", evidence)
     found = entries(panel.tables[0])["e",]
-    assert (found["Miss"], found["LocErr m"]) == ("0.20 [0.20, 0.20]", "4 [4, 4]")
+    assert (found["Miss"], found["LocErr m"]) == ("0.20 [0.20, 0.20]", "4.0 [4.0, 4.0]")
     assert found["ECE"] == "0.35 [0.35, 0.35]"  # by hand: (|1 - 0.9| + |0 - 0.6|) / 2
     assert entries(panel.tables[1])["e",]["Attn-IoU"] == "N/A"
+
+
+def test_what_was_won_beside_its_stages_is_said(results: Callable[..., Path]) -> None:
+    """Success need not ask for every stage, nor for the reports that last-mile stages are read from."""
+    stages = (StageMetric(name="assign", done=16, required=20, cumulative=False),
+              StageMetric(name="execute", done=20, required=20, cumulative=False))  # fmt: skip
+    rows = [row(mission="cd", seed=seed, metrics={"stages": stages}, success=seed > 0) for seed in range(3)]
+    rows += [row(mission="ld", seed=seed, metrics={"last_mile": 1}) for seed in range(2)]
+    evidence = gather([results(rows)])
+    (chain,) = parts_of("provenance", evidence)
+    assert chain.tables[0].notes == ("e: 2 of 2 that were won left assign open, which their success does not ask for",)
+    (mile,) = parts_of("last-mile", evidence)
+    assert mile.tables[0].notes[1].startswith("S2 and S3 are read from typed reports")
 
 
 def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
@@ -241,6 +255,8 @@ def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
 def test_episodes_that_can_be_looked_at_make_pictures(evidence: ReportEvidence) -> None:
     (said,) = parts_of("conversations", evidence)
     assert [drawing.title.split(",")[0] for drawing in said.drawings] == ["SSR star", "SSR broadcast"]
+    ticks = [int(word) for word in words_of(said) if word.isdecimal()]
+    assert ticks == [*range(0, 13, 5)] * 2, "numbers of an axis stand where they say"
     messages = [m for d in said.drawings for m in d.marks if isinstance(m, SpotMark) and " to " in m.told]
     counted = [one.row.report.metrics for one in evidence.traced]
     assert len(messages) >= 1 and all(one is not None for one in counted)

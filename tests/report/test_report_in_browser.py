@@ -25,6 +25,9 @@ OUTSIDE = """() => [...document.querySelectorAll('figure.panel text')].filter(te
     const own = text.getBoundingClientRect(), box = text.closest('svg').getBoundingClientRect();
     return own.left < box.left - 2 || own.right > box.right + 2;
 }).map(text => text.textContent)"""
+MOVED = """() => [...document.querySelectorAll('figure .scroll')].filter(box => box.scrollWidth > box.clientWidth + 1)
+    .map(box => box.closest('figure').textContent.slice(0, 40))"""
+KEPT = "() => [...document.querySelectorAll('h2, .about, thead')].map(each => getComputedStyle(each).breakAfter)"
 INK = "() => getComputedStyle(document.querySelector('figure.panel text.f-ink')).fill"
 
 
@@ -48,6 +51,8 @@ def test_nothing_sticks_out_and_everything_can_be_read(chromium: Any, page_url: 
         assert page.evaluate(SMALLEST) >= LEAST_PX
         assert page.evaluate(OUTSIDE) == []
         assert page.locator("svg[role=img] > title").count() == page.locator("svg").count()
+        if width > 1000:
+            assert page.evaluate(MOVED) == [], "a picture is whole where there is room for it"
         page.locator("nav a", has_text="Maps").click()
         assert page.evaluate("document.querySelector('#maps').getBoundingClientRect().top") < 400
 
@@ -58,6 +63,7 @@ def test_dark_and_print(chromium: Any, page_url: str) -> None:
         page.emulate_media(media="print")
         assert page.evaluate(INK) != dark, "paper is white"
         assert page.locator("nav").is_hidden()
+        assert set(page.evaluate(KEPT)) == {"avoid"}, "what heads something stays with it"
         page.set_viewport_size({"width": 720, "height": 1000})
         assert page.evaluate("document.documentElement.scrollWidth") <= 720
         assert page.pdf(format="A4").startswith(b"%PDF")

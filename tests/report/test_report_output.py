@@ -22,14 +22,16 @@ from lingjing.report.charts import (
     line_chart,
     share_chart,
     share_grid,
+    text_width,
 )
 from lingjing.report.drawing import Drawing, PictureMark, WordsMark
 from lingjing.report.estimates import UNKNOWN, BoundedEstimate, share
 from lingjing.report.figure import FigureKind, FigurePart
 from lingjing.report.figure_kinds import FIGURES
-from lingjing.report.raster import SCALE, png_file
+from lingjing.report.raster import SCALE, boxed_letters, png_file
 from lingjing.report.sheet import sheet_of
 from lingjing.report.vector import inline_svg, svg_file
+from lingjing.viewer import fonts
 from tests.bench.suite_kit import made_row
 
 EVIL = "</title><script>alert(1)</script>'\"&\u202e\x1b[31m"
@@ -80,6 +82,19 @@ def test_many_bars_have_their_names_beside_them() -> None:
 
     assert texts(3).count("model 1") == 1, "in the legend"
     assert [texts(12).count(f"model {number}") for number in range(12)] == [2] * 12
+
+
+def test_letters_of_other_scripts_are_written_or_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    chinese = "\u6865\u6881"
+    told = Drawing(title="t", description="d", width=60.0, height=20.0,
+                   marks=(WordsMark(x=2.0, y=14.0, text=chinese, size=12.0),))  # fmt: skip
+    assert text_width(chinese, 12.0) == 24.0, "as wide as they are anywhere, whatever fonts are here"
+    if not boxed_letters(told):
+        with Image.open(io.BytesIO(png_file(told))) as drawn:
+            inks = [drawn.convert("L").crop(box).tobytes() for box in ((4, 4, 28, 32), (28, 4, 52, 32))]
+        assert inks[0] != inks[1], "boxes are alike"
+    monkeypatch.setattr(fonts, "_font_with", lambda letters: None)
+    assert boxed_letters(told) == chinese
 
 
 def test_a_picture_is_inside_of_the_file() -> None:

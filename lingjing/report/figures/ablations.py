@@ -36,7 +36,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 groups.append(BarGroup(f"{called(rows[0])}: {name}", bars))
                 cost = cost_factor(rows, column.rows)
                 cells = (ResultCell(str(len(rows)), len(rows)), tsr(rows).cell(), scr(rows).cell(),
-                         location_error_m(rows).cell(), plain(cost, ".2f"))  # fmt: skip
+                         location_error_m(rows).cell(".1f"), plain(cost, ".2f"))  # fmt: skip
                 lines.append(ResultLine(called(rows[0]), (name,), cells))
             heads = ("n", "SR %", "SCR %", "LocErr m", "Cost x")
             note = "brackets are 95 % intervals; Cost x are tokens beside those of the baseline of the same entrant"

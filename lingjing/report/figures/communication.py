@@ -17,9 +17,9 @@ MODES = ("star", "broadcast")
 
 MEASURES: tuple[tuple[str, str, RowMeasure, str, bool], ...] = (
     ("TSR", "success, %", tsr, ".0f", False),
-    ("Msg", "messages", metric("messages"), ".0f", True),
+    ("Msg", "messages", metric("messages"), ".1f", True),
     ("KB", "payload, kB", metric("kilobytes"), ".1f", True),
-    ("Rnd", "rounds", metric("rounds"), ".0f", True),
+    ("Rnd", "rounds", metric("rounds"), ".1f", True),
     ("Gap", "assignment gap, %", metric("gap"), ".0f", True),
     ("Rep", "repeated targets, %", weighted("rep", "target_events", 100.0), ".0f", True),
 )

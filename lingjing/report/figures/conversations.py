@@ -63,8 +63,7 @@ def _lanes(one: TracedEpisode, trace: Trace) -> Drawing:
     for said, tick in spread:
         marks += _message(said, place(tick), lanes)
     marks += _events(trace, place, floor)
-    for part in range(5):
-        tick = round(ticks * part / 4)
+    for tick in range(0, ticks + 1, _step(ticks)):
         marks.append(
             WordsMark(x=place(tick), y=floor + 20.0, text=str(tick), size=_SIZE, anchor="middle", tone="faint")
         )
@@ -78,6 +77,12 @@ def _lanes(one: TracedEpisode, trace: Trace) -> Drawing:
         "recipients. In the row of events a diamond is a discovery, a square something completed, a cross an incident."
     )
     return Drawing(title=title, description=words, width=WIDE, height=floor + 40.0, marks=tuple(marks))
+
+
+def _step(ticks: int) -> int:
+    """Ticks between two numbers of the axis, of which there are five or six at most: 1, 2 or 5 times a power of ten."""
+    found = (step * unit for unit in (1, 10, 100, 1000, 10_000) for step in (1, 2, 5) if 5 * step * unit >= ticks)
+    return next(found, ticks)
 
 
 def _message(said: AdmittedMessage, x: float, lanes: Mapping[str, float]) -> Iterator[DrawnMark]:
@@ -149,7 +154,9 @@ def _compared(episodes: Sequence[TracedEpisode]) -> ResultTable:
 def _words(one: TracedEpisode, trace: Trace) -> ResultTable:
     """What was said: assignments and states of targets first, in the order of ticks."""
     messages = admitted(trace)
-    first = [said for said in messages if said.category in ("assignment", "target_status")] or list(messages)
+    first = [said for said in messages if said.category in ("assignment", "target_status")]
+    what = "assignments and target states" if first else "messages"
+    first = first or list(messages)
     lines = []
     for said in first[:SAID]:
         body = json.dumps(_rounded(msgspec.to_builtins(dict(said.body))), ensure_ascii=False)
@@ -157,9 +164,10 @@ def _words(one: TracedEpisode, trace: Trace) -> ResultTable:
         to = f"{len(said.recipients)} agents" if many else ", ".join(said.recipients) or "nobody"
         short = body if len(body) <= 160 else f"{body[:159]}…"
         lines.append(ResultLine("", (str(said.tick), said.sender, to, said.kind, short), ()))
-    more = f"{len(lines)} of {len(messages)} messages; lingjing view shows all"
+    more = f"{len(lines)} of {len(first)} {what}, of {len(messages)} messages; lingjing view shows all"
+    notes = (more,) if len(lines) < len(messages) else ()
     title = f"What was said in {one.row.mode}"
-    return ResultTable("said", title, ("Tick", "From", "To", "Kind", "Body"), (), tuple(lines), (more,))
+    return ResultTable("said", title, ("Tick", "From", "To", "Kind", "Body"), (), tuple(lines), notes)
 
 
 def _rounded(value: object) -> object:

@@ -29,7 +29,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 groups.append(BarGroup(name, (ChartBar("thousand tokens an episode", 0, _TOKENS(own)),), ".1f"))
                 dollars = sum(one.cost_usd for one in metrics_of(own))
                 cells = (
-                    ResultCell(str(len(own)), len(own)), metric("calls")(own).cell(), _TOKENS(own).cell(".1f"),
+                    ResultCell(str(len(own)), len(own)), metric("calls")(own).cell(".1f"), _TOKENS(own).cell(".1f"),
                     plain(factor, ".2f"), metric("cost_usd")(own).cell(".4f"), plain(dollars, ".2f"),
                     (weighted("json_compliance", "answers", 100.0)(own) if mean_tokens(own) else UNKNOWN).cell(),
                 )  # fmt: skip

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lingjing.analysis.last_mile import STAGES
 from lingjing.bench.played import rows_by
+from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import BarGroup, ChartBar, ChartSeries, bar_chart, line_chart
 from lingjing.report.estimates import metrics_of, share
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
+
+REPORTED = (
+    "S2 and S3 are read from typed reports of the route, which no policy but react sends: others stay at S1, even if "
+    "they deliver"
+)
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -42,10 +48,15 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 "S1 aerial inspection, S2 ends of the route, S3 places of the way, S4 legal-edge arrival, S5 target "
                 "house; cumulative, with Wilson intervals; what an intervention gives counts as done"
             )
-            table = ResultTable(
-                "last-mile", f"{title}: cumulative stages", ("Condition",), heads, tuple(lines), (note,)
-            )
+            notes = (note, REPORTED) if _won_unreported(rows) else (note,)
+            table = ResultTable("last-mile", f"{title}: cumulative stages", ("Condition",), heads, tuple(lines), notes)
             yield FigurePart(heading=heading_of(study, evidence, title), drawings=tuple(drawings), tables=(table,))
+
+
+def _won_unreported(rows: Sequence[SuiteRow]) -> bool:
+    """Whether an episode was won whose chain is broken, because nobody reported the route."""
+    return any(row.report.success and (row.report.metrics.last_mile or 0) < len(STAGES) for row in rows
+               if row.report.metrics is not None and row.report.metrics.last_mile is not None)  # fmt: skip
 
 
 KIND = FigureKind(

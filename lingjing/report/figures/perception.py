@@ -23,7 +23,7 @@ from lingjing.report.estimates import (
 from lingjing.report.evidence import ReportEvidence, ReportStudy
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
-MEASURES = ("1 - F1", "miss rate", "location error, of the largest", "calibration error (ECE)")
+MEASURES = ("1 - F1", "miss rate", "location error, as a share of the largest", "calibration error (ECE)")
 
 _MISS = perceived("missing")
 _RATES = perceived("missing", 100.0), perceived("hallucinating", 100.0), perceived("confusing", 100.0)
@@ -75,7 +75,7 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
         frames = sum(one.frames for one in metrics_of(rows))
         entries = (
             ResultCell(str(len(rows)), len(rows)), ResultCell(f"{frames:,}", frames), wrong.cell(".2f"),
-            missed.cell(".2f"), calibrated.cell(".2f"), location_error_m(rows).cell(), normal.cell(".2f"),
+            missed.cell(".2f"), calibrated.cell(".2f"), location_error_m(rows).cell(".1f"), normal.cell(".2f"),
         )  # fmt: skip
         lines.append(ResultLine(column_words(mission, mode), (called(rows[0], condition),), entries))
     heads = ("n", "Frames", "1-F1", "Miss", "ECE", "LocErr m", "LocErr norm.")

@@ -32,7 +32,7 @@ def _evaluated(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 bars = (ChartBar("TSR", 0, tsr(rows)), ChartBar("SCR", 1, scr(rows)), ChartBar("JSON", 2, _JSON(rows)))
                 groups.append(BarGroup(f"{called(rows[0])}: {name}", bars))
                 cells = (ResultCell(str(len(rows)), len(rows)), tsr(rows).cell(), scr(rows).cell(),
-                         _JSON(rows).cell(), location_error_m(rows).cell())  # fmt: skip
+                         _JSON(rows).cell(), location_error_m(rows).cell(".1f"))  # fmt: skip
                 lines.append(ResultLine(called(rows[0]), (name,), cells))
             title = column_words(column.mission, column.mode)
             heads = ("n", "TSR %", "SCR %", "JSON %", "LocErr m")

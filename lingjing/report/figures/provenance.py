@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lingjing.bench.played import Played, rows_by
+from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
 from lingjing.report.estimates import share
@@ -19,7 +20,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             names = tuple(Played(tuple(rows)).stages())
             if len(names) < 2:
                 continue
-            series, lines = [], []
+            series, lines, notes = [], [], list[str]()
             for (_, condition), own in rows_by(rows, lambda row: (row.entrant, row.condition)).items():
                 done = [
                     {stage.name: stage.cumulative for stage in row.report.metrics.stages}
@@ -31,14 +32,25 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 series.append(ChartSeries(name, values, number_of(own[0])))
                 cells = (ResultCell(str(len(done)), len(done)), *(value.cell() for value in values))
                 lines.append(ResultLine(own[0].group, (name,), cells))
+                notes += _won_otherwise(name, own)
             title = column_words(mission, mode)
             drawings.append(line_chart(title, names, series, unit="%", most=100.0, below="up to this stage"))
             tables.append(
                 ResultTable("stages", f"{title}: episodes that completed all up to a stage (%)", ("Entrant",),
-                            ("n", *names), tuple(lines))
+                            ("n", *names), tuple(lines), tuple(notes))
             )  # fmt: skip
         if drawings:
             yield FigurePart(heading=heading_of(study, evidence), drawings=tuple(drawings), tables=tuple(tables))
+
+
+def _won_otherwise(name: str, rows: Sequence[SuiteRow]) -> Iterator[str]:
+    """A note where episodes were won without a stage that success does not ask for."""
+    won = [row.report.metrics.stages for row in rows if row.report.success and row.report.metrics is not None]
+    open_ones = [[stage.name for stage in stages if stage.done < stage.required] for stages in won]
+    number = sum(map(bool, open_ones))
+    if number:
+        stages = ", ".join(dict.fromkeys(stage for each in open_ones for stage in each))
+        yield f"{name}: {number} of {len(won)} that were won left {stages} open, which their success does not ask for"
 
 
 KIND = FigureKind(
