@@ -29,7 +29,7 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class HistoryEvent:
     """One adjudicated event, or one of the mission's own (`weather`): its kind, tick, and the entity it is about ("" if
     none)."""
 
@@ -54,7 +54,7 @@ class History:
     reporting: bool
     judging: bool
     said: tuple[AdmittedMessage, ...]
-    happened: tuple[Happened, ...]
+    happened: tuple[HistoryEvent, ...]
     incidents: tuple[Incident, ...]
     refusals: tuple[tuple[int, str], ...]
     visited: frozenset[str]
@@ -127,17 +127,17 @@ def _track(trace: Trace, entity: str, role: str) -> Track:
     )
 
 
-def _happened(trace: Trace) -> tuple[Happened, ...]:
+def _happened(trace: Trace) -> tuple[HistoryEvent, ...]:
     entities = {entity.id for entity in trace.header.instance.entities}
     by_itself = [
-        Happened(event.kind, record.tick, name)
+        HistoryEvent(event.kind, record.tick, name)
         for record in trace.boundaries
         for event in record.task_events
         if event.name
         for name in event.entities or ("",)
     ]
     judged = (
-        Happened(event.kind, event.tick, next((name for name in event.bindings if name in entities), ""))
+        HistoryEvent(event.kind, event.tick, next((name for name in event.bindings if name in entities), ""))
         for record in trace.boundaries
         for event in record.events
     )

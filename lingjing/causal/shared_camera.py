@@ -38,12 +38,12 @@ class SharedCamera:
 
     def __init__(self, instance: Instance, city: City, host: PluginHost) -> None:
         self._tick_s = instance.clock.tick_s
-        self._door, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._asking, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel: tuple[int, PacketSocket] | None = None
         parent = os.getpid()
         self._process = os.fork()
         if self._process == 0:
-            self._door.close()
+            self._asking.close()
             _serve(theirs, instance, city, host, parent)
         theirs.close()
 
@@ -71,7 +71,7 @@ class SharedCamera:
         if self._channel is None or self._channel[0] != os.getpid():
             ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
             with theirs:
-                socket.send_fds(self._door, [b"c"], [theirs.fileno()])
+                socket.send_fds(self._asking, [b"c"], [theirs.fileno()])
             self._channel = os.getpid(), PacketSocket(ours)
         return self._channel[1]
 
@@ -89,34 +89,34 @@ class SharedCamera:
             packet.close()
 
 
-def _serve(door: socket.socket, instance: Instance, city: City, host: PluginHost, parent: int) -> NoReturn:
-    """Serve until nobody holds the other end of the door."""
+def _serve(asking: socket.socket, instance: Instance, city: City, host: PluginHost, parent: int) -> NoReturn:
+    """Serve until nobody holds the other end of the socket."""
     try:
         die_with(parent)
-        _Service(door, instance, city, host).run()
+        _Service(asking, instance, city, host).run()
     finally:
         os._exit(0)
 
 
 class _Service:
-    def __init__(self, door: socket.socket, instance: Instance, city: City, host: PluginHost) -> None:
-        self._door = door
+    def __init__(self, asking: socket.socket, instance: Instance, city: City, host: PluginHost) -> None:
+        self._asking = asking
         self._instance, self._city, self._host = instance, city, host
         self._sensor: Sensor | None = None
         self._poller = select.poll()
-        self._poller.register(door, select.POLLIN)
+        self._poller.register(asking, select.POLLIN)
         self._channels: dict[int, PacketSocket] = {}
 
     def run(self) -> None:
         while True:
             for descriptor, _ in self._poller.poll():
-                if descriptor != self._door.fileno():
+                if descriptor != self._asking.fileno():
                     self._draw(descriptor)
                 elif not self._let_in():
                     return
 
     def _let_in(self) -> bool:
-        data, descriptors, _, _ = socket.recv_fds(self._door, 1, 1, socket.MSG_CMSG_CLOEXEC)
+        data, descriptors, _, _ = socket.recv_fds(self._asking, 1, 1, socket.MSG_CMSG_CLOEXEC)
         for descriptor in descriptors:
             self._channels[descriptor] = PacketSocket(socket.socket(fileno=descriptor))
             self._poller.register(descriptor, select.POLLIN)

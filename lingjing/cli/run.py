@@ -20,7 +20,7 @@ from lingjing.cli.results import exit_code, explain, print_episode, print_json, 
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
-from lingjing.kernel.world.forking import WorkerDoor
+from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.mission.model import Mission
 from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
@@ -335,8 +335,8 @@ def _played(
 
     def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
         if args.watch != "terminal":
-            door = WorkerDoor(args.fork_server) if args.fork_server is not None else None
-            return play_here(options, places, LiveProgress, mission, door)
+            fork_server = ForkServerClient(args.fork_server) if args.fork_server is not None else None
+            return play_here(options, places, LiveProgress, mission, fork_server)
         from lingjing.cli.watch import EpisodeDisplays
         from lingjing.play.preparation import prepare
         from lingjing.plugins.host import PluginHost

@@ -38,7 +38,7 @@ _FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "nam
 
 
 @dataclass(frozen=True, slots=True)
-class Eye:
+class ObservedCamera:
     """A camera whose pictures the agent sees, and the size they are handed out in."""
 
     entity: str
@@ -267,10 +267,10 @@ def _visible(instance: Instance, agent: AgentSpec) -> tuple[Entity, ...]:
     return tuple(entity for entity in instance.entities if entity.id in names and "position" not in entity.hidden)
 
 
-def _eyes(instance: Instance, agent: AgentSpec, width: int) -> tuple[Eye, ...]:
+def _eyes(instance: Instance, agent: AgentSpec, width: int) -> tuple[ObservedCamera, ...]:
     seen = {channel.name for channel in agent.observes if channel.source == "entity"}
     return tuple(
-        Eye(entity.id, camera, width, max(1, round(width * camera.height / camera.width)))
+        ObservedCamera(entity.id, camera, width, max(1, round(width * camera.height / camera.width)))
         for entity in instance.entities
         if width and entity.id in seen
         for camera in entity.cameras
@@ -302,7 +302,7 @@ def _body(entity: Entity, view: EntityView | None) -> SpaceValue:
     return numbers
 
 
-def _picture(eye: Eye, observation: Observation) -> SpaceValue:
+def _picture(eye: ObservedCamera, observation: Observation) -> SpaceValue:
     shape = (eye.height, eye.width, 3)
     for picture in observation.pictures:
         if (picture.entity, picture.camera) == (eye.entity, eye.camera.name):

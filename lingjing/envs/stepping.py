@@ -12,7 +12,7 @@ from typing import Literal
 from lingjing.errors import UsageError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
-from lingjing.kernel.episode import seat
+from lingjing.kernel.episode import policy_barrier
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import World
@@ -65,7 +65,7 @@ class SteppedEpisodes:
         self._kernel = Kernel(
             instance, city, self._world, privileged=privileged, policy_seed=self._policy_seed
         )  # fmt: skip
-        self._barrier = seat(self._kernel, {name: build_policy(self._others, {}) for name in played})
+        self._barrier = policy_barrier(self._kernel, {name: build_policy(self._others, {}) for name in played})
         self.published = self._kernel.reset()
         return self.published
 

@@ -59,7 +59,7 @@ class DecisionSource(Protocol):
         ...
 
 
-def seat(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
+def policy_barrier(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
     """Put the active agents' policies behind the barrier, in declaration order, and give each its brief.
 
     An agent without a policy here is played from outside: its decisions go straight to `Kernel.step`.

@@ -21,7 +21,7 @@ from lingjing.kernel.constraints import ConstraintMonitor
 from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
-from lingjing.kernel.stages import Late, Stages
+from lingjing.kernel.stages import LateStage, Stages
 from lingjing.mission.expression import Expr, components
 from lingjing.mission.instance import Instance
 from lingjing.mission.wording import some
@@ -63,7 +63,7 @@ class MissionEvaluator:
         return sum(parts) / len(parts) if score is None else score
 
 
-def _lateness(late: Sequence[Late], tick: int) -> str:
+def _lateness(late: Sequence[LateStage], tick: int) -> str:
     first, *others = late
     had = f"{first.ticks} tick{'s' * (first.ticks != 1)}"
     told = f"the stage {first.name} was not done in the {had} it had (from tick {first.began} to tick {tick})"

@@ -23,7 +23,7 @@ NOBODY = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Late:
+class LateStage:
     """A stage that one subject has not done in the `ticks` it had since the tick at which it `began`."""
 
     stage: str
@@ -69,7 +69,7 @@ class Stages:
             return registry
         return replace(registry, progress=replace(registry.progress, began={**registry.progress.began, **fresh}))
 
-    def late(self, registry: Registry) -> Iterator[Late]:
+    def late(self, registry: Registry) -> Iterator[LateStage]:
         """What has passed its own bound of ticks without being done, in declaration order."""
         for stage in self._stages:
             if stage.ticks is None:
@@ -78,7 +78,7 @@ class Stages:
             for subject in self._subjects[stage.name]:
                 began = registry.progress.began.get((stage.name, subject))
                 if began is not None and registry.tick - began >= most and (stage.name, subject) not in registry.stages:
-                    yield Late(stage.name, subject, most, began)
+                    yield LateStage(stage.name, subject, most, began)
 
     def score(self, registry: Registry) -> float | None:
         """The weighted share of what is done, 0..1; None if no stage has a weight."""

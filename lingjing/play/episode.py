@@ -20,12 +20,12 @@ from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
-from lingjing.kernel.episode import Progress, play, seat
+from lingjing.kernel.episode import Progress, play, policy_barrier
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
-from lingjing.kernel.world.forking import WorkerDoor
+from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
@@ -63,12 +63,12 @@ class EpisodeInterrupted(KeyboardInterrupt):
 class Session:
     """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers.
 
-    Through a `door` the workers are forked from a process that has imported all they need.
+    Through a `fork_server` the workers are forked from a process that has imported all they need.
     """
 
-    def __init__(self, host: PluginHost | None = None, door: WorkerDoor | None = None) -> None:
+    def __init__(self, host: PluginHost | None = None, fork_server: ForkServerClient | None = None) -> None:
         self.host = host or PluginHost()
-        self._door = door
+        self._fork_server = fork_server
         self._cities = CityBuilder(self.host)
         self._worlds: dict[str, World] = {}
 
@@ -127,7 +127,7 @@ class Session:
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
-        barrier = seat(kernel, policies)
+        barrier = policy_barrier(kernel, policies)
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
         writer = _writer(folder, _header(instance, city, prepared, options), city, barrier, prepared.key)
         recorder.append(writer)
@@ -159,7 +159,7 @@ class Session:
 
     def _world(self, kind: Literal["process", "inline"]) -> World:
         if kind not in self._worlds:
-            self._worlds[kind] = open_world(kind, host=self.host, door=self._door)
+            self._worlds[kind] = open_world(kind, host=self.host, fork_server=self._fork_server)
         return self._worlds[kind]
 
 

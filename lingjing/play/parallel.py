@@ -26,7 +26,7 @@ from lingjing.play.report import ABORTED, EpisodeReport, end_without_result
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
-    from lingjing.kernel.world.forking import WorkerDoor
+    from lingjing.kernel.world.forking import ForkServerClient
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
@@ -39,17 +39,17 @@ def play_here(
     places: Iterable[tuple[int, Path | None]],
     watch: Watch,
     mission: Mission | None = None,
-    door: WorkerDoor | None = None,
+    fork_server: ForkServerClient | None = None,
 ) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
     A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. The workers are
-    started through the door, if there is one (`lingjing.kernel.world.forking`).
+    started by the fork server, if there is one (`lingjing.kernel.world.forking`).
     """
     from lingjing.play.episode import EpisodeInterrupted, Session
 
     mission = mission or compiled(options)
-    with Session(door=door) as session:
+    with Session(fork_server=fork_server) as session:
         for seed, folder in places:
             try:
                 with watch(f"{mission.name} seed {seed}") as progress:

@@ -171,7 +171,7 @@ class _Interrupts:
         return self._come
 
 
-class _Pulse:
+class _Heartbeat:
     """What a child writes as long as its interpreter runs, and its parent reads."""
 
     def __init__(self) -> None:
@@ -209,7 +209,7 @@ class _Child:
         parent = os.getpid()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
-        self._pulse = _Pulse()
+        self._pulse = _Heartbeat()
         self._raw = RawOutput()
         self._pid = os.fork()
         if self._pid == 0:

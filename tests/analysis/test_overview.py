@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from lingjing.analysis.detection import detect
-from lingjing.analysis.history import Happened, History, history_of
+from lingjing.analysis.history import History, HistoryEvent, history_of
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import draw_overview, style
 from lingjing.analysis.overview.mapview import draw_map
@@ -130,7 +130,7 @@ def marks(history: History, *entities: str) -> list[str]:
     figure = Figure(figsize=(8, 2))
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
-    happened = tuple(Happened("rescued", tick, entity) for tick, entity in enumerate(entities))
+    happened = tuple(HistoryEvent("rescued", tick, entity) for tick, entity in enumerate(entities))
     draw_events(axes, dataclasses.replace(history, happened=happened))
     return [text.get_text() for text in axes.texts]
 

@@ -36,15 +36,15 @@ def worlds() -> None:
     """Play twice on the server's workers and once in this process; tell whether all is the same, and by whom."""
     import tests.kernel.world_toys as toys
     from lingjing.kernel.world import open_world
-    from lingjing.kernel.world.forking import WorkerDoor
+    from lingjing.kernel.world.forking import ForkServerClient
     from tests.kernel.test_world_process import TOYS, opened, pids, played
 
-    door = WorkerDoor(int(sys.argv[-1]))
+    fork_server = ForkServerClient(int(sys.argv[-1]))
     inline = opened("inline")
     expected, seen = played(inline, toys.trio()), []
     inline.close()
     for _ in range(2):
-        world = open_world("process", plugins=TOYS, installed=False, door=door)
+        world = open_world("process", plugins=TOYS, installed=False, fork_server=fork_server)
         same = played(world, toys.trio()) == expected
         twin = world.fork()
         again = twin.step(4, ()) is not None
@@ -62,10 +62,10 @@ def lingering() -> None:
     import tests.kernel.world_toys as toys
     from lingjing.errors import InfrastructureError
     from lingjing.kernel.world import open_world
-    from lingjing.kernel.world.forking import WorkerDoor
+    from lingjing.kernel.world.forking import ForkServerClient
     from tests.kernel.test_world_process import TOYS, pids, played
 
-    world = open_world("process", plugins=TOYS, installed=False, door=WorkerDoor(int(sys.argv[-1])))
+    world = open_world("process", plugins=TOYS, installed=False, fork_server=ForkServerClient(int(sys.argv[-1])))
     played(world, toys.trio())
     print(json.dumps(pids(world)), flush=True)
     try:

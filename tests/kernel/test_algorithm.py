@@ -16,7 +16,7 @@ import pytest
 import tests.kernel.kernel_kit as kit
 from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
-from lingjing.kernel.episode import play, seat
+from lingjing.kernel.episode import play, policy_barrier
 from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Ref
 from lingjing.plugins.policy import NoDecisionError
 from lingjing.trace.digest import next_digest
@@ -81,7 +81,7 @@ def play_kit(instance=None, plugin=None, policies=None, **options):
     log = Log()
     instance = instance or kit.make_instance(ticks=4)
     kernel = kit.make_kernel(instance, plugin, record=log.boundary, **options)
-    barrier = seat(kernel, still_policies(instance, **(policies or {})))
+    barrier = policy_barrier(kernel, still_policies(instance, **(policies or {})))
     return play(kernel, barrier, log), log
 
 
@@ -581,7 +581,7 @@ def test_an_interrupt_while_an_episode_is_ended_tears_nothing():
     log, instance = Interrupted(), kit.make_instance(ticks=1)
     kernel = kit.make_kernel(instance, record=log.boundary)
     with pytest.raises(KeyboardInterrupt):
-        play(kernel, seat(kernel, still_policies(instance)), log)
+        play(kernel, policy_barrier(kernel, still_policies(instance)), log)
     assert [(kind, outcome.reason) for kind, outcome in log.endings] == [("finish", "budget")]
 
 
@@ -599,4 +599,4 @@ def test_a_policy_that_cannot_take_its_brief_is_named_before_anything_is_recorde
 
     instance = kit.make_instance()
     with pytest.raises(PluginError, match=r"`skipper`.*no key"):
-        seat(kit.make_kernel(instance), still_policies(instance, skipper=Picky()))
+        policy_barrier(kit.make_kernel(instance), still_policies(instance, skipper=Picky()))

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 import tests.kernel.world_toys as toys
-from lingjing.kernel.episode import play, seat
+from lingjing.kernel.episode import play, policy_barrier
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.mission.expression import Flag
@@ -81,7 +81,7 @@ def played(world, instance, folder, progress=None):
         writer.boundary(boundary, [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames])
 
     kernel = Kernel(instance, toys.CITY, world, record=record)
-    outcome = play(kernel, seat(kernel, {"mind": Goer()}), writer, progress)
+    outcome = play(kernel, policy_barrier(kernel, {"mind": Goer()}), writer, progress)
     whole = writer.path.exists()
     return outcome, read_trace(writer.path if whole else writer.part), whole
 

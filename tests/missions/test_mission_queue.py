@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 import tests.missions.stage_kit as kit
-from lingjing.kernel.episode import seat
+from lingjing.kernel.episode import policy_barrier
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
 from lingjing.mission.tasks import asked, declared, meant
 from lingjing.plugins.host import PluginHost
@@ -185,7 +185,7 @@ def played(policy, seed, ticks):
     with kit.playing(
         "queue", seed=seed, real=engines, instance=instance, strings=strings, privileged=everybody
     ) as play:
-        barrier = seat(play.kernel, {agent.id: plugin.factory() for agent in instance.agents})
+        barrier = policy_barrier(play.kernel, {agent.id: plugin.factory() for agent in instance.agents})
         try:
             for _ in range(ticks):
                 if play.done:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lingjing.engines.quadruped.moving_boxes import POOL, Lookout
+from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
 from lingjing.engines.quadruped.surroundings import LOAD_M, NEED_M, DogSurroundings
 from lingjing.scene.city import Bridge, Building, City, Land, Pipe, Prop, Slope, Solid, Tile
 from lingjing.scene.shapes import Capsule, Hull, OrientedBox, convex_parts, shapes_of, solid_shapes
@@ -128,7 +128,7 @@ def test_raised_land_is_cut_to_what_is_near_and_tall_things_too():
 
 
 def test_the_nearest_solid_mirrors_are_boxes(instance_of, uav, victim):
-    lookout = Lookout(instance_of([uav(1), victim(1)]), ("dog",))
+    lookout = MirroredBodies(instance_of([uav(1), victim(1)]), ("dog",))
     mirrors = [
         BodyState(id="uav[1]", position=(3.0, 0.0, 5.0), status="hovering"),
         BodyState(id="victim[1]", position=(9.0, 0.0, 0.0), status="rescued"),

@@ -82,7 +82,7 @@ class Mode(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Sheet:
+class UploadedPart:
     """A part on the GPU: the arrays that draw it by `Mode`, and one for the shadow map."""
 
     buffers: tuple[moderngl.Buffer, ...]
@@ -101,11 +101,11 @@ class Sheet:
 
 
 @dataclass(frozen=True, slots=True)
-class Resident:
+class LoadedTile:
     """A tile that is ready to draw."""
 
     mesh: TileMesh
-    sheets: Mapping[str, Sheet]
+    sheets: Mapping[str, UploadedPart]
     walls: Walls | None
     props: tuple[Batch, ...]
     lively: tuple[Prop, ...]
@@ -126,7 +126,7 @@ class Cityscape:
         self._cache = MeshCache(city)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
-        self._residents: OrderedDict[tuple[TileKey, int], Resident] = OrderedDict()
+        self._residents: OrderedDict[tuple[TileKey, int], LoadedTile] = OrderedDict()
         self._differing: tuple[frozenset[TileKey], ...] = (frozenset(),)
         self.variant = 0
         self.town_ground = build_town_ground(city)
@@ -178,7 +178,7 @@ class Cityscape:
             if number or key in changed or key not in self._number:
                 self._drop(self._residents.pop((key, number)))
             elif (tile := tiles.load(key)).props != old.load(key).props:
-                self._residents[key, number] = Resident(
+                self._residents[key, number] = LoadedTile(
                     resident.mesh, resident.sheets, resident.walls, *_furniture(tile)
                 )
 
@@ -208,7 +208,7 @@ class Cityscape:
             others_m = max(others_m, TOUCHING_M)
         return near_plane(pose, min(self._closest(view.full, pose), others_m))
 
-    def resident(self, key: TileKey) -> Resident:
+    def resident(self, key: TileKey) -> LoadedTile:
         """A tile, made ready if it is not."""
         known = key, self.variant if key in self._differing[self.variant] else 0
         found = self._residents.get(known)
@@ -231,11 +231,11 @@ class Cityscape:
         while len(self._residents) > KEPT_TILES:
             self._drop(self._residents.popitem(last=False)[1])
 
-    def _drop(self, resident: Resident) -> None:
+    def _drop(self, resident: LoadedTile) -> None:
         for sheet in resident.sheets.values():
             sheet.release()
 
-    def _ready(self, key: TileKey) -> Resident:
+    def _ready(self, key: TileKey) -> LoadedTile:
         changed, faced = self._variants[self.variant].content(key)
         pieces: Pieces = changed or self.tiles.load(key)
         is_unchanged = changed is None and not faced
@@ -245,7 +245,7 @@ class Cityscape:
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
         walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
-        return Resident(bare, sheets, walls, *_furniture(pieces))
+        return LoadedTile(bare, sheets, walls, *_furniture(pieces))
 
     def _meshed(self, key: TileKey, pieces: Pieces, faced: Mapping[str, int]) -> TileMesh:
         near = self._around(key)
@@ -364,7 +364,9 @@ class Cityscape:
             self._far_lands.lit[aloft].render(moderngl.TRIANGLES)
         self._context.disable(moderngl.CULL_FACE)
 
-    def _draw(self, sheets: Mapping[str, Sheet], name: str, mode: Mode, one_sided: bool, count: int = -1) -> None:
+    def _draw(
+        self, sheets: Mapping[str, UploadedPart], name: str, mode: Mode, one_sided: bool, count: int = -1
+    ) -> None:
         if name in sheets and count:
             if one_sided:
                 self._one_sided()
@@ -372,7 +374,7 @@ class Cityscape:
                 self._context.disable(moderngl.CULL_FACE)
             sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
 
-    def _draw_walls(self, sheet: Sheet, index: VertexIndex, lit: int, seen: int, mode: Mode) -> None:
+    def _draw_walls(self, sheet: UploadedPart, index: VertexIndex, lit: int, seen: int, mode: Mode) -> None:
         self._one_sided()
         sheet.buffers[1].write(index.tobytes())
         if not mode.sunlit:
@@ -423,15 +425,15 @@ class Cityscape:
             )
         return self._programs[name, mode]
 
-    def _upload(self, name: str, part: MeshPart, casts: bool) -> Sheet:
+    def _upload(self, name: str, part: MeshPart, casts: bool) -> UploadedPart:
         if not len(part.index):
-            return Sheet((), {}, None, 0)
+            return UploadedPart((), {}, None, 0)
         vertices, index = self._context.buffer(part.vertices.tobytes()), self._context.buffer(part.index.tobytes())
         cast = None
         if casts:
             layout = _layout(self._caster)
             cast = self._context.vertex_array(self._caster, [(vertices, *layout)], index, 4)
-        return Sheet((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
+        return UploadedPart((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
 
     def array_of(
         self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, mode: Mode
@@ -455,7 +457,7 @@ class _Lit(dict[Mode, moderngl.VertexArray]):
 
 
 def _furniture(pieces: Pieces) -> tuple[tuple[Batch, ...], tuple[Prop, ...], npt.NDArray[np.float64]]:
-    """The props of a tile as a `Resident` has them: batches, those that show something, heads of lamps."""
+    """The props of a tile as a `LoadedTile` has them: batches, those that show something, heads of lamps."""
     lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
     return prop_batches(pieces), lively, lamp_heads(pieces.props)
 

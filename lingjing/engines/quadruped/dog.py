@@ -14,7 +14,7 @@ from enum import Enum
 from lingjing.engines.battery import Battery
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
-from lingjing.engines.quadruped.pack import Pack, Sense
+from lingjing.engines.quadruped.pack import DogState, Pack
 from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.engines.stock import Stock
@@ -133,7 +133,7 @@ class Dog:
             return self.task.status
         return self.phase.value if self.phase is not DogPhase.MOVING else "standing"
 
-    def start(self, command: Command, here: Sense, pack: Pack, footing: GroundAhead) -> None:
+    def start(self, command: Command, here: DogState, pack: Pack, footing: GroundAhead) -> None:
         """Begin what a command says, or `Refusal`: `battery`, `dead`, `fallen`, `unknown_verb`, `bad_argument`,
         `unreachable`."""
         if self.battery.empty:
@@ -157,7 +157,7 @@ class Dog:
         self.phase = DogPhase.MOVING
 
     def step(
-        self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack, footing: GroundAhead
+        self, here: DogState, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack, footing: GroundAhead
     ) -> list[DogNotice]:
         """Decide on the coming period after the last one ended `here`. `speeds` are those of what may be touched."""
         self._time_s += PERIOD_S
@@ -181,7 +181,7 @@ class Dog:
         self.battery.drain(watts + ELECTRONICS_W, PERIOD_S)
         return self._exhausted()
 
-    def rise(self, here: Sense, pack: Pack) -> None:
+    def rise(self, here: DogState, pack: Pack) -> None:
         """Stand up again where it lies."""
         x, y, z = here.position
         pack.put(self.row, x, y, z, here.yaw)
@@ -192,7 +192,7 @@ class Dog:
         """Whether a fallen dog has lain long enough."""
         return self.phase is DogPhase.FALLEN and self._down_s >= DOWN_S
 
-    def state(self, here: Sense, joints: tuple[float, ...], remainder_s: float) -> BodyState:
+    def state(self, here: DogState, joints: tuple[float, ...], remainder_s: float) -> BodyState:
         """The dog `remainder_s` after its last step."""
         x, y, z = (at + remainder_s * rate for at, rate in zip(here.position, here.velocity, strict=True))
         return BodyState(
@@ -207,7 +207,7 @@ class Dog:
             joints=joints,
         )
 
-    def _walk(self, distance: float, here: Sense, footing: GroundAhead) -> WalkTask:
+    def _walk(self, distance: float, here: DogState, footing: GroundAhead) -> WalkTask:
         if distance < 0.0:
             raise Refusal("bad_argument", "`distance` of `forward` must not be negative")
         hazard = footing.look(here, here.yaw, distance).hazard if distance > 0.0 else ""
@@ -215,7 +215,7 @@ class Dog:
             raise Refusal("unreachable", f"`{self.id}` does not go on: {_HAZARDS[hazard]}")
         return WalkTask(here.position[0], here.position[1], here.yaw, distance, self.cruise_mps)
 
-    def _go(self, here: Sense, pack: Pack, footing: GroundAhead) -> DogNotice | None:
+    def _go(self, here: DogState, pack: Pack, footing: GroundAhead) -> DogNotice | None:
         task = self._ending or self.task
         assert task is not None
         if isinstance(task, WalkTask):
@@ -246,7 +246,7 @@ class Dog:
         self.phase, self.task, self._ending = DogPhase.STANDING, None, None
         return notice
 
-    def _mishap(self, here: Sense, pack: Pack, footing: GroundAhead) -> DogNotice | None:
+    def _mishap(self, here: DogState, pack: Pack, footing: GroundAhead) -> DogNotice | None:
         if self.phase is DogPhase.DEAD:
             return None
         exhausted = self._exhausted()
@@ -273,14 +273,14 @@ class Dog:
     def _exhausted(self) -> DogNotice | None:
         return DogNotice("battery_empty") if self.battery.empty and self.phase is not DogPhase.DEAD else None
 
-    def _balance(self, here: Sense, pack: Pack) -> None:
+    def _balance(self, here: DogState, pack: Pack) -> None:
         """A standing dog that is shoved lets its legs catch it."""
         if math.hypot(*here.velocity) > _SHOVED_MPS or (here.upright < _LEANING and here.stir > 1.0):
             self._ending, self.phase = stopping(here), DogPhase.MOVING
             pack.walk(self.row, (0.0, 0.0, 0.0))
 
     def _bumps(
-        self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack
+        self, here: DogState, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack
     ) -> list[DogNotice]:
         notices = []
         knocked: set[str] = set()
@@ -306,14 +306,14 @@ class Dog:
                 notices.append(DogNotice("collided", touch.thing, closing))
         return notices
 
-    def _give_way(self, touch: Touch, here: Sense, other: Vector, pack: Pack) -> None:
+    def _give_way(self, touch: Touch, here: DogState, other: Vector, pack: Pack) -> None:
         """What is pushed by a heavy thing goes along with it: boxes that are moved by hand have no momentum."""
         closing = min(_closing(here.velocity, other, touch), _KNOCK_MPS)
         if closing > _PUSHED_MPS:
             pack.knock(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
 
 
-def _met(touch: Touch, here: Sense, other: Vector) -> bool:
+def _met(touch: Touch, here: DogState, other: Vector) -> bool:
     """Whether a mover is met in this period; it is noticed before."""
     return touch.gap_m <= max(_closing(here.velocity, other, touch), 0.0) * PERIOD_S
 

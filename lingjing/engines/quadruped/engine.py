@@ -13,8 +13,8 @@ from lingjing.engines.quadruped.assets import Assets, locate
 from lingjing.engines.quadruped.dog import Dog, DogNotice
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
-from lingjing.engines.quadruped.moving_boxes import POOL, Lookout
-from lingjing.engines.quadruped.pack import DogMemory, Pack, Sense, StandingPlace
+from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
+from lingjing.engines.quadruped.pack import DogMemory, DogState, Pack, StandingPlace
 from lingjing.engines.quadruped.physics import MovingBox, Touch
 from lingjing.engines.quadruped.surroundings import DogSurroundings
 from lingjing.engines.stock import booked
@@ -44,12 +44,12 @@ class QuadrupedEngine(FleetEngine):
         self._schedule = Schedule(spec.instance)
         self._terrain = Terrain(city)
         self._around = DogSurroundings(city)
-        self._lookout = Lookout(spec.instance, spec.owns)
+        self._lookout = MirroredBodies(spec.instance, spec.owns)
         self._entities = {entity.id: entity for entity in spec.owned()}
         self._dogs = {entity.id: Dog(entity) for entity in spec.owned()}
         self._movers: tuple[MovingBox, ...] = ()
         self._pack: Pack | None = None
-        self._senses: list[Sense] = []
+        self._senses: list[DogState] = []
         self._gather(0.0)
 
     def start(self, command: Command) -> None:

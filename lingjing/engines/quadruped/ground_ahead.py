@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lingjing.engines.quadruped.pack import Pack, Sense
+from lingjing.engines.quadruped.pack import DogState, Pack
 from lingjing.engines.quadruped.physics import Floor
 from lingjing.mission.instance import Vector
 from lingjing.scene.terrain import Terrain
@@ -37,7 +37,7 @@ class GroundAhead:
         self._terrain = terrain
         self._pack = pack
 
-    def look(self, here: Sense, yaw: float, remaining_m: float) -> WayAhead:
+    def look(self, here: DogState, yaw: float, remaining_m: float) -> WayAhead:
         """What a dog that goes on along `yaw` comes to before it could stop: every edge of the way there."""
         speed = max(here.ahead_mps, 0.0)
         far = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))

@@ -27,7 +27,7 @@ _ROUND = math.sqrt(math.pi) / 2.0
 """Side of a square over the diameter of the circle of the same area."""
 
 
-class Lookout:
+class MirroredBodies:
     """Knows what the others are; `owns` are not among them."""
 
     def __init__(self, instance: Instance, owns: Iterable[str]) -> None:

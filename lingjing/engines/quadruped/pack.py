@@ -53,7 +53,7 @@ class DogMemory:
         return x, y, z
 
 
-class Sense(NamedTuple):
+class DogState(NamedTuple):
     """A dog now: trunk in the world (metres, m/s, radians; `yaw` anticlockwise from east, pitch nose up, roll right
     side down), `ahead_mps` along its heading, `upright` 1 on its feet to -1 on its back, `stir` its fastest joint
     (rad/s), `watts` what its motors take."""
@@ -72,7 +72,7 @@ class Sense(NamedTuple):
 
 class Motion(NamedTuple):
     """A trunk: position and velocity in the world (metres, m/s), angular velocity and the world's up in the body frame
-    (rad/s), `yaw` as in `Sense`, and forward, left and turning speed in the heading frame."""
+    (rad/s), `yaw` as in `DogState`, and forward, left and turning speed in the heading frame."""
 
     position: Vector
     velocity: Vector
@@ -163,13 +163,13 @@ class Pack(DogBodies):
         """Whether every dog stands or lies at rest, so that stepping would change nothing."""
         return not self._walking.any() and self.stillness < STILL_MPS
 
-    def senses(self) -> list[Sense]:
+    def senses(self) -> list[DogState]:
         """All dogs as they are now."""
         torques, speeds = self.torques, self.speeds
         watts = np.maximum(torques * speeds, 0.0).sum(axis=1) + _COPPER_W * (torques * torques).sum(axis=1)
         stirs = np.abs(speeds).max(axis=1)
         return [
-            Sense(
+            DogState(
                 position=dog.position,
                 velocity=dog.velocity,
                 yaw=dog.yaw,

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from lingjing.engines.quadruped.gait import PERIOD_S
-from lingjing.engines.quadruped.pack import Sense
+from lingjing.engines.quadruped.pack import DogState
 from lingjing.scene.outlines import wrapped
 
 PATIENCE_S = 4.0
@@ -94,7 +94,7 @@ class WalkTask(_Way):
     def __post_init__(self) -> None:
         self.whole = self.length
 
-    def end(self, here: Sense) -> HaltTask:
+    def end(self, here: DogState) -> HaltTask:
         """How to stop once the end is reached."""
         goal = self.x + self.length * math.cos(self.yaw), self.y + self.length * math.sin(self.yaw)
         return HaltTask(*goal, self.yaw)
@@ -103,7 +103,7 @@ class WalkTask(_Way):
         """Something is in the way: wait before the next try."""
         self.waiting_s = WAIT_S
 
-    def wanted(self, here: Sense) -> Velocity:
+    def wanted(self, here: DogState) -> Velocity:
         """What to do in the coming period."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         east, north = here.position[0] - self.x, here.position[1] - self.y
@@ -142,14 +142,14 @@ class TurnTask(_Way):
     def __post_init__(self) -> None:
         self.whole = abs(self.left)
 
-    def end(self, here: Sense) -> HaltTask:
+    def end(self, here: DogState) -> HaltTask:
         """How to stop once the turn is done."""
         return HaltTask(self.x, self.y, wrapped(here.yaw + self.left))
 
     def bump(self) -> None:
         """Turning goes on: what is touched on the way is pushed along."""
 
-    def wanted(self, here: Sense) -> Velocity:
+    def wanted(self, here: DogState) -> Velocity:
         """What to do in the coming period."""
         if self.last_yaw is not None:
             self.left -= wrapped(here.yaw - self.last_yaw)
@@ -179,7 +179,7 @@ class HaltTask:
     def bump(self) -> None:
         """Nothing to wait for."""
 
-    def wanted(self, here: Sense) -> Velocity:
+    def wanted(self, here: DogState) -> Velocity:
         """What to do in the coming period; `done` once the dog has been calm for a moment."""
         off = wrapped(self.yaw - here.yaw)
         away = math.dist((self.x, self.y), here.position[:2])
@@ -202,13 +202,13 @@ def _steps_back(stalled_s: float) -> bool:
     return False
 
 
-def stopping(here: Sense) -> HaltTask:
+def stopping(here: DogState) -> HaltTask:
     """Come to rest from any speed, as soon as legs can."""
     x, y = (at + _STOP_S * rate for at, rate in zip(here.position[:2], here.velocity[:2], strict=True))
     return HaltTask(x, y, here.yaw)
 
 
-def _hold(x: float, y: float, here: Sense) -> tuple[float, float]:
+def _hold(x: float, y: float, here: DogState) -> tuple[float, float]:
     """Forward and left speed towards a place that should not be left."""
     east, north = x - here.position[0], y - here.position[1]
     cosine, sine = math.cos(here.yaw), math.sin(here.yaw)

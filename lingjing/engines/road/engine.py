@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from lingjing.engines.road.congestion import Congestion, jam_of
 from lingjing.engines.road.contact import Contacts
-from lingjing.engines.road.foreign_bodies import Foreign
+from lingjing.engines.road.foreign_bodies import ForeignBodies
 from lingjing.engines.road.graph import LanePoint, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
 from lingjing.engines.road.options import traffic
@@ -63,7 +63,7 @@ class RoadEngine(FleetEngine):
         lowest, highest = elevations(sim, graph)
         sim.level = lowest == highest
         strangers = [entity for entity in instance.entities if entity.id not in spec.owns]
-        self._foreign = Foreign(sim, graph, strangers, highest)
+        self._foreign = ForeignBodies(sim, graph, strangers, highest)
         self._contacts = Contacts(sim, self._collided)
         blockers = (entity for entity in instance.entities if entity.properties.get("blocks") is True)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))

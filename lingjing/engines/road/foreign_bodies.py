@@ -49,7 +49,7 @@ class ForeignBody:
         return (x + east * ahead_s, y + north * ahead_s)
 
 
-class Foreign:
+class ForeignBodies:
     """Keeps the simulation's stand-ins of foreign bodies; `bodies` are those near a road now, by id."""
 
     def __init__(self, sim: Simulation, graph: Graph, entities: Sequence[Entity], highest_m: float) -> None:

@@ -37,7 +37,7 @@ class ParkingPlace:
 
 
 @dataclass(frozen=True, slots=True)
-class Passing:
+class LaneVehicle:
     """A vehicle in the lane: metres of its front from the lane's start (negative: not on it yet), length and speed."""
 
     id: str
@@ -91,7 +91,7 @@ class Kerb:
         """A vehicle is not going to its place any more."""
         self._promised.pop(name, None)
 
-    def passing(self, lane: RoadLane) -> Iterator[Passing]:
+    def passing(self, lane: RoadLane) -> Iterator[LaneVehicle]:
         """Who is on the lane, is just leaving it or comes towards it within sight."""
         yield from self._on(lane.id, 0.0)
         for _, _, _, _, via, *_ in self._sim.lane.getLinks(lane.id):
@@ -108,11 +108,11 @@ class Kerb:
                 if start_m > -SIGHT_M:
                     ahead.append((before, start_m))
 
-    def _on(self, lane: str, start_m: float) -> Iterator[Passing]:
+    def _on(self, lane: str, start_m: float) -> Iterator[LaneVehicle]:
         vehicles = self._sim.vehicle
         for name in self._sim.lane.getLastStepVehicleIDs(lane):
             front, length = start_m + vehicles.getLanePosition(name), vehicles.getLength(name)
-            yield Passing(name, front, length, vehicles.getSpeed(name))
+            yield LaneVehicle(name, front, length, vehicles.getSpeed(name))
 
     def _is_bare(self, lane: RoadLane) -> bool:
         """Whether its edge has no kerb."""

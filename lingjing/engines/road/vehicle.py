@@ -19,7 +19,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.engines.road.graph import Graph, LanePoint
-from lingjing.engines.road.kerb import REACH_M, Kerb, ParkingPlace, Passing
+from lingjing.engines.road.kerb import REACH_M, Kerb, LaneVehicle, ParkingPlace
 from lingjing.engines.road.kinds import SPEED_MPS, declare, top_speed, vehicle_kind
 from lingjing.engines.road.lateral_motion import Sideways, shifted
 from lingjing.engines.road.routing import Avoided, DrivingWay, onward
@@ -488,7 +488,7 @@ def body_state(sim: Simulation, vehicle: str, length_m: float, ahead_s: float, k
     )
 
 
-def _needed_m(other: Passing, impatient: bool) -> float:
+def _needed_m(other: LaneVehicle, impatient: bool) -> float:
     """The distance behind at which it does not matter to somebody in the lane that one pulls out."""
     speed = other.speed_mps
     if impatient:

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from lingjing.kernel.world.contract import World
-    from lingjing.kernel.world.forking import WorkerDoor
+    from lingjing.kernel.world.forking import ForkServerClient
     from lingjing.plugins.host import PluginHost
 
 __all__ = ["WorldKind", "open_world"]
@@ -45,14 +45,14 @@ def open_world(
     plugins: tuple[str, ...] = (),
     paths: tuple[str, ...] = (),
     installed: bool = True,
-    door: WorkerDoor | None = None,
+    fork_server: ForkServerClient | None = None,
 ) -> World:
     """A world of the given kind, idle until `reset`.
 
     `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
     before the caller's `sys.path`); without `installed` they are the only ones. `host`, if the caller has built one
-    already, must offer the same; workers always find plug-ins for themselves. Through a `door` they are forked from a
-    process that has imported all they need, else each is started anew.
+    already, must offer the same; workers always find plug-ins for themselves. A `fork_server` forks them from a process
+    that has imported all they need, else each is started anew.
     """
     if kind == "inline":
         from lingjing.kernel.world.extra_plugins import host_with
@@ -65,4 +65,4 @@ def open_world(
         raise UsageError("worker processes need Linux (or WSL2)", hint="use `--world inline`")
     from lingjing.kernel.world.process import ProcessWorld
 
-    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, host=host, door=door)
+    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, host=host, fork_server=fork_server)

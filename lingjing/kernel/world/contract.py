@@ -64,7 +64,7 @@ class StoredFrame:
 
 
 class World(Protocol):
-    """Engines behind one door. One `World` plays one episode at a time; `reset` starts the next on warm workers."""
+    """Engines as one. A `World` plays one episode at a time; `reset` starts the next on warm workers."""
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:

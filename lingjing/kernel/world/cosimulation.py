@@ -61,7 +61,7 @@ def macro_time_s(clock: Clock, tick: int, step: int) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seat:
+class _OwnedGroup:
     part: CoupledGroup
     resources: frozenset[str]
     foreign: tuple[str, ...]
@@ -73,7 +73,7 @@ class CoSimulation:
     def __init__(self, instance: Instance, parts: Sequence[CoupledGroup]) -> None:
         self._clock = instance.clock
         self._order = tuple(entity.id for entity in instance.entities)
-        self._seats = tuple(_seat(instance, part) for part in parts)
+        self._groups = tuple(_owned_group(instance, part) for part in parts)
         self._states: dict[str, BodyState] = {}
         self._stocks = Stocks(instance)
         self._ambient: dict[str, tuple[BodyState, ...]] = {}
@@ -84,7 +84,7 @@ class CoSimulation:
 
     def reset(self) -> WorldBoundary:
         """Reset all parts; boundary 0 holds one snapshot, at time 0."""
-        reports = _by_engine([report for seat in self._seats for report in seat.part.reset()])
+        reports = _by_engine([report for group in self._groups for report in group.part.reset()])
         snapshot = self._commit(reports, 0.0)
         return WorldBoundary(
             tick=0,
@@ -129,21 +129,21 @@ class CoSimulation:
             if command.resource not in self._states:
                 raise ValueError(f"command {command.id} is for `{command.resource}`, which no engine owns")
         admitted: dict[str, Receipt] = {}
-        for seat in self._seats:
-            mine = [command for command in commands if command.resource in seat.resources]
+        for group in self._groups:
+            mine = [command for command in commands if command.resource in group.resources]
             if mine:
-                admitted.update(seat.part.submit(mine))
+                admitted.update(group.part.submit(mine))
         return admitted
 
     def _advance(self, until: float) -> Sequence[EngineReport]:
-        if len(self._seats) == 1:
-            return self._seats[0].part.advance(until)
+        if len(self._groups) == 1:
+            return self._groups[0].part.advance(until)
         states = self._states
         return _by_engine(
             [
                 report
-                for seat in self._seats
-                for report in seat.part.advance(until, [states[name] for name in seat.foreign], self._around(seat))
+                for group in self._groups
+                for report in group.part.advance(until, [states[name] for name in group.foreign], self._around(group))
             ]
         )
 
@@ -157,16 +157,16 @@ class CoSimulation:
                 keep_movers(self._ambient, boundary)
             if boundary.unheard or self._unheard:
                 self._unheard[boundary.engine] = boundary.unheard
-        if len(self._seats) > 1:
+        if len(self._groups) > 1:
             check_apart(self._ambient)
         kept = self._stocks.kept(self._states)
         return Snapshot(time_s=time_s, states=tuple([kept.get(name) or self._states[name] for name in self._order]))
 
-    def _around(self, seat: _Seat) -> Movers:
+    def _around(self, group: _OwnedGroup) -> Movers:
         """The background movers of the other parts' engines."""
-        if len(self._seats) == 1:
+        if len(self._groups) == 1:
             return NO_MOVERS
-        return {name: movers for name, movers in self._ambient.items() if name not in seat.part.engines}
+        return {name: movers for name, movers in self._ambient.items() if name not in group.part.engines}
 
     def _crowded(self, snapshot: Snapshot) -> Snapshot:
         """The snapshot of a decision boundary, which holds the background movers too."""
@@ -193,10 +193,10 @@ class CoSimulation:
         )
 
 
-def _seat(instance: Instance, part: CoupledGroup) -> _Seat:
+def _owned_group(instance: Instance, part: CoupledGroup) -> _OwnedGroup:
     mine = [entity.id for entity in instance.entities if entity.engine in part.engines]
     foreign = tuple(entity.id for entity in instance.entities if entity.engine not in part.engines)
-    return _Seat(part, frozenset(mine), foreign)
+    return _OwnedGroup(part, frozenset(mine), foreign)
 
 
 def _by_engine(reports: list[EngineReport]) -> list[EngineReport]:

@@ -69,7 +69,7 @@ class _CameraUse:
 
 @dataclass(slots=True)
 class _Server:
-    door: socket.socket
+    asking: socket.socket
     parent: int
     pid: int
     selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
@@ -77,7 +77,7 @@ class _Server:
 
     def run(self) -> None:
         """Serve until the caller's end is closed."""
-        self.selector.register(self.door, selectors.EVENT_READ, self.asked_by_caller)
+        self.selector.register(self.asking, selectors.EVENT_READ, self.asked_by_caller)
         while os.getppid() == self.parent:
             for key, _ in self.selector.select(_PATROL_S):
                 # What was answered before in this round may have ended what this one is about.
@@ -87,10 +87,10 @@ class _Server:
 
     # -- requests
 
-    def asked_by_caller(self, door: socket.socket) -> bool:
+    def asked_by_caller(self, asking: socket.socket) -> bool:
         """A request through the caller's socket; False at its end."""
         try:
-            request, descriptors = _received(door)
+            request, descriptors = _received(asking)
         except EOFError:
             return False
         if isinstance(request, RunModule) and len(descriptors) == 4:
@@ -100,13 +100,13 @@ class _Server:
         _close(descriptors)
         return True
 
-    def asked_by_module(self, door: socket.socket) -> None:
+    def asked_by_module(self, asking: socket.socket) -> None:
         """A request of a module that runs: it may ask for workers alone."""
         try:
-            request, descriptors = _received(door)
+            request, descriptors = _received(asking)
         except EOFError:
-            self.selector.unregister(door)
-            door.close()
+            self.selector.unregister(asking)
+            asking.close()
             return
         if isinstance(request, StartWorker) and len(descriptors) == 5:
             self.start_worker(request, descriptors)
@@ -273,10 +273,10 @@ def _call(request: CallFunction) -> None:
     gc.freeze()
 
 
-def _received(door: socket.socket) -> tuple[ForkRequest | None, list[int]]:
+def _received(asking: socket.socket) -> tuple[ForkRequest | None, list[int]]:
     """A request and what came with it, None for nonsense; `EOFError` at the end of the socket."""
     try:
-        data, descriptors, _, _ = socket.recv_fds(door, 1, _MOST_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC)
+        data, descriptors, _, _ = socket.recv_fds(asking, 1, _MOST_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC)
     except OSError as error:
         raise EOFError from error
     if not data:
@@ -351,7 +351,7 @@ def _become_worker(request: StartWorker, ends: tuple[int, int, int], control: in
         os._exit(code)
 
 
-def _become_module(request: RunModule, streams: list[int], door: int, parent: int) -> NoReturn:
+def _become_module(request: RunModule, streams: list[int], asking: int, parent: int) -> NoReturn:
     """Be what `python -m` would have started. The interpreter is not shut down, for most of it is the server's."""
     code = 1
     try:
@@ -360,7 +360,7 @@ def _become_module(request: RunModule, streams: list[int], door: int, parent: in
         os.environ.clear()
         os.environ.update(request.environment)
         os.environ.update({name: value for name, value in pins().items() if value})
-        sys.argv = [request.module, *request.arguments, "--fork-server", str(door)]
+        sys.argv = [request.module, *request.arguments, "--fork-server", str(asking)]
         sys.path.insert(0, request.folder)  # as `python -m` has it
         if "numpy.random" in sys.modules:
             sys.modules["numpy.random"].seed()  # a fork would go on with the stream of its original

@@ -1,7 +1,7 @@
 """Processes that begin with everything imported: what is asked of a fork server (`fork_server`), and what it starts.
 
 A `ForkServer` belongs to one command. It runs a module as `python -m` would (`run_module`), in a fork of a process that
-has imported the modules it was started with. What runs there has a `WorkerDoor`, through which it gets its world
+has imported the modules it was started with. What runs there has a `ForkServerClient`, through which it gets its world
 process and its camera process. The server tells of each process that it has started its pid, with a descriptor of the
 process, and at the end its status.
 """
@@ -129,7 +129,7 @@ class ForkedProcess:
         signal.pidfd_send_signal(self.pidfd, number)
 
 
-class WorkerDoor:
+class ForkServerClient:
     """Where a process that was started by a fork server asks it for workers: a socket of packets, by descriptor."""
 
     def __init__(self, descriptor: int) -> None:
@@ -230,23 +230,23 @@ def started_to_last(
     return outcome.result()
 
 
-def _asked(door: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:
+def _asked(asking: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         with theirs:
-            _send(door, request, (*descriptors, theirs.fileno()))
+            _send(asking, request, (*descriptors, theirs.fileno()))
     except InfrastructureError:
         ours.close()
         raise
     return ForkedProcess(ours)
 
 
-def _send(door: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> None:
+def _send(asking: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> None:
     letter = os.memfd_create("lingjing-request", os.MFD_CLOEXEC)  # of any size, which a packet is not
     try:
         with open(letter, "wb") as file:  # noqa: PTH123 - a descriptor
             file.write(msgspec.msgpack.encode(request))
             file.flush()
-            socket.send_fds(door, [b"r"], [letter, *descriptors])
+            socket.send_fds(asking, [b"r"], [letter, *descriptors])
     except OSError as error:
         raise InfrastructureError(f"the process that starts others is gone: {error}") from error

@@ -1,4 +1,4 @@
-"""One guarded door through which every engine method is called, and the words for what can go wrong there."""
+"""The one guarded call by which every engine method is called, and the words for what can go wrong there."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.deadlines import Deadline, OwnDeadline, own_clock_of_s
-from lingjing.kernel.world.forking import ForkedProcess, WorkerDoor, WorkerPlace, WorkerSettings
+from lingjing.kernel.world.forking import ForkedProcess, ForkServerClient, WorkerPlace, WorkerSettings
 from lingjing.kernel.world.launch import ErrorOutput, WorkerProcess, launch
 from lingjing.kernel.world.messages import (
     Close,
@@ -78,9 +78,9 @@ class Worker:
         self._lent = lent
 
     @classmethod
-    def start(cls, place: WorkerPlace, settings: WorkerSettings, door: WorkerDoor | None = None) -> Worker:
-        """A new process of its own; through a door, a camera process may have drawn for others before."""
-        made = launch(place, settings, door)
+    def start(cls, place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None = None) -> Worker:
+        """A new process of its own; through a fork server, a camera process may have drawn for others before."""
+        made = launch(place, settings, fork_server)
         name = f"{place} process"
         return cls(name, made.pidfd, made.end, made.progress, made.words, process=made.process, lent=made.lent)
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.forking import WorkerDoor, WorkerPlace, WorkerSettings, environment, started_to_last
+from lingjing.kernel.world.forking import ForkServerClient, WorkerPlace, WorkerSettings, environment, started_to_last
 from lingjing.kernel.world.shared import progress_memory
 
 _TAIL_BYTES = 16_384
@@ -96,23 +96,23 @@ class Launched:
     lent: bool = False
 
 
-def launch(place: WorkerPlace, settings: WorkerSettings, door: WorkerDoor | None) -> Launched:
-    """Start a worker, which answers when it is up: `python -m lingjing.kernel.world.worker`, or through the door."""
+def launch(place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None) -> Launched:
+    """Start a worker, which answers when it is up: `python -m lingjing.kernel.world.worker`, or by the fork server."""
     try:
-        return _launch(place, settings, door)
+        return _launch(place, settings, fork_server)
     except OSError as error:
         raise InfrastructureError(f"the {place} process cannot be started: {error}") from error
 
 
-def _launch(place: WorkerPlace, settings: WorkerSettings, door: WorkerDoor | None) -> Launched:
+def _launch(place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None) -> Launched:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
     # Room for what a worker says while the caller waits for the other one.
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
     try:
-        if door is not None:
-            forked = door.start_worker(place, settings, (theirs.fileno(), progress, writing))
+        if fork_server is not None:
+            forked = fork_server.start_worker(place, settings, (theirs.fileno(), progress, writing))
             return Launched(forked, os.dup(forked.pidfd), ours, progress, ErrorOutput(reading), place == "camera")
         process = _started(place, settings, (theirs.fileno(), progress), writing)
         return Launched(process, os.pidfd_open(process.pid), ours, progress, ErrorOutput(reading))

@@ -28,7 +28,7 @@ from lingjing.kernel.world.engine_group import (
     start_engines,
 )
 from lingjing.kernel.world.extra_plugins import host_with
-from lingjing.kernel.world.forking import WorkerDoor, WorkerPlace, WorkerSettings
+from lingjing.kernel.world.forking import ForkServerClient, WorkerPlace, WorkerSettings
 from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
 from lingjing.kernel.world.held_cities import packed
@@ -158,9 +158,9 @@ class ProcessWorld:
         paths: tuple[str, ...] = (),
         installed: bool = True,
         host: PluginHost | None = None,
-        door: WorkerDoor | None = None,
+        fork_server: ForkServerClient | None = None,
     ) -> None:
-        self._door = door
+        self._fork_server = fork_server
         self._settings = WorkerSettings(plugins, paths, installed)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
@@ -236,7 +236,7 @@ class ProcessWorld:
             paths=self._settings.paths,
             installed=self._settings.installed,
             host=self._host,
-            door=self._door,
+            fork_server=self._fork_server,
         )
         camera = self._workers.camera
         if camera is not None:
@@ -281,7 +281,7 @@ class ProcessWorld:
         return None
 
     def _start(self, place: WorkerPlace) -> Worker:
-        return Worker.start(place, self._settings, self._door)
+        return Worker.start(place, self._settings, self._fork_server)
 
     def _prepare(self, roles: EngineSelection) -> None:
         workers = self._workers

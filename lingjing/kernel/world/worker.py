@@ -48,7 +48,7 @@ _UNFORKABLE = ("cv2", "moderngl", "OpenGL", "glcontext", "glfw", "torch")
 
 
 @dataclass(slots=True)
-class Post:
+class WorkerContext:
     """Where this process stands: whom it answers, who started it, whom it started."""
 
     channel: PacketSocket
@@ -80,9 +80,9 @@ def main() -> NoReturn:
     for descriptor in (options.fd, options.progress):
         os.set_inheritable(descriptor, False)
     settings = WorkerSettings(tuple(options.plugin), (), not options.bare)
-    post = _new_post(options.fd, options.progress, options.parent)
-    handler = _handler(options.place, settings, post.progress)
-    _serve(handler, post, handler.close)
+    context = _new_context(options.fd, options.progress, options.parent)
+    handler = _handler(options.place, settings, context.progress)
+    _serve(handler, context, handler.close)
     _flush()
     # No interpreter shutdown: in a forked copy it would run handlers that belong to the original.
     os._exit(0)
@@ -90,9 +90,9 @@ def main() -> NoReturn:
 
 def serve_as_world(settings: WorkerSettings, ends: tuple[int, int], parent: int) -> None:
     """In a fork of the server: serve one caller at these ends (channel, progress memory)."""
-    post = _new_post(*ends, parent)
-    handler = _handler("world", settings, post.progress)
-    _serve(handler, post, handler.close)
+    context = _new_context(*ends, parent)
+    handler = _handler("world", settings, context.progress)
+    _serve(handler, context, handler.close)
     _flush()
 
 
@@ -103,16 +103,16 @@ def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: in
     the output's too.
     """
     server = socket.socket(fileno=control)
-    post = _new_post(*ends, parent)
-    handler = _handler("camera", settings, post.progress)
+    context = _new_context(*ends, parent)
+    handler = _handler("camera", settings, context.progress)
 
     def tell() -> tuple[str, ...]:
         server.send(b"i")
         return ()
 
     while True:
-        told = _serve(handler, post, tell)  # before it is let go, so that who comes after it finds this process idle
-        post.channel.close()
+        told = _serve(handler, context, tell)  # before it is let go, so that who comes after it finds this process idle
+        context.channel.close()
         _write_to(os.open(os.devnull, os.O_WRONLY))  # who waits for the end of what was written need not wait for us
         if not told:
             tell()
@@ -120,19 +120,19 @@ def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: in
         if len(given) != 3:
             return
         _write_to(given[2])
-        post.take(*given[:2])
+        context.take(*given[:2])
 
 
-def _new_post(channel: int, progress: int, parent: int) -> Post:
+def _new_context(channel: int, progress: int, parent: int) -> WorkerContext:
     guard_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
-    post = Post(PacketSocket(socket.socket(fileno=channel)), CallMonitor(progress), parent)
+    context = WorkerContext(PacketSocket(socket.socket(fileno=channel)), CallMonitor(progress), parent)
     os.close(progress)
-    signal.signal(signal.SIGCHLD, post.reap)
-    return post
+    signal.signal(signal.SIGCHLD, context.reap)
+    return context
 
 
 def _flush() -> None:
@@ -168,75 +168,75 @@ def _handler(place: str, settings: WorkerSettings, progress: CallMonitor) -> Req
     return WorldHandler(find_host, progress)
 
 
-def _serve(handler: RequestHandler, post: Post, end: Callable[[], tuple[str, ...]]) -> bool:
+def _serve(handler: RequestHandler, context: WorkerContext, end: Callable[[], tuple[str, ...]]) -> bool:
     """Answer until the caller has enough, which is told of the problems of `end`, or is gone; whether it was told."""
     try:
         while True:
-            packet = _next(post)
+            packet = _next(context)
             request = decoded_request(packet.payload)
             if isinstance(request, Fork):
-                _fork(post, packet)
+                _fork(context, packet)
             elif isinstance(request, Close):
                 problems = end()
                 with contextlib.suppress(ChannelClosedError):
-                    post.reply(Closed(problems=problems))
+                    context.reply(Closed(problems=problems))
                 return True
             else:
-                _attempt(handler, post, request)
+                _attempt(handler, context, request)
     except ChannelClosedError:
         return False
 
 
-def _attempt(handler: RequestHandler, post: Post, request: Request) -> None:
+def _attempt(handler: RequestHandler, context: WorkerContext, request: Request) -> None:
     try:
         for reply, descriptors in handler.answer(request):
-            post.reply(reply, descriptors)
-        post.progress.rest()
+            context.reply(reply, descriptors)
+        context.progress.rest()
     except ChannelClosedError:
         raise
     except LingjingError as error:
-        post.reply(Failed(message=str(error), hint=error.hint, traceback=traceback.format_exc()))
+        context.reply(Failed(message=str(error), hint=error.hint, traceback=traceback.format_exc()))
     except Exception as error:  # noqa: BLE001 - a fault of ours; it is reported to the caller, who raises it
         message = f"the worker failed: {type(error).__name__}: {error}"
-        post.reply(Failed(message=message, traceback=traceback.format_exc()))
+        context.reply(Failed(message=message, traceback=traceback.format_exc()))
 
 
-def _next(post: Post) -> Packet:
+def _next(context: WorkerContext) -> Packet:
     while True:
         try:
-            return post.channel.receive(WallDeadline(_PATROL_S))
+            return context.channel.receive(WallDeadline(_PATROL_S))
         except TimeoutError:
-            if os.getppid() != post.parent:
+            if os.getppid() != context.parent:
                 os._exit(0)
 
 
-def _fork(post: Post, packet: Packet) -> None:
+def _fork(context: WorkerContext, packet: Packet) -> None:
     threads = len(list(Path("/proc/self/task").iterdir()))
     if threads != 1:
         packet.close()
         suspects = [name for name in _UNFORKABLE if name in sys.modules]
         also = f" (it has loaded {', '.join(suspects)})" if suspects else ""
-        post.reply(Refused(message=f"the world process has {threads} threads and cannot be forked{also}"))
+        context.reply(Refused(message=f"the world process has {threads} threads and cannot be forked{also}"))
         return
     state = random.getstate()  # Python reseeds it in a forked child; a copy must not differ from its original
     original = os.getpid()
     pid = os.fork()
     if pid:
         packet.close()
-        post.forks.add(pid)
-        post.reap()  # it may have ended before it was in the set
-        post.reply(Forked(pid=pid))
+        context.forks.add(pid)
+        context.reap()  # it may have ended before it was in the set
+        context.reply(Forked(pid=pid))
         return
     die_with(original)
     random.setstate(state)
-    _take_post(post, packet, original)
+    _take_post(context, packet, original)
 
 
-def _take_post(post: Post, packet: Packet, parent: int) -> None:
-    post.channel.close()
-    post.take(*packet.descriptors)
-    post.parent = parent
-    post.forks.clear()
+def _take_post(context: WorkerContext, packet: Packet, parent: int) -> None:
+    context.channel.close()
+    context.take(*packet.descriptors)
+    context.parent = parent
+    context.forks.clear()
 
 
 if __name__ == "__main__":

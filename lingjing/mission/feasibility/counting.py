@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.motion import IDLE_VERBS
-from lingjing.mission.feasibility.needs import Leaf, Need, PictureNeed, ReportNeed, Some, VisitNeed
+from lingjing.mission.feasibility.needs import AtLeast, Leaf, Need, PictureNeed, ReportNeed, VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
 from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
@@ -58,7 +58,7 @@ def _ticks(need: Need, picture: int) -> int:
             return picture
         case ReportNeed():
             return 1
-        case Some(least=least, parts=parts) if 0 < least <= len(parts):
+        case AtLeast(least=least, parts=parts) if 0 < least <= len(parts):
             return sorted(_ticks(part, picture) for part in parts)[least - 1]
     return 0
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import msgspec
 
 from lingjing.mission.feasibility.outline import Body
-from lingjing.mission.feasibility.spread import Where
+from lingjing.mission.feasibility.spread import PossiblePlaces
 
 
 class VisitNeed(msgspec.Struct, frozen=True):
     """One of `movers` must come within `radius_m` of the goal, in the plane."""
 
     movers: tuple[Body, ...]
-    goal: Body | Where
+    goal: Body | PossiblePlaces
     radius_m: float
     at: str
 
@@ -69,7 +69,7 @@ class Never(msgspec.Struct, frozen=True):
     at: str
 
 
-class Some(msgspec.Struct, frozen=True):
+class AtLeast(msgspec.Struct, frozen=True):
     """At least `least` of the parts: all of them, one of them, some number in between; 0 asks for nothing."""
 
     least: int
@@ -77,15 +77,15 @@ class Some(msgspec.Struct, frozen=True):
 
 
 Leaf = VisitNeed | ReportNeed | PictureNeed | Handover | Supply | Performed | Never
-Need = Leaf | Some
+Need = Leaf | AtLeast
 
-NOTHING = Some(0, ())
+NOTHING = AtLeast(0, ())
 """No requirement, or none that is understood."""
 
 
 def mandatory(need: Need) -> list[Leaf]:
     """The leaves that every way of meeting the need goes through."""
-    if not isinstance(need, Some):
+    if not isinstance(need, AtLeast):
         return [need]
     if need.least < len(need.parts):
         return []
@@ -94,7 +94,7 @@ def mandatory(need: Need) -> list[Leaf]:
 
 def leaves(need: Need) -> Iterator[Leaf]:
     """All leaves, needed or not."""
-    if isinstance(need, Some):
+    if isinstance(need, AtLeast):
         for part in need.parts:
             yield from leaves(part)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lingjing.mission import expression as ex
-from lingjing.mission.feasibility.needs import Need, Performed, Some
+from lingjing.mission.feasibility.needs import AtLeast, Need, Performed
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.feasibility.unfolding import of_groups
@@ -116,7 +116,7 @@ def _before(condition: ex.Expr, parameters: tuple[RuleParameter, ...], outline: 
 def _performed(need: Need) -> set[str]:
     if isinstance(need, Performed):
         return {need.interaction}
-    if not isinstance(need, Some) or need.least == 0:
+    if not isinstance(need, AtLeast) or need.least == 0:
         return set()
     each = [_performed(part) for part in need.parts]
     return set().union(*each) if need.least == len(each) else set.intersection(*each)

@@ -12,7 +12,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
-from lingjing.mission.feasibility.spread import Where, numbers, places, point
+from lingjing.mission.feasibility.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.instance import Entity, Instance, InteractionSpec
 from lingjing.mission.instance_entities import GROUND_REACH_M, count_of
 from lingjing.mission.instantiate import instantiate, parameters
@@ -33,7 +33,7 @@ class Body(msgspec.Struct, frozen=True):
     """
 
     entity: Entity
-    where: Where
+    where: PossiblePlaces
     drawn: dict[str, Bounds]
     speed_mps: float
     flight_s: float
@@ -68,7 +68,7 @@ class Outline(msgspec.Struct, frozen=True):
     bodies: dict[str, Body]
     groups: dict[str, tuple[Body, ...]]
     kinds: frozenset[str]
-    drawn_sites: tuple[tuple[str, int, Where], ...] = ()
+    drawn_sites: tuple[tuple[str, int, PossiblePlaces], ...] = ()
 
     @property
     def ticks(self) -> int:
@@ -109,7 +109,7 @@ def too_large(mission: model.Mission, mode: str) -> bool:
     )
 
 
-_Opened = tuple[Where | None, dict[str, Bounds]]
+_Opened = tuple[PossiblePlaces | None, dict[str, Bounds]]
 """Of a group: where its members are drawn, and the bounds of its drawn numbers."""
 
 
@@ -174,7 +174,7 @@ def _is_there(group: str, instance: Instance) -> bool:
 
 
 def _opened(group: model.Group, scope: Scope) -> _Opened:
-    where: Where | None = None
+    where: PossiblePlaces | None = None
     drawn: dict[str, Bounds] = {}
     for prop in group.properties:
         if not isinstance(prop.value, ex.Draw):

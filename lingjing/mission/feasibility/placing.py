@@ -6,7 +6,7 @@ import math
 
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof, spelled
-from lingjing.mission.feasibility.spread import Where
+from lingjing.mission.feasibility.spread import PossiblePlaces
 from lingjing.mission.geometry2d import convex_hull, signed_area
 
 MILLIMETRE = 0.001
@@ -32,7 +32,7 @@ def refute_places(outline: Outline) -> list[Proof]:
     return found
 
 
-def most_places(where: Where) -> float:
+def most_places(where: PossiblePlaces) -> float:
     """How many points at least `apart` from each other the region can hold, at most.
 
     Groemer (1960): a convex area A of perimeter P holds at most 2/√3 · A/d² + P/(2d) + 1 points with distances of d

@@ -5,13 +5,13 @@ from __future__ import annotations
 from lingjing.mission.feasibility.counting import refute_counts, refute_ticks
 from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.needs import (
+    AtLeast,
     Handover,
     Need,
     Never,
     Performed,
     PictureNeed,
     ReportNeed,
-    Some,
     Supply,
     VisitNeed,
     mandatory,
@@ -43,7 +43,7 @@ def refute(need: Need, limit: TimeLimit, outline: Outline, at: str) -> list[Proo
 def refute_each(need: Need, limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Reasons that lie in single leaves. Of parts of which only some are due, so many must fail that too few are left;
     then the first that fails stands for all."""
-    if not isinstance(need, Some):
+    if not isinstance(need, AtLeast):
         found = _leaf(need, limit, outline)
         return [found] if found else []
     failed = [proofs for part in need.parts if (proofs := refute_each(part, limit, outline))]
@@ -66,5 +66,5 @@ def _leaf(leaf: Need, limit: TimeLimit, outline: Outline) -> Proof | None:
             return refute_handover(leaf, outline)
         case Never(message=message, at=at):
             return Proof("LJ0612", at, message, "declare what is asked for, or do not ask for it")
-        case Supply() | Performed() | Some():
+        case Supply() | Performed() | AtLeast():
             return None

@@ -1,7 +1,7 @@
 """Where something may be, and between which bounds a number lies, before the seed is known.
 
-A `Where` is the set of places that a position can take: one point for a declared place, the region for a seeded draw.
-Distances between such sets are the smallest possible ones, so what is proved of them is true for every seed.
+`PossiblePlaces` is the set of places that a position can take: one point for a declared place, the region for a seeded
+draw. Distances between such sets are the smallest possible ones, so what is proved of them is true for every seed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, evalu
 from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 
 
-class Where(msgspec.Struct, frozen=True):
+class PossiblePlaces(msgspec.Struct, frozen=True):
     """The possible places: outlines in metres, of one corner for a point. Empty: anywhere.
 
     Members of the group `drawn` (if not empty) are at least `apart` metres from each other. The scene may move what
@@ -29,15 +29,15 @@ class Where(msgspec.Struct, frozen=True):
     loose_m: float = 0.0
 
 
-ANYWHERE = Where()
+ANYWHERE = PossiblePlaces()
 
 
-def point(east: float, north: float) -> Where:
+def point(east: float, north: float) -> PossiblePlaces:
     """One known place."""
-    return Where((((east, north),),))
+    return PossiblePlaces((((east, north),),))
 
 
-def gap(one: Where, other: Where) -> float:
+def gap(one: PossiblePlaces, other: PossiblePlaces) -> float:
     """The least possible distance in metres; 0 if it is not known."""
     if not one.outlines or not other.outlines:
         return 0.0
@@ -47,16 +47,16 @@ def gap(one: Where, other: Where) -> float:
     return max(0.0, nearest - one.loose_m - other.loose_m)
 
 
-def places(draw: ex.Draw, scope: Scope, group: str) -> Where:
+def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
     """Every place that a draw of positions can give."""
     if draw.distribution == "sites" and len(draw.arguments) == 1:
         value = evaluate(draw.arguments[0], scope)
         apart = dict(draw.named).get("apart")
         outlines = outlines_of(value)
         if outlines:
-            return Where(outlines, 0.0 if apart is None else number(apart, scope), group)
+            return PossiblePlaces(outlines, 0.0 if apart is None else number(apart, scope), group)
     if draw.distribution in ("choice", "subset"):
-        return Where(tuple(((p.east, p.north),) for p in _listed(draw, scope) if isinstance(p, Place)))
+        return PossiblePlaces(tuple(((p.east, p.north),) for p in _listed(draw, scope) if isinstance(p, Place)))
     return ANYWHERE
 
 

@@ -10,30 +10,30 @@ from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.needs import VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
-from lingjing.mission.feasibility.spread import Where, gap
+from lingjing.mission.feasibility.spread import PossiblePlaces, gap
 
 
-class Meeting(msgspec.Struct, frozen=True):
+class VisitGeometry(msgspec.Struct, frozen=True):
     """A visit as plain geometry: where the goal begins, how fast it moves by itself (m/s), how near is near enough."""
 
-    where: Where
+    where: PossiblePlaces
     speed_mps: float
     radius_m: float
 
 
-def meeting(visit: VisitNeed, outline: Outline) -> Meeting:
+def meeting(visit: VisitNeed, outline: Outline) -> VisitGeometry:
     """The visit with what carriers may do to its goal taken into account.
 
     A goal that others than the visit's movers may take aboard moves as fast as they do. If only the movers may, they
     meet it first where it drifts, from as far as it can be taken aboard.
     """
-    if isinstance(visit.goal, Where):
-        return Meeting(visit.goal, 0.0, visit.radius_m)
+    if isinstance(visit.goal, PossiblePlaces):
+        return VisitGeometry(visit.goal, 0.0, visit.radius_m)
     goal, movers = visit.goal, {mover.id for mover in visit.movers}
     radius = max(visit.radius_m, goal.aboard_m)
     if goal.aboard <= movers:
-        return Meeting(goal.where, goal.speed_mps, radius)
-    return Meeting(goal.where, max(goal.speed_mps, _carried(goal, outline)), radius)
+        return VisitGeometry(goal.where, goal.speed_mps, radius)
+    return VisitGeometry(goal.where, max(goal.speed_mps, _carried(goal, outline)), radius)
 
 
 def pace(mover: Body, outline: Outline) -> float:
@@ -56,7 +56,7 @@ def refute_visit(visit: VisitNeed, limit: TimeLimit, outline: Outline) -> Proof 
     return _too_far(visit, goal, limit, away, outline)
 
 
-def name_of(goal: Body | Where) -> str:
+def name_of(goal: Body | PossiblePlaces) -> str:
     """The goal in words."""
     if isinstance(goal, Body):
         return f"`{goal.id}`"
@@ -76,7 +76,7 @@ def _carried(body: Body, outline: Outline) -> float:
     return max((outline.bodies[name].speed_mps for name in body.aboard), default=0.0)
 
 
-def _away(mover: Body, goal: Meeting, outline: Outline) -> float:
+def _away(mover: Body, goal: VisitGeometry, outline: Outline) -> float:
     """Metres that must be covered at least; a mover that is taken aboard jumps to its carrier."""
     return max(0.0, gap(mover.where, goal.where) - goal.radius_m - mover.aboard_m)
 
@@ -101,7 +101,9 @@ def _nobody(visit: VisitNeed, metres: float, mover: Body) -> Proof:
     )
 
 
-def _too_late(visit: VisitNeed, goal: Meeting, limit: TimeLimit, mover: Body, metres: float, speed: float) -> Proof:
+def _too_late(
+    visit: VisitNeed, goal: VisitGeometry, limit: TimeLimit, mover: Body, metres: float, speed: float
+) -> Proof:
     needed, _ = both(metres / speed, limit.seconds)
     closing = " (both moving)" if goal.speed_mps > 0 else ""
     return Proof(
@@ -117,7 +119,7 @@ def _too_late(visit: VisitNeed, goal: Meeting, limit: TimeLimit, mover: Body, me
 
 
 def _too_far(
-    visit: VisitNeed, goal: Meeting, limit: TimeLimit, away: dict[str, float], outline: Outline
+    visit: VisitNeed, goal: VisitGeometry, limit: TimeLimit, away: dict[str, float], outline: Outline
 ) -> Proof | None:
     """Why no battery lasts for the visit, if that is so."""
     worst: Proof | None = None

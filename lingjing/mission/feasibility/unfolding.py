@@ -21,6 +21,7 @@ from lingjing.mission import operations
 from lingjing.mission.certain import exact, known
 from lingjing.mission.feasibility.needs import (
     NOTHING,
+    AtLeast,
     Handover,
     Leaf,
     Need,
@@ -28,13 +29,12 @@ from lingjing.mission.feasibility.needs import (
     Performed,
     PictureNeed,
     ReportNeed,
-    Some,
     Supply,
     VisitNeed,
     leaves,
 )
 from lingjing.mission.feasibility.outline import Body, Outline
-from lingjing.mission.feasibility.spread import Where, outlines_of, point
+from lingjing.mission.feasibility.spread import PossiblePlaces, outlines_of, point
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
 from lingjing.mission.instance import InteractionSpec
@@ -59,7 +59,7 @@ def some_member(condition: ex.Expr, variable: str | None, domain: str | None, ou
     members = outline.groups.get(domain, ())
     if not members:
         return NOTHING
-    return Some(1, tuple(unfolding.need(condition, {variable: member}, at) for member in members))
+    return AtLeast(1, tuple(unfolding.need(condition, {variable: member}, at) for member in members))
 
 
 def of_groups(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> Need:
@@ -194,18 +194,18 @@ def _bounds(value: Value) -> Bounds:
 
 def _all(parts: tuple[Need, ...]) -> Need:
     known = tuple(part for part in parts if part != NOTHING)
-    return known[0] if len(known) == 1 else Some(len(known), known)
+    return known[0] if len(known) == 1 else AtLeast(len(known), known)
 
 
 def _any(parts: tuple[Need, ...]) -> Need:
-    open_ended = any(isinstance(part, Some) and part.least == 0 for part in parts)
-    return _mentioned(parts) if open_ended else Some(1, parts)
+    open_ended = any(isinstance(part, AtLeast) and part.least == 0 for part in parts)
+    return _mentioned(parts) if open_ended else AtLeast(1, parts)
 
 
 def _mentioned(parts: tuple[Need, ...]) -> Need:
     """No requirement, with what is named in it."""
     named = tuple(part for part in parts if part != NOTHING)
-    return Some(0, named) if named else NOTHING
+    return AtLeast(0, named) if named else NOTHING
 
 
 # -- the reading ----------------------------------------------------------------------------------------------------
@@ -439,7 +439,7 @@ def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
 def _inside(item: Value, whole: Value, on: Unfolding) -> Need:
     body = _body(item)
     outlines = outlines_of(whole) if isinstance(whole, Area) else ()
-    return VisitNeed((body,), Where(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
+    return VisitNeed((body,), PossiblePlaces(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
 
 
 def _at_most(left: Value, right: Value, on: Unfolding) -> Need:
@@ -484,4 +484,4 @@ def _counted(count: _Count, least: float, on: Unfolding) -> Need:
     number = max(0, math.ceil(least - 1e-9))
     if number > len(count.parts):
         return Never(f"{number} of `{count.of}` are asked for, there are {len(count.parts)}", on.at)
-    return Some(number, count.parts)
+    return AtLeast(number, count.parts)

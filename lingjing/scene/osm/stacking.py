@@ -35,7 +35,7 @@ def settled(pieces: Sequence[Building]) -> tuple[Building, ...]:
     """The pieces in their order, some shorter or smaller, some gone or in several; roofs built upon are `bare`."""
     if not pieces:
         return ()
-    pile = _Pile(pieces)
+    pile = _StackedPieces(pieces)
     for a, b in pile.touching():
         pile.part(a, b)
     for a, b in pile.touching():
@@ -43,7 +43,7 @@ def settled(pieces: Sequence[Building]) -> tuple[Building, ...]:
     return tuple(pile.result())
 
 
-class _Pile:
+class _StackedPieces:
     """Pieces and their shapes, changed pair by pair; None for a piece that is gone."""
 
     def __init__(self, pieces: Sequence[Building]) -> None:

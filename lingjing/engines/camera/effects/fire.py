@@ -37,7 +37,7 @@ STEAM = (0.60, 0.61, 0.62)
 
 
 @dataclass(frozen=True, slots=True)
-class Blaze:
+class FireScale:
     """How large a fire is: radius of its bed and height of its flames (m), numbers of flames and puffs, how long a
     puff lives (s) and how wide it grows (m)."""
 
@@ -49,14 +49,14 @@ class Blaze:
     puff_m: float
 
 
-BUILDING = Blaze(radius_m=3.6, height_m=3.2, flames=110, puffs=130, life_s=15.0, puff_m=7.5)
+BUILDING = FireScale(radius_m=3.6, height_m=3.2, flames=110, puffs=130, life_s=15.0, puff_m=7.5)
 """Seen from 110 m above: some 70 pixels of flames and a plume ten times as long."""
-GROUND = Blaze(radius_m=0.65, height_m=1.35, flames=60, puffs=60, life_s=7.0, puff_m=1.7)
+GROUND = FireScale(radius_m=0.65, height_m=1.35, flames=60, puffs=60, life_s=7.0, puff_m=1.7)
 """Seen by a dog from 2 to 20 m."""
 
 
 def fire(
-    seed: int, place: Floats, blaze: Blaze, heat: float, time_s: float, weather: Weather,
+    seed: int, place: Floats, blaze: FireScale, heat: float, time_s: float, weather: Weather,
     inward: tuple[float, float] = (0.0, 0.0),
 ) -> Effects:  # fmt: skip
     """A fire on a place; `heat` 0 is out. What it scorches lies `inward` of it (m, east and north): on its roof."""
@@ -78,7 +78,7 @@ def fire(
     return Effects(np.concatenate(rows), np.concatenate([scorch, light]))
 
 
-def _flames(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) -> Rows:
+def _flames(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float) -> Rows:
     count = max(6, round(blaze.flames * size))
     age, number = stream(seed, time_s, count, 0.85)
     bearing, out = 6.2832 * hashed(number * np.uint64(3)), np.sqrt(hashed(number * np.uint64(3) + np.uint64(1)))
@@ -105,7 +105,7 @@ def _flames(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) 
     return np.concatenate([bodies, veil])
 
 
-def _glow(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) -> Rows:
+def _glow(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float) -> Rows:
     flicker = 0.85 + 0.15 * np.sin(9.0 * time_s + np.arange(3) * 2.1 + seed % 7)
     height = np.array([0.25, 0.55, 0.9]) * blaze.height_m * size
     points = np.tile(place, (3, 1)) + np.stack([0 * height, 0 * height, height], axis=1)
@@ -113,7 +113,7 @@ def _glow(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) ->
     return billboards(points, wide, GLOW, 0.20 * flicker, soft=1.0, glow=1.0, seed=seed % 31)
 
 
-def _smoke(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float, weather: Weather) -> Rows:
+def _smoke(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float, weather: Weather) -> Rows:
     """Puffs from the lee side of the bed, so that the flames stay in sight from above."""
     count = max(8, round(blaze.puffs * size))
     age, number = stream(seed + 7, time_s, count, blaze.life_s)
@@ -131,14 +131,14 @@ def _smoke(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float, w
     return billboards(points, wide, shade, alpha, soft=0.75, seed=number % 89)
 
 
-def _halo(place: Floats, blaze: Blaze, size: float, strength: float) -> Rows:
+def _halo(place: Floats, blaze: FireScale, size: float, strength: float) -> Rows:
     """What the air about a fire shows of it after dark."""
     points = place + np.outer([0.5, 0.8, 1.0], [0.0, 0.0, blaze.height_m * size])
     wide = (blaze.radius_m + blaze.height_m) * size * np.array([0.9, 1.5, 2.3])
     return billboards(points, wide, GLOW, np.array([0.20, 0.15, 0.11]) * strength, soft=1.0, glow=1.0, shape=DROP)
 
 
-def _lit_smoke(smoke: Rows, place: Floats, blaze: Blaze, strength: float) -> Rows:
+def _lit_smoke(smoke: Rows, place: Floats, blaze: FireScale, strength: float) -> Rows:
     """The smoke over a fire after dark, lit from under it."""
     away = np.linalg.norm(smoke["place"] - np.asarray(place, np.float32), axis=1)
     reach = LIT_REACH * (blaze.radius_m + blaze.height_m)
@@ -148,7 +148,7 @@ def _lit_smoke(smoke: Rows, place: Floats, blaze: Blaze, strength: float) -> Row
     return lit
 
 
-def _wisps(seed: int, place: Floats, blaze: Blaze, time_s: float, weather: Weather) -> Rows:
+def _wisps(seed: int, place: Floats, blaze: FireScale, time_s: float, weather: Weather) -> Rows:
     count = blaze.puffs // 6
     age, number = stream(seed + 11, time_s, count, 6.0)
     at = 6.2832 * chance(seed, 3, count)

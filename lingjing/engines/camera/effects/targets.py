@@ -52,7 +52,7 @@ def _share(state: BodyState, entity: Entity, name: str) -> float:
     return 1.0
 
 
-def _fire(blaze: fire.Blaze) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
+def _fire(blaze: fire.FireScale) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
     def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
         heat = 0.0 if state.status in ("out", "extinguished") else _share(state, entity, "heat")
         return fire.fire(seed_of(entity.id), _place(state), blaze, heat, time_s, weather, site.inward)

@@ -36,7 +36,7 @@ STROLL_MPS = 1.1
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class DrawnEntity:
     """Who is drawn: `number` feeds its looks, `properties` are its entity's; `kerb_m` is how far to its right the road
     ends, `pipe_m` the radius of the pipe it is on, `facing_deg` the bearing that it is drawn facing, where its
     surroundings leave it no room for its own."""
@@ -68,7 +68,9 @@ def entity_parts(
     """
     look, own = look_of(entity), tuple(map(_part, entity.parts))
     if look in MODELS:
-        drawn = MODELS[look](Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg))
+        drawn = MODELS[look](
+            DrawnEntity(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg)
+        )
         return (*(painted(part, _colour(entity)) for part in drawn), *own)
     if look == BARE or (own and not _measured(entity)):
         return own
@@ -117,13 +119,13 @@ def painted(part: ModelPart, colour: str) -> ModelPart:
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
     """The meshes of a body of the background traffic, by its `kind`."""
     build = MODELS.get(state.kind, _unknown)
-    return build(Subject(zlib.crc32(state.id.encode()), state, time_s, {}))
+    return build(DrawnEntity(zlib.crc32(state.id.encode()), state, time_s, {}))
 
 
 def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Mesh]:
     """(key, mesh) of the `index`-th entity of a look at a time, standing still."""
     build = MODELS.get(kind, _unknown)
-    parts = build(Subject(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
+    parts = build(DrawnEntity(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
     if len(parts) == 1:
         return parts[0].key, parts[0].mesh
     return f"{kind}-{index}", merge(*(turned(part.mesh, part.rows) for part in parts))
@@ -145,27 +147,27 @@ def unknown() -> Mesh:
     return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
 
 
-def _unknown(who: Subject) -> Parts:
+def _unknown(who: DrawnEntity) -> Parts:
     return (ModelPart("unknown", unknown()),)
 
 
-def _nothing(who: Subject) -> Parts:
+def _nothing(who: DrawnEntity) -> Parts:
     return ()
 
 
-def _one(key: str, build: Callable[[], Mesh]) -> Callable[[Subject], Parts]:
+def _one(key: str, build: Callable[[], Mesh]) -> Callable[[DrawnEntity], Parts]:
     return lambda who: (ModelPart(key, build()),)
 
 
-def _painted(key: str, build: Callable[[int], Mesh], count: int) -> Callable[[Subject], Parts]:
-    def look(who: Subject) -> Parts:
+def _painted(key: str, build: Callable[[int], Mesh], count: int) -> Callable[[DrawnEntity], Parts]:
+    def look(who: DrawnEntity) -> Parts:
         paint = who.number % count
         return (ModelPart(f"{key}-{paint}", build(paint)),)
 
     return look
 
 
-def _car(who: Subject) -> Parts:
+def _car(who: DrawnEntity) -> Parts:
     shape = vehicles.SHAPES[who.number // 7 % len(vehicles.SHAPES)]
     paint = who.number % len(vehicles.PAINTS)
     return (ModelPart(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
@@ -175,12 +177,12 @@ def _figure(look: int, pose: int, rows: Placement = HERE) -> ModelPart:
     return ModelPart(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose), rows)
 
 
-def _person(who: Subject) -> Parts:
+def _person(who: DrawnEntity) -> Parts:
     pose = people.pose_of(who.speed_mps, who.time_s, 0.37 * who.number)
     return (_figure(who.number % len(people.OUTFITS), pose),)
 
 
-def _swimmer(who: Subject) -> Parts:
+def _swimmer(who: DrawnEntity) -> Parts:
     look = who.number % len(sea.CLOTHES)
     pose = int((who.time_s / sea.WAVE_PERIOD_S + 0.37 * (who.number + 1)) * sea.POSES) % sea.POSES
     return (ModelPart(f"person-{look}-{pose}", sea.person(look, pose)),)
@@ -197,7 +199,7 @@ def spacing_in_line(given: object) -> float:
     return float(given) if isinstance(given, int | float) else SPACING_M
 
 
-def _queue(who: Subject) -> Parts:
+def _queue(who: DrawnEntity) -> Parts:
     """People in a line behind the position, who sway a little."""
     turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
     line = [ModelPart("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
@@ -213,7 +215,7 @@ def _queue(who: Subject) -> Parts:
     return tuple(line)
 
 
-def _residents(who: Subject) -> Parts:
+def _residents(who: DrawnEntity) -> Parts:
     """Two people who talk before a house's door and one who walks up and down beside them (the paper's VDN profile)."""
     looks = [(3 * who.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
     round_m = 4.0 * STROLL_M
@@ -228,32 +230,32 @@ def _residents(who: Subject) -> Parts:
     )
 
 
-def _leak(who: Subject) -> Parts:
+def _leak(who: DrawnEntity) -> Parts:
     radius = round(who.pipe_m, 2)
     if who.state.status == "sealed":
         return (ModelPart(f"clamp-{radius}", places.clamp(radius)),)
     return (ModelPart(f"cracked-{radius}", places.cracked_pipe(radius)),)
 
 
-def _kerbside(look: Callable[[Subject], Parts]) -> Callable[[Subject], Parts]:
+def _kerbside(look: Callable[[DrawnEntity], Parts]) -> Callable[[DrawnEntity], Parts]:
     """Moved from where kerbs are by default to where this one is."""
 
-    def moved(who: Subject) -> Parts:
+    def moved(who: DrawnEntity) -> Parts:
         rows = at((who.kerb_m - places.KERB_M, 0.0, 0.0))
         return tuple(ModelPart(part.key, part.mesh, rows) for part in look(who))
 
     return moved
 
 
-def _served(key: str, build: Callable[[bool], Mesh]) -> Callable[[Subject], Parts]:
-    def look(who: Subject) -> Parts:
+def _served(key: str, build: Callable[[bool], Mesh]) -> Callable[[DrawnEntity], Parts]:
+    def look(who: DrawnEntity) -> Parts:
         served = who.state.status == "served"
         return (ModelPart(f"{key}-{int(served)}", build(served)),)
 
     return look
 
 
-MODELS: dict[str, Callable[[Subject], Parts]] = {
+MODELS: dict[str, Callable[[DrawnEntity], Parts]] = {
     "quadrotor": _one("quadrotor", air.quadrotor),
     "fixed_wing": _one("fixed_wing", air.fixed_wing),
     "satellite": _one("satellite", air.satellite),
