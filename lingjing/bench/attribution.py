@@ -34,7 +34,8 @@ from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT
 
 BRANCHES = 60
-"""Branches that `blame` may play for an episode here; placebos are left to `lingjing blame` itself."""
+"""Branches that `blame` may play for an episode here; shares and placebos, which name nobody, are left to `lingjing
+blame` itself."""
 
 
 class NamedFault(msgspec.Struct, frozen=True, kw_only=True):
@@ -183,7 +184,7 @@ def by_blame(trace: Trace) -> tuple[NamedFault, ...]:
     """What `lingjing blame` names: the causes of all smallest repairs, those of the best repair first."""
     from lingjing.causal.blame import BlameOptions, blame
 
-    found = blame(trace, BlameOptions(branches=BRANCHES, placebos=0, jobs=1))
+    found = blame(trace, BlameOptions(branches=BRANCHES, placebos=0, shares=False, jobs=1))
     causes = (cause for repair in found.repairs for cause in repair.causes)
     return tuple(NamedFault(agent=one.agent, faculty=one.faculty, boundary=one.boundary) for one in causes)
 

@@ -43,12 +43,13 @@ MOST_PAIRS = 45
 
 
 class BlameOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How hard to look: at most so many `branches`, `jobs` at a time, so many `placebos`; `seed` starts the streams
-    that permutations and placebos are drawn from. The others are those of `BranchOptions`."""
+    """How hard to look: at most so many `branches`, `jobs` at a time, so many `placebos`, `shares` or none; `seed`
+    starts the streams that permutations and placebos are drawn from. The others are those of `BranchOptions`."""
 
     branches: int = 120
     jobs: int = 2
     placebos: int = 8
+    shares: bool = True
     seed: int = 0
     reference: str = "oracle"
     files: tuple[str, ...] = ()
@@ -163,7 +164,7 @@ class _Search:
         if null.differs is None:
             sets, complete = self._smallest()
             repairs = self._narrowed(sets)
-            shares = self._shares(sets) if sets else ()
+            shares = self._shares(sets) if sets and self._options.shares else ()
             told = replace(told, repairs=repairs, complete=complete, shares=shares, placebos=self._placebos(sets))
         return replace(
             told,
@@ -308,7 +309,7 @@ class _Search:
     def _later(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[BranchPlan]:
         """What shares and placebos are going to need, whatever narrowing finds."""
         players = self._players(sets)
-        wanted = coalitions(players) if len(players) <= EXACT_PLAYERS else []
+        wanted = coalitions(players) if self._options.shares and len(players) <= EXACT_PLAYERS else []
         plans = [self._plan(one) for one in wanted if one and one not in self._won]
         return plans + [plan for some in self._placebo_plans(sets).values() for plan in some]
 

@@ -57,9 +57,10 @@ class MadeUp:
         return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
 
 
-def searched(host: MadeUp, branches: int = 60) -> Blame:
+def searched(host: MadeUp, branches: int = 60, *, shares: bool = True) -> Blame:
     told = Blame(path="made-up.mcap", success=False, reason="budget", score=0.0)
-    return _Search(host, BlameOptions(branches=branches, placebos=0)).run(told)  # type: ignore[arg-type]
+    options = BlameOptions(branches=branches, placebos=0, shares=shares)
+    return _Search(host, options).run(told)  # type: ignore[arg-type]
 
 
 def causes(told: Blame) -> list[list[tuple[str, str, int, bool]]]:
@@ -140,3 +141,17 @@ def test_what_is_certain_to_be_asked_is_said_ahead() -> None:
     narrowing = [plan for plan, what in asked if what == "which boundaries"]
     assert set(shares) <= host.said_ahead
     assert narrowing[1:] and set(narrowing[1:]) <= host.said_ahead
+
+
+class Innocent(MadeUp):
+    """Somebody else departs from its reference too, which changes nothing."""
+
+    def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+        return {**super().departures(), ("execution", "scout[2]"): (2, 3)}
+
+
+def test_without_shares_the_same_is_named_with_fewer_branches() -> None:
+    whole, short = Innocent(WAY), Innocent(WAY)
+    told = searched(whole)
+    assert searched(short, shares=False) == replace(told, shares=(), branches=short.played)
+    assert short.played < whole.played and "shares" not in short.asked and len(told.shares) == 2
