@@ -21,6 +21,7 @@ import msgspec
 from pydantic import Field, ValidationError
 
 from lingjing.analysis.families import RecordLink, attribute
+from lingjing.analysis.played_city import surroundings_of
 from lingjing.analysis.shares import wilson
 from lingjing.bench.executors import Executor
 from lingjing.bench.planted import FACULTIES, PlantedEpisode, PlantedKind, read_planted
@@ -272,7 +273,8 @@ class AttributionRun:
 def without_labels(trace: Trace, path: Path) -> Trace:
     """A copy of the trace, at `path`, without the options of its policies, which name the planted faults."""
     bindings = tuple(msgspec.structs.replace(one, arguments={}) for one in trace.header.bindings)
-    return copy_trace(trace, msgspec.structs.replace(trace.header, bindings=bindings), path)
+    header = msgspec.structs.replace(trace.header, bindings=bindings)
+    return copy_trace(trace, header, path, surroundings_of(trace))
 
 
 def _clear(folder: Path) -> None:

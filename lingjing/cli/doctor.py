@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
@@ -22,6 +23,12 @@ PROBE_S = 60.0
 _LAST_LOOK_S = 0.05
 ROOM_BYTES = 1 << 30
 """Free disk that ten long episodes with pictures fit in."""
+
+EXTRAS = {
+    "bench": "pyarrow", "envs": "pettingzoo", "film": "av", "foxglove": "websockets", "lsp": "pygls", "maps": "osmium",
+    "ray": "ray", "rerun": "rerun",
+}  # fmt: skip
+"""Extras of the distribution that a mission is played without, and a package that each brings."""
 
 _GL_PROBE = """
 import moderngl
@@ -192,6 +199,15 @@ def check_plugins() -> Finding:
     return Finding(name="plugins", ok=ok, found=found, advice="" if ok else "install lingjing-agents")
 
 
+def check_extras() -> Finding:
+    """Which optional packages are here; a machine without them is well."""
+    missing = [extra for extra, package in EXTRAS.items() if find_spec(package) is None]
+    here = [extra for extra in EXTRAS if extra not in missing]
+    found = f"installed: {', '.join(here) or 'none'}" + (f"; not installed: {', '.join(missing)}" if missing else "")
+    advice = f"pip install 'lingjing[{','.join(missing)}]', or those of them that you need" if missing else ""
+    return Finding(name="extras", ok=True, found=found, advice=advice)
+
+
 CHECKS: tuple[Callable[[], Finding], ...] = (
     check_python,
     check_system,
@@ -205,6 +221,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     check_queues,
     check_disk,
     check_plugins,
+    check_extras,
 )
 
 

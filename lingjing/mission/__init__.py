@@ -12,7 +12,7 @@ Modules in the order a mission passes them:
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
   data; `kinds_format`: the file that says it; `kinds_file`: a plug-in's, checked.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
-  JSON value, by its schema.
+  JSON value, by its schema; `strict_schema`: schemas as strict validators take them.
 - `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with places,
   words for weather, two-line elements.
 - `reset`: `resetScenario` documents in and out.

@@ -16,6 +16,7 @@ from lingjing.mission import jsontext
 from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.model import Mission
+from lingjing.mission.strict_schema import strict_schema
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -94,7 +95,7 @@ def _reset_scenario() -> dict[str, object]:
 
 
 def _formatted(schema: dict[str, object]) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(schema), indent=2) + b"\n"
+    return msgspec.json.format(msgspec.json.encode(strict_schema(schema)), indent=2) + b"\n"
 
 
 if __name__ == "__main__":

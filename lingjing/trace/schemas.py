@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from lingjing.data import data_path
+from lingjing.mission.strict_schema import strict_schema
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.records import BoundaryRecord, Command, FrameInfo, Header, Outcome, Receipt, Score, Thought
 
@@ -59,7 +60,7 @@ def write_schemas(folder: Path) -> tuple[Path, ...]:
 
 def _schema(name: str) -> dict[str, Any]:
     record = RECORDS[name]
-    whole = _plain(msgspec.json.schema(record))
+    whole = strict_schema(msgspec.json.schema(record))
     definitions = whole["$defs"]
     root = definitions.pop(record.__name__)
     return {
@@ -68,13 +69,6 @@ def _schema(name: str) -> dict[str, Any]:
         **{key: value for key, value in root.items() if key != "title"},
         **({"$defs": definitions} if definitions else {}),
     }
-
-
-def _plain(schema: Any) -> Any:
-    """The schema without OpenAPI's `discriminator`: each alternative's tag is a `const`-like enum of one already."""
-    if isinstance(schema, dict):
-        return {key: _plain(value) for key, value in schema.items() if key != "discriminator"}
-    return [_plain(one) for one in schema] if isinstance(schema, list) else schema
 
 
 if __name__ == "__main__":

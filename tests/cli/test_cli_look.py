@@ -133,10 +133,19 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
             "queues",
             "disk",
             "plugins",
+            "extras",
         ),
         True,
     )
+    assert next(finding for finding in findings if finding["name"] == "extras")["found"].startswith("installed: bench")
     assert "OpenGL" in next(finding["found"] for finding in findings if finding["name"] == "rendering")
+
+
+def test_doctor_names_the_extras_that_are_not_here(monkeypatch) -> None:
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None if name in ("rerun", "websockets") else name)
+    told = doctor.check_extras()
+    assert told.ok and told.found.endswith("; not installed: foxglove, rerun")
+    assert told.advice.startswith("pip install 'lingjing[foxglove,rerun]', or")
 
 
 def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:

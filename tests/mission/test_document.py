@@ -1,5 +1,6 @@
 """mission.json and the schemas."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import jsonschema
@@ -29,6 +30,23 @@ def test_schemas_are_those_of_the_code(name: str) -> None:
 @pytest.mark.parametrize("name", document.schemas())
 def test_schemas_are_schemas(name: str) -> None:
     jsonschema.Draft202012Validator.check_schema(msgspec.json.decode(document.schemas()[name]))
+
+
+def nested(value: object) -> Iterator[dict[str, object]]:
+    """Every object in a JSON value."""
+    if isinstance(value, dict):
+        yield value
+    for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from nested(one)
+
+
+@pytest.mark.parametrize("name", document.schemas())
+def test_strict_validators_take_them(name: str) -> None:
+    """They refuse words of OpenAPI, and alternatives that require what they do not declare."""
+    for one in nested(msgspec.json.decode(document.schemas()[name])):
+        assert "discriminator" not in one
+        if isinstance(required := one.get("required"), list):
+            assert set(required) <= set(one["properties"])
 
 
 def test_mission_json_is_valid_and_the_schema_refuses_what_the_reader_refuses(ssr: m.Mission) -> None:

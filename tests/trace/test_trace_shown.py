@@ -19,6 +19,7 @@ from mcap.writer import Writer
 from lingjing.errors import UsageError
 from lingjing.trace import foxglove
 from lingjing.trace.container import ContainerWriter
+from lingjing.trace.copying import copy_trace
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, Envelope
 from lingjing.trace.shown import ShownEpisode
@@ -139,6 +140,13 @@ def test_the_city_is_in_the_file_once_as_meshes(trace: Trace, tmp_path: Path) ->
     assert list(mesh.indices) == SQUARE.triangles.ravel().tolist() and mesh.pose.orientation.w == 1.0
     assert [(p.x, p.y, p.z) for p in mesh.points] == [(0, 0, 5), (10, 0, 5), (10, 20, 5), (0, 20, -5.5)]
     assert (mesh.color.r, mesh.color.g, mesh.color.b, mesh.color.a) == (0.5, 0.25, 0.75, 1.0)
+
+
+def test_a_copy_shows_the_surroundings_it_is_given(trace: Trace, tmp_path: Path) -> None:
+    copied = copy_trace(trace, trace.header, tmp_path / "copy.mcap", Surroundings(meshes=(SQUARE,)))
+    assert copied.boundaries == trace.boundaries and copied.outcome == trace.outcome
+    ((_, _, message),) = messages_of(copied.path)[CITY]
+    assert [one.id for one in SceneUpdate.FromString(message.data).entities] == ["city/building/0"]
 
 
 def test_what_is_hidden_from_policies_stands_apart(trace: Trace, episode_path: Path) -> None:
