@@ -69,7 +69,7 @@ _CLI = "lingjing.cli.main"
 _PYTHON = [sys.executable, "-m", _CLI]
 
 PLAYED_WITH = (
-    "lingjing.cli.run", "lingjing.cli.progress", "lingjing.play.preparation", "lingjing.dsl.compilation",
+    "lingjing.cli.run", "lingjing.cli.progress", "lingjing.play.episode", "lingjing.dsl.compilation",
     "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin", "lingjing.engines.camera.engine",
     "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.engine", "lingjing.engines.multirotor.engine",
     "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine", "lingjing.kernel.evaluation",
