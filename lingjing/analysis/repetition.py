@@ -39,13 +39,12 @@ from lingjing.mission.feasibility.outline import Body, of_instance
 from lingjing.mission.feasibility.unfolding import mentions
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.tasks import Task, possible
+from lingjing.mission.vocabulary import LEFT
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState, BoundaryRecord, TaskEvent
 
 _STEP = "step"
 """The field of a message that guides its recipient by one step."""
-_LEFT = "left_"
-"""The prefix of an interaction's values that say how much of it is still to be done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,4 +293,4 @@ def _count_entries(
 
 def _left(task: TaskEvent) -> bool:
     """Whether an interaction left something to be done, as a delivery of a part does."""
-    return any(key.startswith(_LEFT) and value > 0 for key, value in task.values.items())
+    return any(key.partition("_")[0] == LEFT and value > 0 for key, value in task.values.items())

@@ -458,6 +458,8 @@ def test_rep_of_what_is_completed(of, trace: Trace) -> None:  # type: ignore[no-
     first = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),), task_events=(part,))
     rest = boundary(2, snapshots=(vans(2, 500.0, 5.0),))
     assert repeated_target_rate(of(first, rest, header=header)) == 0.0  # the rest was still due
+    people = replace(first, task_events=(replace(part, values={"left": 2.0}),))  # a bare number has no unit
+    assert repeated_target_rate(of(people, rest, header=header)) == 0.0
     whole = replace(first, task_events=(replace(part, values={"left_kg": 0.0}),))
     assert repeated_target_rate(of(whole, rest, header=header)) == 1 / 2
 

@@ -12,6 +12,7 @@ import math
 from lingjing.errors import UsageError
 from lingjing.mission.instance import Entity, Instance, InteractionSpec, StateSpec
 from lingjing.mission.units import field_named
+from lingjing.mission.vocabulary import AMOUNT, LEFT
 
 DUST = 1e-9
 """Less than this of anything is nothing: what is left of a sum of floating-point transfers."""
@@ -71,8 +72,8 @@ class Goods:
         key = f"{carried}@{actor}"
         account[key] = account.get(key, 0.0) + sign * amount
         unit = self._units.get((actor, carried), "")
-        left = {StateSpec(name="left", unit=unit).field: self.amount(target, own)} if own else {}
-        return {StateSpec(name="amount", unit=unit).field: amount, **left}
+        left = {StateSpec(name=LEFT, unit=unit).field: self.amount(target, own)} if own else {}
+        return {StateSpec(name=AMOUNT, unit=unit).field: amount, **left}
 
     def _room(self, actor: str, interaction: InteractionSpec) -> float:
         limit = self._limit(actor, interaction)
