@@ -10,6 +10,8 @@ from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.lsp.analysis import Analysis, comment_above, library_file
 from lingjing.lsp.names import Occurrence
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS, Signature
+from lingjing.mission.kinds import engine_kind
+from lingjing.mission.kinds_format import VerbKind
 from lingjing.mission.units import NONE, dimension_name, dimension_unit, si_value, unit_of
 
 KEYWORDS: dict[str, str] = {
@@ -119,7 +121,17 @@ def _head(analysis: Analysis, one: Occurrence) -> str:
     domain = getattr(node, "domain", None) or getattr(node, "type", None)
     if space == "local":
         return f"bound over `{domain.text}`" if domain is not None and hasattr(domain, "text") else "bound here"
-    return space
+    return _verb(analysis, name) if space == "verb" else space
+
+
+def _verb(analysis: Analysis, name: str) -> str:
+    """Which types have a verb, each with what its engine says that it does."""
+    told = []
+    for decl in analysis.scope.types.values():
+        if name in decl.verbs:
+            does = engine_kind(decl.engine).verbs.get(name, VerbKind()).doc
+            told.append(f"`{decl.name}`: {does}" if does else f"`{decl.name}`")
+    return f"verb of {'; of '.join(told)}" if told else "verb"
 
 
 def _type(decl: TypeDecl) -> str:
@@ -180,7 +192,7 @@ def _word(analysis: Analysis, word: str) -> str:
         if word in decl.attributes:
             return f"**{word}**: {with_article(decl.attributes[word].type)} of `{decl.name}`"
         if word in decl.verbs:
-            return f"**{word}**: verb of `{decl.name}`"
+            return f"**{word}**: {_verb(analysis, word)}"
     if word in STATEMENTS or word in INNER:
         return KEYWORDS.get(word, "")
     return ""

@@ -127,7 +127,7 @@ def hovered(word: str, *, nth: int = 0, text: str = SSR) -> str:
         ("sites", "a place in the region"),
         ("adjudicate", "an event, once it is true"),
         ("searcher", "role"),
-        ("takeoff", "verb"),
+        ("takeoff", "verb of `quadrotor`: climbs"),
         ("band", "range of lengths"),
     ],
 )
