@@ -1,5 +1,6 @@
 """Whole episodes of the oracle with the real engines: bodies of every kind, and the relations that come about."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -31,3 +32,30 @@ def test_the_oracle_wins_and_the_declared_relations_come_about(mission, mode, se
     records = [relation for record in read_trace(result.trace).boundaries for relation in record.relations]
     assert relations <= {record.kind for record in records}
     assert all(record.source and record.target and record.by for record in records)
+
+
+def document(task: str, cars: list[tuple[float, float]], state: dict, folder: Path) -> Path:
+    """A `resetScenario` document with cars at places in centimetres."""
+    fleet = [{"equipmentCode": f"CAR-{k}", "data": {"x": x, "y": y, "z": 0.0}} for k, (x, y) in enumerate(cars)]
+    row = {"task_type": task, "initial_state": state}
+    file = folder / "document.json"
+    file.write_text(json.dumps({"equipmentList": {"autoVehicleEntityList": fleet}, "taskMatrix": [row]}))
+    return file
+
+
+def test_who_served_a_stop_beside_the_depot_loads_again(tmp_path: Path) -> None:
+    """The stop counts as the depot too, and who is sent there has a restocking under way until it is full."""
+    stops = [{"delId": k, "x": 5000.0 * k, "y": -4000.0, "z": 0.0, "demand": k + 1.0} for k in (1, 2, 3)]
+    state = {"warehousePosition": {"x": 100.0, "y": -100.0, "z": 0.0}, "goalDelPosition": stops}
+    cars = [(700.0 * k, -1000.0) for k in (1, 2, 3)]
+    file = document("delivery task", cars, state, tmp_path)
+    result = lingjing.run(file, policy="oracle", seed=0, out=tmp_path / "run", overview=False)
+    assert result.success, result.reason
+
+
+def test_cars_come_around_congestion_that_nobody_inspects(tmp_path: Path) -> None:
+    jams = [{"conId": "c1", "x": 200.0, "y": 2400.0, "z": 0.0}, {"conId": "c2", "x": 18200.0, "y": 20200.0, "z": 0.0}]
+    state = {"congestionPoints": jams, "goalPosition": {"x": 20200.0, "y": -34000.0, "z": 0.0}}
+    file = document("multi cars", [(-12000.0, 20200.0), (-10500.0, 20200.0)], state, tmp_path)
+    result = lingjing.run(file, policy="oracle", seed=1, out=tmp_path / "run", overview=False)
+    assert result.success, result.reason

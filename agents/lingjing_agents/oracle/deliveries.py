@@ -20,6 +20,9 @@ from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedSta
 from lingjing_agents.oracle.vehicles import mover
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
+MEANT_M = 50.0
+"""How near a destination must be to a place for `assigned` to mean that place."""
+
 
 @dataclass(frozen=True, slots=True)
 class SupplyChain:
@@ -59,6 +62,7 @@ class Delivering(Ability):
     ) -> None:
         self._body, self._chain, self._composer, self._aircraft = body, chain, composer, aircraft
         self._stops: list[str] | None = None
+        self._meant: tuple[int, tuple[GroundPoint, ...]] = (0, ())
         self._before: dict[str, float] = {}
         self._load = 0.0
         self._tries: dict[str, int] = {}
@@ -69,6 +73,7 @@ class Delivering(Ability):
         if self._learn(truth):
             for stop in dict.fromkeys(self._stops or ()):
                 place = truth.states[stop].position
+                self._mean(truth, place[:2])
                 messages += self._composer.order(truth.brief.agent, "deliver", {"position": place})
         return messages
 
@@ -80,21 +85,31 @@ class Delivering(Ability):
             return None
         goal = self._next(truth)
         load = truth.stock(self._body.id, self._chain.supply.gives)
-        if not goal and not self._open(truth):
+        if not goal and not self._is_due_to_load(truth, load):
             return None
-        if load <= 0.0 or self._short(truth, goal, load):
+        if not goal or load <= 0.0 or self._short(truth, goal, load):
             goal = self._chain.supply.target
-        if not goal:
-            return None
         reach = self._chain.supply.within_m if goal == self._chain.supply.target else self._chain.deliveries[0].within_m
         if truth.distance(self._body.id, goal) <= 0.8 * reach:
             return None
         x, y = self._near(truth, goal)
+        self._mean(truth, (x, y))
         if self._aircraft is not None:
             height = truth.states[goal].position[2]
             return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), height))
         arguments: dict[str, Datum] = {"x": x, "y": y}
         return Action(verb=mover(self._body), arguments=arguments, resource=self._body.id)
+
+    def _is_due_to_load(self, truth: PrivilegedState, load: float) -> bool:
+        """Whether it was last said to go to where the depot is meant as well, as to a stop beside it, and is not full:
+        who is sent there has a loading under way until it is."""
+        depot = truth.place(self._chain.supply.target)
+        return load < self._chain.holds and any(math.dist(place, depot) <= MEANT_M for place in self._meant[1])
+
+    def _mean(self, truth: PrivilegedState, place: GroundPoint) -> None:
+        """Keep a destination that is said or commanded; those of one boundary count together, until later ones."""
+        kept = self._meant[1] if self._meant[0] == truth.tick else ()
+        self._meant = truth.tick, (*kept, place)
 
     def _near(self, truth: PrivilegedState, goal: str) -> GroundPoint:
         """The goal, or where driving there has failed twice, a place beside it."""

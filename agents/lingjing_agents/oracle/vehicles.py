@@ -1,4 +1,5 @@
-"""Vehicles and vessels: each goes near the targets that it deals with, in the order of the shortest tour."""
+"""Vehicles and vessels: each goes near the targets that it deals with, in the order of the shortest tour; who has none
+left goes where the others are."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from lingjing_agents.capability import route_to, speed, straight_to
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.detours import next_place
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.paths.visiting_order import shares, shortest
 
@@ -35,7 +37,7 @@ class TargetApproach:
 
     def next(self, truth: PrivilegedState) -> tuple[Task, Action | None] | None:
         """The task to go to, and the command that brings the body there; None if nothing is left for it."""
-        tour = self.tour(truth)
+        tour = self.tour(truth) or self._meeting(truth)
         if not tour:
             return None
         task = tour[0]
@@ -54,6 +56,12 @@ class TargetApproach:
         mine = order if len(bodies) < 2 else shares(bodies, order, places).get(self.resource.id, [])
         return [tasks[name] for name in mine]
 
+    def _meeting(self, truth: PrivilegedState) -> list[Task]:
+        """The nearest place that others see to or have seen to: a mission that goes on may want everybody there."""
+        able = [task for task in self._plan.tasks if self.resource.id in task.actors and not task.moves_goods]
+        there = [task for task in able if truth.present(task.target)]
+        return sorted(there, key=lambda task: (truth.distance(self.resource.id, task.target), task.target))[:1]
+
     def _to(self, truth: PrivilegedState, task: Task, onward: str) -> Action | None:
         here, there = truth.place(self.resource.id), truth.place(task.target)
         stop_m = SHORT * task.within_m if self._straight else 0.0
@@ -66,7 +74,9 @@ class TargetApproach:
             there = there[0] + lead_s * east, there[1] + lead_s * north
             goal = _rim(here, there, truth.place(onward) if onward else here, stop_m)
         else:
-            goal = self._around(task.target, there)
+            goal = next_place(truth, self.resource.id, there)
+            if goal == there:
+                goal = self._around(task.target, there)
         arguments: dict[str, Datum] = {"x": goal[0], "y": goal[1]}
         return Action(verb=self.verb, arguments=arguments, resource=self.resource.id)
 

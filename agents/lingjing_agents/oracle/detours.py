@@ -1,0 +1,78 @@
+"""Ways around what blocks the roads, as places to drive to one after another.
+
+A vehicle that is sent to a place takes its engine's way there, through whatever stands on it. Where an inspection asks
+the engine for other ways, that is the way around; for other vehicles it is worked out here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lingjing.plugins.roads import RoadMap, RoadSegment, read_road_map
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.oracle.privileged_state import PrivilegedState
+
+CLEAR_M = 3.0
+"""How far from the rim of a jam a way passes it at least: half a lane, and a little."""
+
+
+def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> GroundPoint:
+    """The goal, or the last place on the shortest open way there that the vehicle reaches on an open way of its own.
+
+    The goal as well where the mission has a route of the vehicle inspected, or no way is open.
+    """
+    jams = tuple(_jams(truth))
+    inspected = any(one.asset == vehicle for one in truth.plan.instance.inspections)
+    if not jams or inspected or not truth.brief.road_network:
+        return goal
+    roads = read_road_map(truth.brief.road_network)
+    here = truth.place(vehicle)
+    shut = {one.id for one in roads.segments.values() if any(_passes(one, *jam) for jam in jams)}
+    last = roads.nearest(goal)
+    shut.discard(last.segment if last else "")  # a jam on the goal's own stretch may lie behind it
+    if _is_open(roads, here, goal, shut):
+        return goal
+    way = RoadMap([one for one in roads.segments.values() if one.id not in shut]).way(here, goal)
+    if way is None:
+        return goal
+    places = (_middle(roads.segments[name]) for name in reversed(way.segments[1:]))
+    return next((place for place in places if _is_open(roads, here, place, shut)), goal)
+
+
+def _jams(truth: PrivilegedState) -> Iterator[tuple[GroundPoint, float]]:
+    """Where the roads are blocked, and how far around."""
+    for entity in truth.plan.instance.entities:
+        if entity.properties.get("blocks") and truth.present(entity.id):
+            radius = entity.properties.get("radius_m", 0.0)
+            yield truth.place(entity.id), float(radius) if isinstance(radius, int | float) else 0.0
+
+
+def _is_open(roads: RoadMap, here: GroundPoint, there: GroundPoint, shut: set[str]) -> bool:
+    way = roads.way(here, there)
+    return way is not None and shut.isdisjoint(way.segments[1:])
+
+
+def _passes(segment: RoadSegment, place: GroundPoint, radius_m: float) -> bool:
+    """Whether a vehicle on the segment comes near a jam."""
+    return any(_off(a, b, place) <= radius_m + CLEAR_M for a, b in zip(segment.shape, segment.shape[1:], strict=False))
+
+
+def _off(a: GroundPoint, b: GroundPoint, place: GroundPoint) -> float:
+    """How far a place lies from the line between two points."""
+    along = (b[0] - a[0], b[1] - a[1])
+    length = math.hypot(*along)
+    share = ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / length**2 if length else 0.0
+    share = min(1.0, max(0.0, share))
+    return math.dist(place, (a[0] + share * along[0], a[1] + share * along[1]))
+
+
+def _middle(segment: RoadSegment) -> GroundPoint:
+    """A place half-way along a segment."""
+    left = segment.length_m / 2.0
+    for a, b in zip(segment.shape, segment.shape[1:], strict=False):
+        step = math.dist(a, b)
+        if step >= left > 0.0:
+            return a[0] + (b[0] - a[0]) * left / step, a[1] + (b[1] - a[1]) * left / step
+        left -= step
+    return segment.shape[-1]
