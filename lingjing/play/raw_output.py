@@ -2,15 +2,18 @@
 
 A policy may call `os.write(2, …)`, and a program that it starts writes where it was started. Both descriptors of the
 child that plays lead to its parent, which passes on what comes (`lingjing.terminal.visible`) to standard error; our own
-streams and displays there keep theirs. Code that looks for the terminal itself (`/dev/tty`) finds it: in the caller's
+streams and displays there keep theirs. The child has no terminal of its own to open (`/dev/tty`), and reads alone from
+one that it was given as descriptor 0. Code that looks for the device of its user's terminal finds it: in the caller's
 account a policy is trusted.
 """
 
 from __future__ import annotations
 
 import codecs
+import fcntl
 import os
 import sys
+import termios
 from contextlib import suppress
 
 from lingjing.terminal import Visible, visible
@@ -40,6 +43,7 @@ class RawOutput:
         for number in (1, 2):
             os.dup2(self._writing, number)
         os.close(self._writing)
+        _let_go_of_the_terminal()
 
     def begin(self) -> None:
         """In the parent, after the fork: leave the writing to the child."""
@@ -73,3 +77,15 @@ class RawOutput:
         with suppress(OSError, ValueError):  # a terminal that is gone
             sys.stderr.write(visible(text))
             sys.stderr.flush()
+
+
+def _let_go_of_the_terminal() -> None:
+    """The keys for interrupting and stopping go to its process group as before."""
+    with suppress(OSError):
+        terminal = os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY)
+        fcntl.ioctl(terminal, termios.TIOCNOTTY)
+        os.close(terminal)
+    with suppress(OSError):
+        reading = os.open(os.ttyname(0), os.O_RDONLY | os.O_NOCTTY)
+        os.dup2(reading, 0)
+        os.close(reading)

@@ -1,11 +1,13 @@
 """What missions, policies, models and file names say never steers the terminal."""
 
+import fcntl
 import json
 import os
 import pty
 import re
 import subprocess
 import sys
+import termios
 from pathlib import Path
 
 import pytest
@@ -58,6 +60,13 @@ from lingjing.plugins.policy import Decision
 
 EVIL = {LINE!r}
 
+def to_terminal():
+    with open("/dev/tty", "w") as terminal:
+        terminal.write(EVIL)
+
+def to_input():
+    os.write(0, EVIL.encode())
+
 class Evil:
     async def reset(self, brief):
         self.first = brief.agent == "scout[1]"
@@ -67,6 +76,11 @@ class Evil:
             os.write(1, ("first " + EVIL + "\\n").encode())
             os.write(2, ("second " + EVIL + "\\n").encode())
             subprocess.run(["printf", "%s\\n", "started " + EVIL], check=True)
+            for name, write in (("terminal", to_terminal), ("descriptor", to_input)):
+                try:
+                    write()
+                except OSError as error:
+                    print(name, error.strerror)
         return Decision()
 """
 
@@ -81,14 +95,17 @@ mission tiny "T" {
 """
 
 
-def on_terminal(*arguments: str, cwd: Path, stdin: bytes | None = None) -> str:
-    """What a terminal gets from `lingjing …`, both streams, with its newlines as they were written."""
+def on_terminal(*arguments: str, cwd: Path, stdin: bytes | None = None, controlling: bool = False) -> str:
+    """What a terminal gets from `lingjing …`, both streams, with its newlines as they were written; `controlling`: it
+    is the process's own, `/dev/tty`."""
     primary, secondary = pty.openpty()
     try:
         process = subprocess.Popen(
             [sys.executable, "-m", "lingjing.cli.main", *arguments],
             stdin=subprocess.PIPE if stdin is not None else secondary, stdout=secondary, stderr=secondary, cwd=cwd,
             env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"},
+            start_new_session=controlling,
+            preexec_fn=(lambda: fcntl.ioctl(1, termios.TIOCSCTTY, 0)) if controlling else None,
         )  # fmt: skip
         os.close(secondary)
         if stdin is not None:
@@ -203,10 +220,12 @@ def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(optio
     mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks <= 60", "ticks <= 3")
     (here / "short.ljs").write_text(mission.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"))
     (here / "past.py").write_text(PAST_STREAMS)
-    shown = on_terminal("run", "short.ljs", "--policy", "./past.py:Evil", option, cwd=here)
+    shown = on_terminal("run", "short.ljs", "--policy", "./past.py:Evil", option, cwd=here, controlling=True)
     assert harmless(shown), shown
     for said in ("first", "second", "started"):
         assert f"{said} \\x1b]0;EVIL\\x07" in shown, said
+    for said in ("terminal No such device or address", "descriptor Bad file descriptor"):
+        assert said in shown.replace("\n", ""), said
 
 
 @pytest.mark.slow
