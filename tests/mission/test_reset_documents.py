@@ -139,7 +139,6 @@ def test_a_template_of_ones_own_plays_the_range_and_the_scale_of_a_fire(tmp_path
     [
         ("singledog", "equipmentList.unmannedDogEntityList", "holds 3, mission 'vdn' has one dog"),
         ("uavdog", "equipmentList.droneEntityList", "holds 3, mission 'upr' has one uav"),
-        ("bridge", "taskMatrix[0].initial_state.fracturePosition", "holds 3, mission 'bi' has one fracture"),
     ],
 )
 def test_several_where_the_template_has_one_are_an_error(name: str, path: str, said: str) -> None:

@@ -422,6 +422,10 @@ FLEETS = [
     ("cr", {"drones": 1, "cars": 2}, {"task_type": "multicars"}, {"congestionPoints": JAMS, "goalPosition": PLACE},
      "one van"),
     ("cr", {"drones": 3, "cars": 1}, {}, {"congestionPoints": JAMS, "destination": PLACE}, "one uav"),
+    ("cr", {"drones": 1, "cars": 1}, {"task_type": "traffic"},
+     {"congestionPoints": JAMS, "destination": [{**PLACE, "id": 1}, {**PLACE, "x": 0.0, "id": 2}]}, "one goal_place"),
+    ("bi", {"drones": 1}, {"task_type": "bridge"},
+     {"fracturePosition": [{**PLACE, "id": 1}, {**PLACE, "x": 0.0, "id": 2}]}, "one fracture"),
 ]  # fmt: skip
 
 

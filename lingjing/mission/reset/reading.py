@@ -10,7 +10,7 @@ for stays in the document, which `Mission.origin` keeps to the letter, and is no
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -59,7 +59,7 @@ def instantiate_document(
             where, f"there is no template '{name[:60]}'", "name one of the missions in scenarios/"
         ) from None
     parsed.notes.insert(0, f"template '{name}': {why}")
-    template = _of_several(template, parsed, templates)
+    template = _of_several(template, parsed, found, templates)
     mission = _placed(template, parsed, found)
     if parsed.faults:
         raise document_error(path, followed(parsed.faults, first, parsed.task_path))
@@ -72,20 +72,33 @@ def instantiate_document(
     return msgspec.structs.replace(mission, origin=origin), tuple(parsed.notes)
 
 
-def _of_several(template: model.Mission, parsed: Parsed, templates: Callable[[str], model.Mission]) -> model.Mission:
-    """The template's fleet, with a note, where a list holds several of what the template has one of, unless the
-    document names the template itself."""
+def _of_several(
+    template: model.Mission, parsed: Parsed, found: Sequence[Found], templates: Callable[[str], model.Mission]
+) -> model.Mission:
+    """The template's fleet, with a note, where the document has several of what the template has one of, unless it
+    names the template itself."""
     fleet, given = fleet_of(template.name), parsed.scenario.lingjing
     if not fleet or (given is not None and given.mission is not None):
         return template
-    for one in LISTS:
-        count = len(getattr(parsed.scenario.equipment_list, one.attribute))
-        driven = [group for group in template.groups if group.role == "asset" and group.engine == one.engine]
-        if len(driven) == 1 and driven[0].count is None and count > 1:
-            held = f"{parsed.list_path(one.name)}: holds {count}, '{template.name}' has one {driven[0].name}"
+    for where, count, group in _several(template, parsed, found):
+        if group.count is None:
+            held = f"{where}: holds {count}, '{template.name}' has one {group.name}"
             parsed.notes.insert(1, f"{held}: '{fleet}' is played, which takes several")
             return templates(fleet)
     return template
+
+
+def _several(template: model.Mission, parsed: Parsed, found: Sequence[Found]) -> Iterator[tuple[str, int, model.Group]]:
+    """The lists and hidden fields that hold several, where, how many, and the template's one group for them."""
+    for one in LISTS:
+        count = len(getattr(parsed.scenario.equipment_list, one.attribute))
+        driven = [group for group in template.groups if group.role == "asset" and group.engine == one.engine]
+        if count > 1 and len(driven) == 1:
+            yield parsed.list_path(one.name), count, driven[0]
+    for field in found:
+        meant = [group for group in template.groups if not {group.type, *group.bases}.isdisjoint(field.field.types)]
+        if len(field.targets) > 1 and len(meant) == 1:
+            yield field.path, len(field.targets), meant[0]
 
 
 # -- the parts of the mission ---------------------------------------------------------------------------------------
