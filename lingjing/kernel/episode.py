@@ -20,6 +20,7 @@ from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Ou
 from lingjing.trace.signals import deferring_signals
 
 WON_AT_START = "success held at the start, before anybody acted"
+LOST_AT_START = "failure held at the start, before anybody acted"
 """The detail of an episode that was won at boundary 0."""
 
 
@@ -134,9 +135,10 @@ def ended_because(kernel: Kernel) -> tuple[Reason | None, str]:
     """Why the episode is over at the boundary that the kernel stands at, with the detail of it; None if it is not."""
     ended, tick = kernel.state.evaluation, kernel.state.registry.tick
     if ended.done:
-        at_start = ended.reason == "success" and tick == 0
         # an evaluator of somebody's own that ends an episode without a reason has seen no success
-        return ended.reason or "failure", ended.detail or (WON_AT_START if at_start else "")
+        reason = ended.reason or "failure"
+        at_start = {"success": WON_AT_START, "failure": LOST_AT_START}.get(reason, "") if tick == 0 else ""
+        return reason, ended.detail or at_start
     return ("budget", "") if tick >= kernel.instance.budget.ticks else (None, "")
 
 

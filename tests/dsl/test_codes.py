@@ -88,6 +88,8 @@ CASES = [
     ("LJ0507", "lifeboat {", "lifeboat when mode == star {", 27, 9, "in broadcast mode, there is no"),
     ("LJ0508", "bay { datum = sea level at -3.5 m }", "coastal { datum = sea level at 0 m }", 8, 19, "flood"),
     ("LJ0510", "forall v in victim: rescued(v)", "now >= 0 s", 38, 3, "holds at the start, before anybody acts"),
+    ("LJ0511", "  success", "  failure when now < 9 s\n  success", 38, 3, "failure holds at the start"),
+    ("LJ0511", "  success", f"  {HARD.replace('>= 0', '> 0')}\n  success", 38, 19, "`dry` does not hold at the start"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
 ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506", "LJ0509"} | {

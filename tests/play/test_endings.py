@@ -10,7 +10,7 @@ import lingjing
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.dsl import compile_text
-from lingjing.kernel.episode import WON_AT_START
+from lingjing.kernel.episode import LOST_AT_START, WON_AT_START
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import play_here
 from lingjing.trace.reader import read_trace
@@ -57,6 +57,7 @@ def test_a_success_at_the_start_is_said_and_one_that_never_holds_is_none(tmp_pat
         ),
         ("constraint hard dry { always now < 0 s }", "constraint", "the constraint `dry` was broken at 0 s"),
         ("failure when now > 0 s", "failure", ""),
+        ("failure when now >= 0 s", "failure", LOST_AT_START),
         ("", "budget", ""),
     ],
 )

@@ -78,6 +78,7 @@ CODES: dict[str, str] = {
     "LJ0508": "a scene that cannot be built as it is described",
     "LJ0509": "the scene has nothing that this could stand on",
     "LJ0510": "success holds before anybody acts",
+    "LJ0511": "lost before anybody acts",
     # what cannot be won
     "LJ0601": "a place that cannot be reached in time",
     "LJ0602": "no schedule fits the budget",

@@ -11,7 +11,7 @@ from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.diagnostics import Related, Severity
 from lingjing.mission.feasibility import Proof, prove
-from lingjing.mission.feasibility.start import won_at_start
+from lingjing.mission.feasibility.start import lost_at_start, won_at_start
 from lingjing.mission.feasibility.wide import too_wide
 from lingjing.mission.model import Mission
 
@@ -20,7 +20,7 @@ _Place = tuple[int, int]
 
 def infeasible(mission: Mission, tree: s.File, report: Reporter) -> None:
     """Report every proof that the mission cannot be won, and every hint."""
-    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission))
+    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission), *lost_at_start(mission))
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if not (proofs or hints) or node is None:
         return
@@ -62,6 +62,8 @@ def _named(item: s.Statement) -> list[tuple[str, _Place]]:
         case s.StageBlock():
             inner = [pair for part in item.block.items for pair in _named(part)]
             return [(f"stage/{item.name.text}", _at(item.name)), *inner]
+        case s.ConstraintBlock():
+            return [(f"constraint/{item.name.text}", _at(item.name))]
         case s.RelationLine():
             return [(f"{item.kind.text}/{item.source.text}/{item.target.text}", (item.source.start, item.target.end))]
         case s.OutcomeLine():

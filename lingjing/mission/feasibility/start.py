@@ -1,4 +1,4 @@
-"""Whether success holds at boundary 0, before anybody acts: a hint, for a mission that wins itself says nothing.
+"""Whether a mission is won or lost at boundary 0, before anybody acts: a hint, for one that ends itself says nothing.
 
 Every answer is certain: `True` and `False` hold for every seed, what is not known is None. Declared states and the
 properties of targets have their declared values then; nothing was reported, assigned or performed yet.
@@ -6,7 +6,8 @@ properties of targets have their declared values then; nothing was reported, ass
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from lingjing.errors import LingjingError
 from lingjing.mission import expression as ex
@@ -23,20 +24,45 @@ from lingjing.mission.values import Value
 _NOW = "now"
 
 
+class Hint(NamedTuple):
+    """A code, and the way out."""
+
+    code: str
+    hint: str
+
+
+_WON = Hint("LJ0510", "ask for what has to be brought about")
+_LOST = Hint("LJ0511", "ask for what does not hold yet: `now > …`, or what somebody has done")
+
+
 def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
     """A hint at the success condition if it holds at the start in every seed, with the modes."""
-    modes = []
+    said = "success holds at the start, before anybody acts: the mission wins itself"
+    return _hints(mission, lambda beginning: (("success", said),) if beginning.success() else (), _WON)
+
+
+def lost_at_start(mission: model.Mission) -> tuple[Proof, ...]:
+    """A hint at the failure condition, and at each hard constraint, that decide the episode at the start in every
+    seed, with the modes."""
+    return _hints(mission, lambda beginning: tuple(beginning.losses()), _LOST)
+
+
+def _hints(
+    mission: model.Mission, told: Callable[[Beginning], Iterable[tuple[str, str]]], of: Hint
+) -> tuple[Proof, ...]:
+    found: dict[tuple[str, str], list[str]] = {}
     for mode in mission.modes.allowed:
         try:
-            if not too_large(mission, mode) and Beginning(of_mission(mission, mode)).success():
-                modes.append(mode)
+            if not too_large(mission, mode):
+                for one in told(Beginning(of_mission(mission, mode))):
+                    found.setdefault(one, []).append(mode)
         except LingjingError:
             continue
-    if not modes:
-        return ()
-    where = "" if len(modes) == len(mission.modes.allowed) else f"in {' and '.join(modes)} mode, "
-    message = f"{where}success holds at the start, before anybody acts: the mission wins itself"
-    return (Proof("LJ0510", "success", message, "ask for what has to be brought about"),)
+    everywhere = len(mission.modes.allowed)
+    return tuple(
+        Proof(of.code, at, said if len(modes) == everywhere else f"in {' and '.join(modes)} mode, {said}", of.hint)
+        for (at, said), modes in found.items()
+    )
 
 
 class Beginning(Knowledge):
@@ -52,6 +78,23 @@ class Beginning(Knowledge):
         return truth(self._outline.instance.success, {}, self) is True and not any(
             one.kind == "hard" for one in self._outline.instance.constraints
         )
+
+    def losses(self) -> Iterator[tuple[str, str]]:
+        """Paths of what certainly decides the episode against its policies, and what to say of it."""
+        instance = self._outline.instance
+        for one in instance.constraints:
+            if one.kind == "hard" and any(truth(one.condition, names, self) is False for names in self._subjects(one)):
+                yield f"constraint/{one.name}", f"`{one.name}` does not hold at the start: the mission ends there, lost"
+        fails = instance.failure is not None and truth(instance.failure, {}, self) is True
+        if fails and truth(instance.success, {}, self) is False:
+            yield "failure", "failure holds at the start, before anybody acts: the mission ends there"
+
+    def _subjects(self, constraint: model.Constraint) -> Iterator[Mapping[str, Value]]:
+        if constraint.variable is None or constraint.domain is None:
+            yield {}
+            return
+        for body in self._outline.groups.get(constraint.domain, ()):
+            yield {constraint.variable: body}
 
     def name(self, ref: ex.Ref) -> Value:
         """The time is 0; an entity is its body."""
