@@ -59,6 +59,8 @@ CASES = [
     ("LJ0204", "tick = 10 s", "tick = 10 sec", 9, 21, "no unit is called `sec`"),
     ("LJ0205", "shape = 3 by 3", "shape = 9", 17, 36, "two numbers"),
     ("LJ0206", "uavs = 2 in", "uavs = 20 in", 13, 16, "outside of its bounds"),
+    ("LJ0206", "visibility = 8 km", "current = 90 m/s to 3 deg", 11, 50, "`current` must be at least 0 and at most 15"),
+    ("LJ0206", "visibility = 8 km", "wave_height ~ uniform(1 m, 50 m)", 11, 54, "this draw can give 50"),
     ("LJ0207", "uavs = 2 in", "uavs = 2 / 0 in", 13, 20, "division by zero"),
     ("LJ0208", "(100 m, 0 m), (100 m, 100 m)", "(100 m, 100 m), (100 m, 0 m)", 16, 19, "the outline"),
     ("LJ0209", "tick = 10 s", "tick = 1e308 s", 9, 18, "`1e308 s` is too large"),
