@@ -45,6 +45,8 @@ def worded(found: Mapping[str, Any]) -> str:
         return "is not known"
     if kind in ("literal_error", "enum"):
         return f"is {shown(given)}, {context.get('expected', '')} is due"
+    if kind == "string_pattern_mismatch":
+        return f"is {shown(given)}, a text that matches {context['pattern']} is due"
     due = due_for(kind) or limit(context)
     if due:
         return f"is {shown(given)}, {due} is due"

@@ -97,6 +97,11 @@ args = { scrip = "" }
     ]  # fmt: skip
 
 
+def test_a_name_that_is_no_word_is_told_what_it_may_be(tmp_path: Path, host: PluginHost) -> None:
+    (told,) = faults(SMALL.replace('name = "small"', 'name = "../Small"'), tmp_path, host)
+    assert told == "name: is '../Small', a text that matches ^[a-z0-9][a-z0-9-]{0,39}$ is due"
+
+
 def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, host: PluginHost) -> None:
     text = SMALL.replace('"random"', '"randam"').replace("seeds = 2\n", "seeds = 2\nargs = { script = 1 }\n")
     assert [line.partition(":")[0] for line in faults(text, tmp_path, host)] == ["entrants[1].policy"]
