@@ -64,6 +64,7 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
     if not plan.watch:
         episode.references.keep({one.agent for one in plan.substitutions})
     episode.kernel.transit = transit(plan.messages)
+    episode.kernel.unsaid = plan.withheld
     if episode.calls is not None:
         episode.calls.branched = True
     policies = InterveningPolicies(episode.policies, episode.references, episode.kernel, plan)

@@ -42,6 +42,11 @@ class BranchPlan(msgspec.Struct, frozen=True, kw_only=True):
     out: str = ""
     watch: bool = False
 
+    @property
+    def withheld(self) -> frozenset[str]:
+        """The ids of the messages that are never sent."""
+        return frozenset(one.message for one in self.messages if one.act == "withhold")
+
 
 class ReplacedPart(msgspec.Struct, frozen=True, order=True):
     """A part of a decision that a branch replaced, or could have: at which boundary, of whom, which faculty's."""
@@ -123,7 +128,7 @@ class InterveningPolicies:
         self._references = references
         self._kernel = kernel
         self._plan = plan
-        self._withheld = frozenset(one.message for one in plan.messages if one.act == "withhold")
+        self._withheld = plan.withheld
         self._pairs = frozenset((one.faculty, one.agent) for one in plan.substitutions)
         self.replaced: list[ReplacedPart] = []
         self.departed: list[ReplacedPart] = []

@@ -11,6 +11,7 @@ lost) is no edge; the sender's receipt says so, and a message of which nothing g
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
+from itertools import count
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -73,15 +74,19 @@ class MessageRouter:
         frames: Container[str],
         tally: Tally | None = None,
         unheard: Sequence[tuple[str, str]] = (),
+        unsaid: Container[str] = (),
     ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
         """Admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order. `frames` are the ids of the
         pictures taken so far: a report may only speak of one of them. `tally` counts what is admitted.
-        `unheard` are the pairs of entities that radio does not reach between."""
+        `unheard` are the pairs of entities that radio does not reach between. Ids that are `unsaid` are nobody's: those
+        of messages that were taken out before, so that the others keep their own, and the losses that go by them."""
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
         sent = [(sender, place, message) for sender, each in candidates for place, message in enumerate(each)]
-        for number, (sender, place, message) in enumerate(sent, 1):
-            candidate = _Candidate(request_id("message", tick, number), tick, sender, message, place)
+        ids = (request_id("message", tick, number) for number in count(1))
+        free = (name for name in ids if name not in unsaid)
+        for name, (sender, place, message) in zip(free, sent, strict=False):
+            candidate = _Candidate(name, tick, sender, message, place)
             new, receipt = self._counted(candidate, frames, unheard, tally)
             edges.extend(new)
             receipts.append(receipt)

@@ -77,7 +77,8 @@ class KernelState(msgspec.Struct, frozen=True):
 
 
 Transit = Callable[[int, tuple[Envelope, ...]], tuple[Envelope, ...]]
-"""What becomes of admitted edges on their way: a boundary and its edges in, the edges that travel out."""
+"""What becomes of admitted edges on their way: a boundary and its edges in, the edges that travel out. It and the ids
+that are `unsaid` (`MessageRouter.expand`) are for branches, which set them."""
 
 
 class Published(msgspec.Struct, frozen=True):
@@ -130,6 +131,7 @@ class Kernel:
         self._referenced = referenced
         self._record = record
         self.transit: Transit | None = None
+        self.unsaid: frozenset[str] = frozenset()
         self._blank = blank_pictures
         self._router = MessageRouter(instance)
         self._validator = CommandValidator(instance, city.bounds)
@@ -164,6 +166,7 @@ class Kernel:
             registry.frames,
             tally,
             registry.unheard,
+            self.unsaid,
         )
         if self.transit is not None:
             envelopes = self.transit(tick, envelopes)

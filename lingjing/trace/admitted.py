@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 from lingjing.mission.instance import Datum, Instance
 from lingjing.trace.records import BoundaryRecord
-from lingjing.trace.request_ids import request_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,14 +44,11 @@ def admitted_at(record: BoundaryRecord, categories: Mapping[str, str]) -> tuple[
 
 
 def _unheard(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[AdmittedMessage]:
-    """The boundary's accepted messages, numbered as the bus numbers them: over all candidates in policy order."""
-    accepted = {receipt.request for receipt in record.receipts if receipt.by == "bus" and receipt.status == "accepted"}
-    number = 0
-    for made in record.decisions:
-        for message in made.decision.messages:
-            number += 1
-            name = request_id("message", record.tick, number)
-            if name in accepted and message.kind in categories:
-                yield AdmittedMessage(
-                    name, record.tick, made.agent, message.kind, categories[message.kind], message.body
-                )
+    """The boundary's accepted messages: the bus answers each candidate with one receipt, in policy order."""
+    said = [(made.agent, message) for made in record.decisions for message in made.decision.messages]
+    answers = [receipt for receipt in record.receipts if receipt.by == "bus"]
+    for (sender, message), answer in zip(said, answers, strict=False):
+        if answer.status == "accepted" and message.kind in categories:
+            yield AdmittedMessage(
+                answer.request, record.tick, sender, message.kind, categories[message.kind], message.body
+            )

@@ -139,6 +139,8 @@ def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lo
     forged = [one for record in branches["forge"].boundaries for one in record.messages if one.id == edge.id]
     assert [one.body["position"] for one in forged] == [body["position"]]
     assert adjudicated(lost) and adjudicated(branches["drop"]) and not adjudicated(branches["withhold"])
+    others = [one.id for one in lost.boundaries[edge.tick].messages if one.id != edge.id]
+    assert [one.id for one in branches["withhold"].boundaries[edge.tick].messages] == others
     for branch in branches.values():
         assert branch.boundaries[: edge.tick] == lost.boundaries[: edge.tick]
 

@@ -5,6 +5,7 @@ import pytest
 
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import MessageRouter
+from lingjing.trace.admitted import admitted_at, categories_of
 
 FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
 """Neither the other scout nor the skipper hears the first scout."""
@@ -116,6 +117,27 @@ def test_losses_depend_on_the_seed_and_on_nothing_else():
     router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
     both = [router.expand(more, tick, ()) for tick in range(1, 201)]
     assert [[e for e in edges if e.sender == "scout[1]"] for edges, _ in both] == [list(e) for e, _ in expanded(0.3)]
+
+
+def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
+    """Ids go on as if it were there, and losses go by ids."""
+    instance = kit.make_instance()
+    router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
+    first, second = [(scout, kit.says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
+    whole = [router.expand([first, second], tick, ()) for tick in range(1, 101)]
+    without = [router.expand([second], tick, (), unsaid={f"m{tick}-1"}) for tick in range(1, 101)]
+    for (edges, receipts), (left, answers) in zip(whole, without, strict=True):
+        assert left == tuple(edge for edge in edges if edge.sender == "scout[2]")
+        assert answers == receipts[1:]
+
+
+def test_what_nobody_hears_is_found_under_the_id_that_the_bus_gave_it():
+    kernel, _ = kernel_of(kit.Shore, loss=1.0)
+    kernel.unsaid = frozenset({"m2-1"})
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    record = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"))).record
+    assert record.messages == ()
+    assert [one.id for one in admitted_at(record, categories_of(kernel.instance))] == ["m2-2"]
 
 
 @pytest.mark.parametrize(
