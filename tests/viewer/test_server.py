@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import socket
@@ -101,11 +102,16 @@ def test_a_query_of_too_many_fields_is_answered(server: ViewServer) -> None:
 
 
 def test_a_port_that_was_given_up_is_to_be_had_again(trace: Trace) -> None:
-    first = ViewServer(ServedTrace(trace, truth=False))
-    port = port_of(first)
-    assert ask(first, "/follow")[0] == 200  # ended by the server, so that its end of the connection lingers
-    first.close()
-    ViewServer(ServedTrace(trace, truth=False), port).close()
+    had = []
+    for _ in range(4):  # somebody else may be given the port meanwhile, but not each time
+        first = ViewServer(ServedTrace(trace, truth=False))
+        port = port_of(first)
+        assert ask(first, "/follow")[0] == 200  # ended by the server, so that its end of the connection lingers
+        first.close()
+        with contextlib.suppress(UsageError):
+            ViewServer(ServedTrace(trace, truth=False), port).close()
+            had.append(port)
+    assert had
 
 
 def test_a_reader_that_reads_nothing_keeps_nobody_waiting(server: ViewServer) -> None:
