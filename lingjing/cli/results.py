@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _LOOK = "the trace holds what happened before; `lingjing doctor` checks this machine"
 _GONE = "no trace is left of it; if something clears its folder, choose another with -o; see `lingjing doctor`, too"
+_EARLY = "it ended before anything was written: look at what the policy does when it is made and in its `reset`"
 NARROWEST = 60
 """Columns of a terminal; in a narrower one lines are easier to read than a table."""
 
@@ -49,7 +50,7 @@ def explain(episodes: Sequence[EpisodeReport]) -> None:
 
 
 def _hint(aborted: EpisodeReport) -> str:
-    return aborted.hint or (_LOOK if Path(aborted.trace).exists() else _GONE)
+    return aborted.hint or (_LOOK if Path(aborted.trace).exists() else _EARLY if aborted.crashed else _GONE)
 
 
 def _say(line: str) -> None:

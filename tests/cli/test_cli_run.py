@@ -15,7 +15,7 @@ import msgspec
 import pytest
 
 from lingjing.analysis.metrics import Metrics
-from lingjing.cli.results import print_episode
+from lingjing.cli.results import explain, print_episode
 from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
 from lingjing.play.report import EpisodeReport
@@ -249,3 +249,15 @@ def test_a_program_with_threads_plays_engines_in_itself_and_not_in_a_fork(short:
         [sys.executable, "-c", THREADED, str(short)], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.stdout.splitlines()[-1] == "0 True", done.stderr
+
+
+def test_what_is_left_of_an_aborted_episode_decides_what_is_advised(tmp_path: Path, capsys) -> None:
+    trace = tmp_path / "trace.mcap.part"
+    missing = made_report(reason="infrastructure-abort", success=False, trace=str(trace))
+    explain([missing])
+    assert "if something clears its folder" in capsys.readouterr().err
+    explain([msgspec.structs.replace(missing, crashed=True)])
+    assert "before anything was written: look at what the policy does" in capsys.readouterr().err
+    trace.touch()
+    explain([msgspec.structs.replace(missing, crashed=True)])
+    assert "the trace holds what happened before" in capsys.readouterr().err
