@@ -29,6 +29,10 @@ COMBINATIONS_MOST = 64
 """So many combinations of a sweep's values are tried; beyond, each value once."""
 
 
+FAULTS_MOST = 20
+"""So many declarations that cannot be evaluated are told of a mission at once."""
+
+
 class TrialFault(msgspec.Struct, frozen=True):
     """What is refused: a code, the node's path as in `<mission>/boat/speed_mps`, what is said and the way out."""
 
@@ -57,7 +61,7 @@ def trial(mission: model.Mission) -> tuple[TrialFault, ...]:
 
 
 def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
-    refused = tuple(_with_settings(mission, mode, {}))
+    refused = tuple(_with_settings(mission, mode, {}, FAULTS_MOST))
     yield from refused
     told: set[tuple[str, str]] = set()
     tried = [_values(mission, mode, {})]
@@ -84,7 +88,11 @@ def _values(mission: model.Mission, mode: str, settings: Mapping[str, float]) ->
         return None
 
 
-def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[TrialFault]:
+def _with_settings(
+    mission: model.Mission, mode: str, settings: Mapping[str, float], most: int = 1
+) -> Iterator[TrialFault]:
+    """What is refused with these settings. What cannot be evaluated is left out and the rest tried again, until `most`
+    faults are found."""
     try:
         entities, agents = _sizes(mission, mode, settings)
         if entities > DRAWN_MOST and any(group.cameras for group in mission.groups):
@@ -95,11 +103,48 @@ def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, flo
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
         yield TrialFault("LJ0507", error.path, error.said, error.hint)
+        rest = _without(mission, error.path) if most > 1 else None
+        if rest is not None:
+            yield from _with_settings(rest, mode, settings, most - 1)
     except LingjingError as error:
         yield TrialFault("LJ0507", mission.name, str(error), error.hint)
     else:
         yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)
+
+
+def _without(mission: model.Mission, path: str) -> model.Mission | None:
+    """The mission without the property, camera or option of a path, or with a small grid; None where nothing can stand
+    for what is there, because others may rest on it."""
+    owner, _, name = path.partition("/")[2].partition("/")
+    owner = owner.partition("[")[0]
+    if owner == "scene" and name:
+        options = tuple(one for one in mission.scene.options if one.name != name)
+        return msgspec.structs.replace(mission, scene=msgspec.structs.replace(mission.scene, options=options))
+    if any(grid.name == owner for grid in mission.grids):
+        grids = tuple(_small(grid) if grid.name == owner else grid for grid in mission.grids)
+        return msgspec.structs.replace(mission, grids=grids)
+    if not name or not any(group.name == owner for group in mission.groups):
+        return None
+    groups = tuple(_lessened(group, name) if group.name == owner else group for group in mission.groups)
+    return msgspec.structs.replace(mission, groups=groups) if groups != mission.groups else None
+
+
+def _lessened(group: model.Group, name: str) -> model.Group:
+    """The group without the property or the camera; at the origin, where its position is at fault."""
+    if name == "position":
+        moved = (msgspec.structs.replace(one, value=_ORIGIN) if one.name == name else one for one in group.properties)
+        return msgspec.structs.replace(group, properties=tuple(moved))
+    properties = tuple(one for one in group.properties if one.name != name)
+    cameras = tuple(one for one in group.cameras if one.name != name)
+    return msgspec.structs.replace(group, properties=properties, cameras=cameras)
+
+
+def _small(grid: model.Grid) -> model.Grid:
+    return msgspec.structs.replace(grid, rows=ex.Number(1.0), columns=ex.Number(1.0))
+
+
+_ORIGIN = ex.Point((ex.Number(0.0, "m"), ex.Number(0.0, "m")))
 
 
 def _sizes(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> tuple[int, int]:

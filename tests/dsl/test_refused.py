@@ -148,6 +148,22 @@ def test_places_outside_of_a_town_are_refused_as_they_are_when_it_is_built(place
         assert max(abs(metres) for metres in placed.entities[0].position[:2]) <= 160.0
 
 
+def test_every_declaration_that_cannot_be_evaluated_is_told_in_one_run() -> None:
+    more = """
+  asset cart : wagon { position = (0 m, 20 m), speed <= -3 m/s }
+  asset pony : robot_dog { position = dog[1].position }
+  grid cells over wide { shape = 1000 by 1000 }
+  success when dog[1] in wide
+"""
+    text = TOWN.format("position = at(i, [(0 m, 0 m)]), endurance = 0 s").replace("asset dog", "asset dog[1..2]")
+    text = text.replace("controls dog {", "controls dog[1] {").replace("  success when dog in wide\n", more[1:])
+    text = text.replace("use std.ground { robot_dog }", "use std.ground { car, robot_dog }\nasset wagon : car { }")
+    text = text.replace("blocks = 2 by 2", "blocks = 200 by 2")
+    found = {(item.code, item.span.line): item.message for item in compile_text(text).diagnostics}
+    assert [where for where in found if where[0] == "LJ0507"] == [("LJ0507", line) for line in (10, 12, 13, 14)], found
+    assert ("LJ0508", 6) in found and "`endurance` is 0" in found["LJ0507", 10]
+
+
 @pytest.mark.parametrize(
     ("place", "said"),
     [
@@ -307,3 +323,10 @@ def test_an_event_happens_at_a_time_or_after_a_number_of_ticks(small: str, at: s
     assert instantiate(mission).events[0].tick == tick
     again = compile_text(to_ljs(mission)).mission
     assert again is not None and again.events == mission.events
+
+
+def test_what_success_asks_of_nobody_is_told_at_success(small: str) -> None:
+    (found,) = compile_text(
+        small.replace("forall v in victim: rescued(v)", "distance_xy(uav[4], boat) <= 5 m")
+    ).diagnostics
+    assert (found.code, found.span.line, found.span.column) == ("LJ0507", 38, 3), found

@@ -47,6 +47,8 @@ def _head(item: s.Statement, owner: str) -> _Place | None:
         return (item.start, item.start + len(item.keyword)) if item.keyword == owner else None
     if isinstance(item, s.SceneBlock):
         return (item.kind.start, item.kind.end) if owner == "scene" else None
+    if isinstance(item, s.OutcomeLine):
+        return (item.start, item.start + len(item.keyword)) if item.keyword == owner else None
     name = getattr(item, "name", None)
     return (name.start, name.end) if isinstance(name, s.Name) and name.text == owner else None
 
