@@ -21,6 +21,8 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
 )
 PATIENCE_MS = 120_000
+FAULTS = "Content Security Policy", "Failed to load resource"
+"""What the console says of a page that is not whole."""
 
 
 def skip_without_a_browser() -> None:
@@ -50,7 +52,7 @@ def opened(browser: Any, url: str, **options: Any) -> Iterator[Any]:
     page = context.new_page()
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
-    page.on("console", lambda said: wrong.append(said.text) if "Content Security Policy" in said.text else None)
+    page.on("console", lambda said: wrong.append(said.text) if any(word in said.text for word in FAULTS) else None)
     home = url.split("?")[0].rsplit("/", 1)[0]
     page.on("request", lambda asked: wrong.append(f"asks {asked.url[:80]}") if is_foreign(asked.url, home) else None)
     page.goto(url)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
 from itertools import repeat
 from pathlib import Path
@@ -37,7 +38,7 @@ def make_film(trace: Trace, path: Path, *, truth: bool) -> tuple[str, ...]:
     write, rate = (_write_mp4, MP4_RATE) if path.suffix.lower() == ".mp4" else (_write_gif, GIF_RATE)
     if write is _write_mp4:
         _needs_av()
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")  # another film may be made there meanwhile
     told = Narration(trace, truth)
     try:
         write(film_frames(told, rate), part, rate)

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.viewer import fonts
+from lingjing.viewer import film, fonts
 from lingjing.viewer.film import ENDING_S, SECONDS, TITLE_S, film_frames, film_notes, make_film
 from lingjing.viewer.frames import HEIGHT, MAP, SHOT, WIDTH, FilmFrames, _wrapped, font_of
 from lingjing.viewer.ground import PageGround
@@ -70,23 +70,39 @@ def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Call
 
 def test_a_gif_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
     make_film(trace, tmp_path / "episode.gif", truth=False)
-    with Image.open(tmp_path / "episode.gif") as film:
+    with Image.open(tmp_path / "episode.gif") as made:
         total = 0
-        for number in range(film.n_frames):  # type: ignore[attr-defined]
-            film.seek(number)
-            total += film.info["duration"]
+        for number in range(made.n_frames):  # type: ignore[attr-defined]
+            made.seek(number)
+            total += made.info["duration"]
     assert abs(total / 1000 - SECONDS) < 0.5
     assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
+
+
+def test_films_made_of_one_name_at_once_share_no_file(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts: list[Path] = []
+
+    def write(frames: object, path: Path, rate: int) -> None:
+        parts.append(path)
+        path.write_bytes(b"a film")
+
+    monkeypatch.setattr(film, "_write_gif", write)
+    for number in (1, 2):
+        monkeypatch.setattr(film.os, "getpid", lambda number=number: number)
+        make_film(trace, tmp_path / "episode.gif", truth=False)
+    assert len(set(parts)) == 2 and [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
 
 
 def test_an_mp4_is_h264_and_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
     av = pytest.importorskip("av", reason="PyAV is not installed: pip install 'lingjing[film]'")
     short = Trace(trace.path, trace.header, trace.boundaries[:2], None, False, trace.places)
     make_film(short, tmp_path / "episode.mp4", truth=False)
-    with av.open(str(tmp_path / "episode.mp4")) as film:
-        (stream,) = film.streams.video
+    with av.open(str(tmp_path / "episode.mp4")) as made:
+        (stream,) = made.streams.video
         assert (stream.codec_context.name, stream.codec_context.width) == ("h264", WIDTH)
-        assert sum(1 for _ in film.decode(video=0)) == round(SECONDS * 24)
+        assert sum(1 for _ in made.decode(video=0)) == round(SECONDS * 24)
 
 
 def test_what_cannot_be_made_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,9 @@ from lingjing.viewer.narrated import CHUNK
 from lingjing.viewer.page import element, page, policy
 from lingjing.viewer.single import single_file
 
+EMPTY_ICON = {"rel": "icon", "href": "data:,"}
+"""Without it a browser asks the server for one."""
+
 
 class Parts(HTMLParser):
     """Scripts and styles of a page, its elements' ids, and every attribute that would run code or load something."""
@@ -35,6 +38,8 @@ class Parts(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         found = dict(attrs)
+        if found == EMPTY_ICON:
+            return
         self.risky += [(tag, name) for name in found if name.startswith("on") or name in ("src", "href", "style")]
         if tag in ("script", "style"):
             self._open = (tag, found)
