@@ -28,6 +28,10 @@ from lingjing.trace.records import Decision, DecisionRecord, Usage
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 
+POLICY_ERRORS = (Exception, asyncio.CancelledError, GeneratorExit)
+"""Whatever a policy raises is the policy's failure. The last two are not `Exception`s; what closes or cancels a call
+raises them as well, so they pass through it as they are."""
+
 
 class AgentThread:
     """One agent's thread and event loop; started lazily, replaced when it is stuck."""
@@ -61,7 +65,7 @@ async def _await(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
     started = time.monotonic()
     try:
         return await call(), time.monotonic() - started
-    except (Exception, asyncio.CancelledError, GeneratorExit):
+    except POLICY_ERRORS:
         raise
     except BaseException as error:  # a policy must not end the process it is a guest of
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
@@ -158,7 +162,7 @@ class PolicyBarrier:
             return self._late()
         except InfrastructureError:
             raise
-        except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
+        except POLICY_ERRORS as error:
             return failure(error, started)
         return PolicyAnswer(value=value, wall_s=wall_s)
 
@@ -181,7 +185,7 @@ def _decision_record(agent: str, answer: PolicyAnswer) -> DecisionRecord:
     )
 
 
-def failure(error: Exception, started: float) -> PolicyAnswer:
+def failure(error: BaseException, started: float) -> PolicyAnswer:
     """A policy's exception as its answer, without addresses of objects, which would make the digest differ."""
     try:
         text = f"{type(error).__name__}: {error}".splitlines()[0]

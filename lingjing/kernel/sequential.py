@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.barrier import PolicyAnswer, PolicyBarrier, failure
+from lingjing.kernel.barrier import POLICY_ERRORS, PolicyAnswer, PolicyBarrier, failure
 from lingjing.plugins.calls import AbandonedCallError
 
 _AGAIN_S = 0.5
@@ -53,7 +53,7 @@ class SequentialPolicies(PolicyBarrier):
             return self._late()
         except InfrastructureError:
             raise
-        except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
+        except POLICY_ERRORS as error:
             return failure(error, started)
         return PolicyAnswer(value=value, wall_s=time.monotonic() - started)
 
@@ -67,7 +67,7 @@ class SequentialPolicies(PolicyBarrier):
 async def _awaited(call: Callable[[], Awaitable[Any]]) -> Any:
     try:
         return await call()
-    except (Exception, asyncio.CancelledError, GeneratorExit, _LateError):
+    except (*POLICY_ERRORS, _LateError):
         raise
     except BaseException as error:  # a policy must not end the process it is a guest of
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error

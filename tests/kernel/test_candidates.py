@@ -9,6 +9,7 @@ import pytest
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain
+from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.trace.encoding import to_json
 from lingjing.trace.records import Action, Decision, Outgoing, Usage
 
@@ -129,6 +130,7 @@ class WordlessError(Exception):
         raise OSError("no words")
 
 
+@pytest.mark.parametrize("kind", [PolicyBarrier, SequentialPolicies])
 @pytest.mark.parametrize(
     ("error", "words"),
     [
@@ -139,8 +141,8 @@ class WordlessError(Exception):
         (ValueError(), "ValueError"),
     ],
 )
-def test_whatever_a_policy_raises_is_its_own_failure(error, words):
-    barrier = PolicyBarrier({"a": Raising(error)}, 5.0)
+def test_whatever_a_policy_raises_is_its_own_failure(error, words, kind):
+    barrier = kind({"a": Raising(error)}, 5.0)
     (made,) = barrier.act({"a": (None, None)})
     barrier.close()
     assert (made.substituted, words in made.detail) == ("policy_error", True)
