@@ -258,6 +258,17 @@ def test_every_fault_of_a_list_is_told_at_once_with_its_path(tmp_path):
     assert all(f"{path}: {where}: " in str(caught.value) for where in found)
 
 
+def test_what_is_wrong_with_the_list_of_the_environment_is_told_as_of_one_that_is_given(tmp_path, monkeypatch):
+    path = own_list(tmp_path, "[models.one]\nservice = 'nowhere'\n")
+    told = []
+    for given in ({}, {"models": path}):
+        monkeypatch.setenv("LINGJING_MODELS", "" if given else path)
+        with pytest.raises(UsageError, match="no service is called `nowhere`") as caught:
+            options(model="one", **given)
+        told.append(str(caught.value))
+    assert told[0] == told[1] and f"{path}: models.one.service: " in told[0]
+
+
 @pytest.mark.parametrize("text", ["models = 3", "[models]\nx = 1", "services = []", "[[models]]"])
 def test_a_list_of_the_wrong_shape_is_told(tmp_path, text):
     with pytest.raises(UsageError, match=r"an object is due|a list is due"):

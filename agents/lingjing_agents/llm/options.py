@@ -28,7 +28,9 @@ class ModelOptions(PluginOptions):
     """What a policy can be told of its model. Options go into the trace, so a key, and an address with a password in
     it, are named by their environment variables. What is not given is as the list of models says."""
 
-    models: Path | None = Field(None, description="a list of models over the shipped one (models.toml)")
+    models: Path | None = Field(
+        None, validate_default=True, description="a list of models over the shipped one (models.toml)"
+    )
     model: str = Field(min_length=1, description="a model of the list, or any other model's name at its service")
     client: Literal["direct", "litellm"] = Field(
         "direct", description="how the service is spoken to: as an OpenAI-compatible server, or through litellm"
