@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 from lingjing.kernel.scheduled import APPEARED, VANISHED, WEATHER
 from lingjing.mission.instance import Instance
+from lingjing.mission.vocabulary import ENGINE_EVENTS
 
 STATUSES = ("accepted", "running", "completed", "rejected", "timed_out", "substituted")
 """Words of receipts, from 1."""
 
-EVENT_KINDS = ("arrived", "collided", "battery_empty", "fuel_empty", "fell", "drowned", WEATHER, APPEARED, VANISHED)
+EVENT_KINDS = (*ENGINE_EVENTS, WEATHER, APPEARED, VANISHED)
 """Events of engines, and those that happen by themselves; those of the mission's interactions and rules follow."""
 
 

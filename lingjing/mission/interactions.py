@@ -15,6 +15,7 @@ from lingjing.mission.instance import Entity
 from lingjing.mission.kinds import builtin_engines
 from lingjing.mission.model import Group, Interaction, Mission, Property, RuleParameter, Unlock
 from lingjing.mission.units import NONE, dimension_name, unit_of
+from lingjing.mission.vocabulary import ENGINE_EVENTS
 
 UNSAID = Number(value=0.0)
 """The radius of an interaction that says none; a declared one is more than nothing."""
@@ -45,6 +46,9 @@ class Holder(NamedTuple):
 def own_faults(one: Interaction, states: Collection[str]) -> Iterator[InteractionFault]:
     """What is wrong with an interaction by itself, at a target with these states."""
     what = f"the interaction `{one.name}`"
+    if one.name in ENGINE_EVENTS:
+        said = f"`{one.name}` is what engines tell of a body by themselves"
+        yield InteractionFault("LJ0104", (), said, "choose another name")
     for key, given, due in (("by", bool(one.by), "an engine or a role"), ("within", one.within != UNSAID, "a length")):
         if not given:
             yield InteractionFault("LJ0106", (key,), f"{what} lacks `{key}`", f"add `{key}`: {due}")

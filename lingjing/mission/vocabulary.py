@@ -30,6 +30,9 @@ heading. "" is a verb that does none of these.
 UNLOCK = "unlock."
 """What the kernel's own command for an interaction begins with: `unlock.rescue`."""
 
+ENGINE_EVENTS = ("arrived", "collided", "battery_empty", "fuel_empty", "fell", "drowned")
+"""Events that engines tell by themselves, whatever the mission: no interaction is called so."""
+
 AMOUNT, LEFT = "amount", "left"
 """What the event of an interaction that moves goods says, in the unit of the state that is moved (`amount_kg`; `amount`
 for a bare number): how much changed hands, and how much of it the target still has, or still wants."""

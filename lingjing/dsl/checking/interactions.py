@@ -82,7 +82,7 @@ class InteractionChecker(DeclarationChecker):
                     self._tell(node.name, fault)
             elif item is not None:
                 self._tell(item.value if fault.code == "LJ0126" else item, fault)
-            elif fault.code == "LJ0126":  # what else the base type has said was reported there
+            elif fault.code in ("LJ0104", "LJ0126"):  # what else the base type has said was reported there
                 self._tell(node.name, fault)
 
     def _actor(self, item: s.PropertyLine, name: str) -> None:
