@@ -56,6 +56,7 @@ CASES = [
     ("LJ0122", "{ datum = sea", '{ map = "../a.osm", datum = sea', 8, 21, "leads out of the project"),
     ("LJ0123", "  param altitude", "  override param altitude", 14, 3, "nothing to override"),
     ("LJ0201", "heading = 30 deg", "heading = boat", 26, 67, "an angle is due"),
+    ("LJ0201", "(v: victim) when exists", "(u: uav) when exists v in victim: exists", 33, 20, "nothing that is done"),
     ("LJ0202", "tick = 10 s", "tick = 10", 9, 18, "a duration is due"),
     ("LJ0203", "tick = 10 s", "tick = 10 m", 9, 18, "this is a length"),
     ("LJ0204", "tick = 10 s", "tick = 10 sec", 9, 21, "no unit is called `sec`"),

@@ -61,6 +61,8 @@ class RuleChecker(DeclarationChecker):
         name = node.name
         if name.text not in interactions and not self.scope.incomplete:
             self.of.unknown_name(name, list(interactions), "no interaction")
+        else:
+            self._done_to(node)
         parameters, environment = self._parameters(node.parameters)
         value = self.of.expect(node.condition, environment, FLAG, "`when`")
         if value is UNKNOWN or parameters is None or name.text not in interactions:
@@ -162,6 +164,17 @@ class RuleChecker(DeclarationChecker):
         return found.condition if found else None
 
     # -- private
+
+    def _done_to(self, node: s.UnlockLine) -> None:
+        """Report an unlock whose parameters are groups that the interaction is not done to."""
+        every = self.scope.groups.values()
+        offering = [one.name for one in every if one.type and node.name.text in one.type.interactions]
+        groups = [self.scope.groups.get(parameter.type.text) for parameter in node.parameters]
+        known = [group for group in groups if group is not None and group.type is not None]
+        if known and len(known) == len(groups) and not any(group.name in offering for group in known):
+            hint = f"it is done to {', '.join(f'`{name}`' for name in offering)}" if offering else ""
+            said = f"`{node.name.text}` is nothing that is done to `{known[0].name}`"
+            self.report.at("LJ0201", node.parameters[0].type, said, hint)
 
     def _parameters(self, nodes: tuple[s.Typed, ...]) -> tuple[tuple[model.RuleParameter, ...] | None, Environment]:
         environment, parameters, good = RULE, [], True
