@@ -212,15 +212,22 @@ def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:
 
 
 def readable(kind: type[PartT], given: object) -> PartT | None:
-    """What `given` is without its faults of form; None if nothing that means anything is left of it."""
+    """What `given` is without its faults of form, with a name of its own where only that is missing; None if nothing
+    that means anything is left of it."""
     for _ in range(10):
         try:
             return kind.model_validate(given)
         except ValidationError as error:
             faulty = {str(one["loc"][0]) for one in error.errors() if one["loc"] and one["type"] != "missing"}
-        if not isinstance(given, Mapping) or not faulty & set(given):
+            lacking = {one["loc"] for one in error.errors() if one["type"] == "missing"}
+        if not isinstance(given, Mapping):
             return None
-        given = {name: value for name, value in given.items() if name not in faulty}
+        if faulty & set(given):
+            given = {name: value for name, value in given.items() if name not in faulty}
+        elif lacking == {("name",)}:
+            given = {**given, "name": f"one without a name {id(given)}"}
+        else:
+            return None
     return None
 
 

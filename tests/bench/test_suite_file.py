@@ -66,8 +66,8 @@ def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: Plu
 
 
 def test_a_mistake_hides_no_other(tmp_path: Path, host: PluginHost) -> None:
-    """No seeds, an entrant that plays nowhere, a condition that nobody plays under and one in no mode: what is wrong
-    with their options is told all the same."""
+    """No seeds, an entrant that plays nowhere, a condition that nobody plays under, one in no mode and two without
+    a name: what is wrong with their options is told all the same."""
     text = (
         SMALL.replace("seeds = 2\n", "args = { skript = 1 }\n")
         + """
@@ -88,11 +88,19 @@ name = "c"
 missions = ["cd"]
 settings = { points = 99 }
 args = { scrip = "" }
+[[conditions]]
+missions = ["cd"]
+settings = { point = 5 }
+[[conditions]]
+baseline = 3
+args = { memory = 4 }
 """
     )
     assert sorted(line.partition(":")[0] for line in faults(text, tmp_path, host)) == [
         "args.skript", "conditions[0].args.memory", "conditions[0].entrants[0]", "conditions[1].args.script",
         "conditions[1].modes[0]", "conditions[2].args.scrip", "conditions[2].settings.points",
+        "conditions[3].name", "conditions[3].settings.point", "conditions[4].args.memory", "conditions[4].baseline",
+        "conditions[4].name",
         "entrants[2].args.script", "seeds",
     ]  # fmt: skip
 
