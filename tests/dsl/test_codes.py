@@ -59,6 +59,7 @@ CASES = [
     ("LJ0201", "(v: victim) when exists", "(u: uav) when exists v in victim: exists", 33, 20, "nothing that is done"),
     ("LJ0202", "tick = 10 s", "tick = 10", 9, 18, "a duration is due"),
     ("LJ0203", "tick = 10 s", "tick = 10 m", 9, 18, "this is a length"),
+    ("LJ0203", "forall v in victim: rescued(v)", "now >= 3 tick", 38, 16, "a duration with a count of ticks"),
     ("LJ0204", "tick = 10 s", "tick = 10 sec", 9, 21, "no unit is called `sec`"),
     ("LJ0205", "shape = 3 by 3", "shape = 9", 17, 36, "two numbers"),
     ("LJ0206", "uavs = 2 in", "uavs = 20 in", 13, 16, "outside of its bounds"),

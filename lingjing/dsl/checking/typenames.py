@@ -21,6 +21,10 @@ _WORDS = {
 }
 
 
+_COUNTED = {"ticks": "count of ticks", "tokens": "count of tokens", "money": "sum of money"}
+"""Names of dimensions that are no nouns for one quantity."""
+
+
 def dimension_of(given: Type) -> Dimension:
     """The dimension of a quantity whose dimension is known."""
     return given.dimension or NONE
@@ -31,7 +35,8 @@ def word(given: Type) -> str:
     if given.kind == "quantity":
         if given.dimension is None:
             return "quantity"
-        return "bare number" if given.dimension == NONE else dimension_name(given.dimension)
+        name = "bare number" if given.dimension == NONE else dimension_name(given.dimension)
+        return _COUNTED.get(name, name)
     if given.kind == "range" and given.dimension is not None:
         return "range of numbers" if given.dimension == NONE else f"range of {dimension_name(given.dimension)}s"
     if given.kind == "list":
