@@ -119,6 +119,20 @@ def test_an_entry_that_is_no_object_is_a_fault_beside_those_of_the_others() -> N
     ]
 
 
+def test_a_coordinate_that_is_null_is_told_beside_one_that_is_wrong() -> None:
+    wrong = f"{AT}[0].data.Y", "a number is due, this is the text 'here'"
+    lacking = f"{AT}[0].data", "has no place"
+    for given, faults in (
+        ({"X": None, "Y": "here"}, [wrong, lacking]),
+        ({"Y": "here"}, [wrong, lacking]),
+        ({"X": 1.0, "Y": "here"}, [wrong]),
+        ({"X": None, "Y": "here", "lon": 120.0, "lat": 30.0}, [wrong]),
+    ):
+        with pytest.raises(MissionError) as caught:
+            read(edited(lambda w, s, d, given=given: d[0].update(data=given)), "d.json", TEMPLATES)
+        assert [(one.where, one.message) for one in caught.value.faults] == faults
+
+
 def test_a_fault_in_a_row_leaves_the_matrix_not_empty() -> None:
     with pytest.raises(MissionError) as caught:
         read(edited(lambda w, s, d: s.update(takeoff_height_m="60")), "d.json", TEMPLATES)

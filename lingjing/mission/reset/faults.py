@@ -9,10 +9,11 @@ from pydantic import ValidationError
 
 from lingjing.errors import Fault, MissionError
 from lingjing.mission.faults import kind_of
-from lingjing.mission.reset.shapes import PLACELESS
+from lingjing.mission.reset.shapes import PLACELESS, PLACES
 from lingjing.mission.reset.spelling import Spelt
 from lingjing.validation import due_for, limit, shown
 
+_PLACE = "give X and Y in centimetres, or lon and lat in degrees"
 _SCHEMA = "schemas/reset-scenario.schema.json describes the document"
 
 
@@ -35,6 +36,22 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
         if f"{where}.{missing}" not in seen:
             seen.add(f"{where}.{missing}")
             yield Fault(where, *_worded(one, missing))
+        if _lacks_a_place(one["loc"], value):
+            yield Fault(_path(one["loc"][:-1], value, root, spelt)[0], f"has {PLACELESS}", _PLACE)
+
+
+def _lacks_a_place(loc: tuple[int | str, ...], value: object) -> bool:
+    """Whether a wrong coordinate stands beside one that is not given, which is looked for only in whole objects."""
+    pair = next((pair for pair in PLACES if loc and loc[-1] in pair), None)
+    for part in loc[:-1]:
+        if isinstance(value, Mapping):
+            value = value.get(part)
+        elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
+            value = value[part]
+    if pair is None or not isinstance(value, Mapping):
+        return False
+    elsewhere = any(value.get(name) is not None for name in ("data", "position"))
+    return not elsewhere and all(any(value.get(name) is None for name in names) for names in PLACES)
 
 
 def _path(loc: tuple[int | str, ...], value: object, root: str, spelt: Spelt) -> tuple[str, str]:
@@ -62,7 +79,7 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
         )
     if kind == "value_error":
         said = str(one["msg"]).removeprefix("Value error, ")
-        way_out = "give X and Y in centimetres, or lon and lat in degrees" if said == PLACELESS else "leave one of them"
+        way_out = _PLACE if said == PLACELESS else "leave one of them"
         return f"has {said}", way_out
     if kind == "multiple_of":
         return f"is {shown(given)}, a whole number is due", _SCHEMA
