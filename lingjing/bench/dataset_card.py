@@ -21,6 +21,7 @@ _FIELDS = (
     ("policy_seed, salt_sha256", "what the policies' own chance started from, and whose salt decided it"),
     ("code, version", "SHA-256 over all that decides an episode, and lingjing's version"),
     ("wall_s", "seconds on the clock; the machine's load is in it"),
+    ("attention_iou", "of the attention maps that lay beside the trace, null where there were none"),
     ("digest, frames_digest", "of the decisions, states, messages and events; of the pixels"),
     ("settings, options, report", "JSON: parameters of the mission, all options, the whole report"),
 )
