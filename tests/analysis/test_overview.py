@@ -38,6 +38,13 @@ def test_a_title_is_written_as_it_is(trace: Trace, tmp_path: Path) -> None:
     assert drawn(dataclasses.replace(trace, header=header), tmp_path / "overview.png").shape == (1200, 1800, 3)
 
 
+def test_a_long_title_leaves_room_for_who_played(trace: Trace, tmp_path: Path) -> None:
+    header = replace(trace.header, instance=replace(trace.header.instance, title="Sea rescue " * 12))
+    pages = [drawn(one, tmp_path / "overview.png") for one in (trace, dataclasses.replace(trace, header=header))]
+    right = [page[:50, 1450:1800] for page in pages]
+    assert (right[0] == right[1]).all() and (pages[0] != pages[1]).any()
+
+
 def test_it_is_a_full_page_with_something_in_every_panel(trace: Trace, tmp_path: Path) -> None:
     page = drawn(trace, tmp_path / "overview.png")
     assert page.shape == (1200, 1800, 3)

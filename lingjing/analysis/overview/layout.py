@@ -27,7 +27,8 @@ VIEWS = 4
 
 def draw_sheet(trace: Trace, path: Path, city: City | None) -> None:
     """See `lingjing.analysis.overview.draw_overview`."""
-    with style.as_written():
+    with style.as_written(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # a name in a script we lack
         _draw(trace, path, city)
 
 
@@ -51,9 +52,7 @@ def _save(figure: Figure, path: Path) -> None:
     """Write the picture whole or not at all: under another name first, which it keeps if the process is killed."""
     part = path.with_name(f"{path.name}.part")
     try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # a name in a script we lack
-            figure.savefig(part, format="png", dpi=DPI, metadata={"Software": "lingjing"})
+        figure.savefig(part, format="png", dpi=DPI, metadata={"Software": "lingjing"})
         part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)
@@ -76,10 +75,15 @@ def _pictures(figure: Figure, trace: Trace, history: History) -> None:
 def _title(figure: Figure, trace: Trace) -> None:
     instance = trace.header.instance
     policies = ", ".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
-    figure.text(0.012, 0.972, instance.title or instance.mission, fontsize=19, fontweight="bold", color=style.INK)
+    title = figure.text(
+        0.012, 0.972, instance.title or instance.mission, fontsize=19, fontweight="bold", color=style.INK
+    )
     privileged = " (privileged)" if any(binding.privileged for binding in trace.header.bindings) else ""
     details = f"{instance.mission} · seed {instance.seed} · {instance.mode} · policy {policies}{privileged}"
-    figure.text(0.988, 0.972, details, fontsize=11, color=style.FAINT, ha="right")
+    aside = figure.text(0.988, 0.972, details, fontsize=11, color=style.FAINT, ha="right")
+    room = aside.get_window_extent().x0 - title.get_window_extent().x0 - 20.0
+    if (wide := title.get_window_extent().width) > room:
+        title.set_fontsize(max(19.0 * room / wide, 7.0))
 
 
 def _panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
