@@ -83,6 +83,9 @@ class Scope(msgspec.Struct, frozen=True):
                 return self.tick_s
             case "role" | "grid":
                 return ref.name
+        if ref.kind == "region":
+            hint = "what lies along a road or around an entity is a region once these are there: draw from another one"
+            raise MissionError(f"where region '{ref.name}' lies is not known yet", hint=hint)
         raise MissionError(f"there is no {ref.kind} '{ref.name}' here", hint=f"declare '{ref.name}' or check its guard")
 
     def place(self, value: Value) -> Place | None:

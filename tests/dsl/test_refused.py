@@ -330,3 +330,10 @@ def test_what_success_asks_of_nobody_is_told_at_success(small: str) -> None:
         small.replace("forall v in victim: rescued(v)", "distance_xy(uav[4], boat) <= 5 m")
     ).diagnostics
     assert (found.code, found.span.line, found.span.column) == ("LJ0507", 38, 3), found
+
+
+def test_nothing_is_drawn_from_a_region_that_only_the_city_knows() -> None:
+    text = TOWN.format("position ~ sites(quay)").replace("  asset", '  region quay = along(road("A"), 5 m)\n  asset')
+    (found,) = compile_text(text).diagnostics
+    assert (found.code, found.span.line) == ("LJ0507", 10), found
+    assert "where region 'quay' lies is not known yet" in found.message and "along a road" in found.hint
