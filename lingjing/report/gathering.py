@@ -145,7 +145,9 @@ def _loose(
         else:
             kept[row.key] = one, row
     notes = [
-        *_noted(cut, "cut short (interrupted, or aborted by the infrastructure), so in no rate"),
+        *_noted(
+            cut, "cut short (interrupted, aborted by the infrastructure, killed, or the file is damaged), so in no rate"
+        ),
         *_noted(again, "of an episode that is counted already (entrant, column, condition and seed)"),
         *_noted(faults, "cannot be read"),
     ]

@@ -68,7 +68,7 @@ def test_what_was_cut_short_is_in_no_rate_and_said(runs: Path, tmp_path: Path) -
     cut = copied(runs, tmp_path / "cut" / "trace.mcap.part", keep=0.6)
     found = gather([runs, tmp_path])
     assert found.episodes == 2
-    assert str(cut) in found.left_out[0] and "cut short" in found.left_out[0]
+    assert str(cut) in found.left_out[0] and "cut short" in found.left_out[0] and "damaged" in found.left_out[0]
     with pytest.raises(UsageError, match="none of what was found counts") as error:
         gather([cut])
     assert str(cut) in error.value.hint
