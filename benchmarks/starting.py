@@ -33,11 +33,14 @@ ROOT = Path(__file__).parents[1]
 POLICY = f"{Path(__file__).with_name('stopping.py')}:Stop"
 COLUMNS = (
     "bi-single",
+    "cd-broadcast",
     "cd-star",
     "cr-star",
     "idf-broadcast",
     "ld-star",
+    "ssr-broadcast",
     "ssr-star",
+    "ufr-broadcast",
     "ufr-star",
     "upr-star",
     "vdn-single",

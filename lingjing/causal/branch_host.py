@@ -23,7 +23,7 @@ from lingjing.causal.branch_process import (
     TraceOpened,
 )
 from lingjing.causal.branching import BranchResult
-from lingjing.causal.interventions import BranchPlan, check
+from lingjing.causal.interventions import BranchPlan, check, check_trace
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import InfrastructureError, UsageError, error_of
 from lingjing.kernel.world.forking import environment, started_to_last
@@ -40,8 +40,7 @@ class BranchHost:
     """Branches of one trace. Raises `UsageError` that says why it cannot be branched here."""
 
     def __init__(self, trace: Trace, options: BranchOptions, progress: HostProgress | None = None) -> None:
-        if not trace.boundaries:
-            raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before it began")
+        check_trace(trace)
         self.trace = trace
         self.options = options
         self.played = 0

@@ -21,6 +21,7 @@ from lingjing.kernel.admission import body_check
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.step import Kernel, Published, Transit
 from lingjing.mission.instance import Instance
+from lingjing.mission.kinds import engine_kind
 from lingjing.suggest import nearest
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Decision, DecisionRecord, Envelope, MessageChange, Substitution
@@ -54,6 +55,22 @@ class ReplacedPart(msgspec.Struct, frozen=True, order=True):
     boundary: int
     agent: str
     faculty: str
+
+
+def check_trace(trace: Trace) -> None:
+    """Raise `UsageError` for a trace without boundaries, and for one whose verbs do not say how they move although
+    their engines do: it was written before instances held that, and policies and faculties go by it."""
+    if not trace.boundaries:
+        raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before it began")
+    for entity in trace.header.instance.entities:
+        known = engine_kind(entity.engine).verbs
+        silent = [one.name for one in entity.verbs if not one.motion and one.name in known and known[one.name].motion]
+        if silent:
+            raise UsageError(
+                f"{trace.path} cannot be branched: an older version wrote it, which did not say how `{silent[0]}` "
+                f"moves `{entity.id}`",
+                hint="play the episode again; `lingjing replay`, `why` and `metrics` read this one as it is",
+            )
 
 
 def check(plan: BranchPlan, trace: Trace) -> None:

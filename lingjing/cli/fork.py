@@ -8,7 +8,7 @@ import sys
 import msgspec
 
 from lingjing.causal.branch_host import BranchHost
-from lingjing.causal.interventions import BranchPlan, boundary_of, check
+from lingjing.causal.interventions import BranchPlan, boundary_of, check, check_trace
 from lingjing.causal.telling import branch_text
 from lingjing.cli.arguments import parse_amount, whole_number
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
@@ -60,6 +60,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def handler(args: argparse.Namespace) -> int:
     """Play the branch and say what came of it."""
     trace = read_trace(args.trace)
+    check_trace(trace)
     messages = _changes(args)
     sent = [boundary_of(trace, one.message) for one in messages]
     at = _boundary("--at", args.at) if args.at is not None else min(sent, default=None)

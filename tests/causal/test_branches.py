@@ -256,6 +256,18 @@ def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: p
     assert main(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
 
 
+def test_a_trace_from_before_verbs_said_how_they_move_is_refused(lost: Trace) -> None:
+    """Policies and faculties would take every command for a standstill."""
+    instance = lost.header.instance
+    silent = tuple(
+        replace(one, verbs=tuple(replace(verb, motion="") for verb in one.verbs)) for one in instance.entities
+    )
+    header = replace(lost.header, instance=replace(instance, entities=silent))
+    older = Trace(lost.path, header, lost.boundaries, lost.outcome, False, lost.places)
+    with pytest.raises(UsageError, match="an older version wrote it, which did not say how `"):
+        blame(older, BlameOptions(files=(f"{ERRING}:Astray",)))
+
+
 def test_an_episode_that_was_cut_short_is_blamed_on_nobody(lost: Trace) -> None:
     cut = Trace(lost.path, lost.header, lost.boundaries[:4], None, False, lost.places)
     with pytest.raises(UsageError, match="was cut short"):
