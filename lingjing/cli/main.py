@@ -90,20 +90,35 @@ def _guarded(arguments: list[str]) -> int:
             finally:
                 sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
     except KeyboardInterrupt:
-        say("interrupted")
-        return ExitCode.INTERRUPTED
+        return _interrupted()
     except BrokenPipeError:
         silence_stdout()
         return BROKEN_PIPE
     except LingjingError as error:
-        return _report(error, arguments)
+        return _interrupted() if _was_interrupt(error) else _report(error, arguments)
     except OSError as error:
         if error.filename is None:
             silence_stdout()  # it may be full: what it still holds must not be tried again at the end
         return _report(_unwritable(error), arguments) if error.errno in _UNWRITABLE else _bug(error, arguments)
-    except Exception as error:  # noqa: BLE001 - the last door: whatever comes here is a fault of ours
-        return _bug(error, arguments)
+    except Exception as error:  # noqa: BLE001 - whatever comes here is a fault of ours
+        return _interrupted() if _was_interrupt(error) else _bug(error, arguments)
     return code
+
+
+def _interrupted() -> int:
+    say("interrupted")
+    return ExitCode.INTERRUPTED
+
+
+def _was_interrupt(error: BaseException | None) -> bool:
+    """Whether an interrupt led to an error: a compiled module that is interrupted while it loads says `ImportError`."""
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        seen.add(id(error))
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _dispatch(arguments: list[str]) -> int:

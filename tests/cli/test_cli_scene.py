@@ -134,6 +134,26 @@ def test_the_scene_of_a_mission_is_looked_at(folder: Path, capsys: pytest.Captur
         assert len(picture.convert("RGB").resize((64, 64)).getcolors(64 * 64) or ()) > 20
 
 
+class _InterruptedWhileLoading:
+    """What a compiled module says that is interrupted while it loads: an `ImportError` whose cause is the interrupt."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        if name.partition(".")[0] == "osmium":
+            raise ImportError("initialization failed") from KeyboardInterrupt()
+
+
+def test_an_interrupt_while_a_library_loads_is_one(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    town().write(folder / "town.osm")
+    for name in [name for name in sys.modules if name.partition(".")[0] == "osmium"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [_InterruptedWhileLoading(), *sys.meta_path])
+    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.INTERRUPTED
+    assert "interrupted" in capsys.readouterr().err
+    assert not (folder / "city").exists()
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_killed_build_leaves_no_half_city(folder: Path, number: int) -> None:
     town().write(folder / "town.osm")
