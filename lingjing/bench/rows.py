@@ -103,7 +103,7 @@ def code_sha256(missions: Iterable[Path]) -> str:
 
     agents = find_spec("lingjing_agents")
     roots = [Path(lingjing.__file__).parent, *map(Path, (agents.submodule_search_locations or []) if agents else [])]
-    library = sorted(data_path("std").glob("*.ljs"))
+    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))  # some extend others
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in (*sorted(missions), *library)))
     for root in roots:
         for path in sorted(root.rglob("*")):

@@ -287,7 +287,7 @@ class _Completer:
 
     def use(self) -> Iterable[Item]:
         """`use std.air`."""
-        return [Item(path, "module") for path in library.known_paths("std")]
+        return [Item(path, "module") for first in library.SHIPPED for path in library.known_paths(first)]
 
     def unlock(self) -> Iterable[Item]:
         """`unlock interaction(…)`."""
@@ -311,11 +311,12 @@ class _Completer:
         found, _ = load_library(file)
         yield from (Item(name, "type", decl.role) for name, decl in found.types.items())
         yield from (Item(name, "type", "record") for name in found.records)
+        yield from (Item(name, "type", "mission") for name in found.missions)
 
     def _fields(self) -> Iterator[Item]:
         chain = _chain(self.at.statement)
         if self.at.head() == "USE":
-            for path in library.known_paths("std"):
+            for path in library.known_paths(self.at.statement[1].text):
                 if path.startswith(".".join(token.text for token in self.at.statement[1:-1]) + "."):
                     yield Item(path.rsplit(".", 1)[1], "module", path)
             return

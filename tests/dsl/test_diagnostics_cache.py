@@ -54,9 +54,9 @@ def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytes
 
     std = tmp_path / "std"
     std.mkdir()
-    for file in Path(library.standard_folder()).glob("*.ljs"):
+    for file in Path(library.shipped_folder("std")).glob("*.ljs"):
         (std / file.name).write_bytes(file.read_bytes())
-    monkeypatch.setattr(library, "standard_folder", lambda: str(std))
+    monkeypatch.setattr(library, "shipped_folder", lambda first: str(std))
     source = SourceText(small, "m.ljs")
     cache.compile_cached(source)
     assert cache.known_good(source) == ()

@@ -82,6 +82,23 @@ def test_a_base_may_have_a_base(project: Path) -> None:
     assert found.mission.parameters[-1].name == "more"
 
 
+def test_a_shipped_mission_may_be_extended_and_its_one_asset_be_a_group(tmp_path: Path) -> None:
+    (tmp_path / "more.ljs").write_text(
+        "ljs 1\nuse scenarios.vdn { vdn }\nmission more extends vdn {\n  override mode broadcast\n"
+        "  override asset dog[1..3] { position = at(i, [(-60 m, 0 m)], spread 3 m) }\n"
+        "  override agent navigator[i in 1..3] as navigator controls dog[i] { observes dog[i].* }\n"
+        "  override stage enter { done when exists d in dog: d in compound }\n"
+        "  override stage approach { done when exists d in dog: distance_xy(d, home) <= 90 m }\n"
+        "  override unlock arrive(h: home) when now >= 0 s\n"
+        "  override adjudicate arrived(h: home) { when emitted(arrive, h) }\n}\n"
+    )
+    found = compile_file(str(tmp_path / "more.ljs"))
+    assert found.diagnostics == () and found.mission is not None
+    dogs = [entity for entity in instantiate(found.mission).entities if entity.group == "dog"]
+    assert [dog.id for dog in dogs] == ["dog[1]", "dog[2]", "dog[3]"]
+    assert {(dog.heading_deg, dog.cameras[0].name) for dog in dogs} == {(90.0, "front")}, "the base's lines are kept"
+
+
 def test_what_the_base_has_needs_the_word(project: Path) -> None:
     found = compiled(project, "  param uavs = 4 in 1..10")
     assert codes(found) == [("LJ0124", 4)]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.dsl import Compilation, compile_file, compile_text
-from lingjing.dsl.checking.library import known_paths, standard_folder
+from lingjing.dsl.checking.library import known_paths, shipped_folder
 from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.instantiate import instantiate
@@ -104,6 +104,6 @@ def test_every_unit_and_dimension_is_listed() -> None:
 def test_every_library_and_what_it_declares_is_listed() -> None:
     for name in known_paths("std"):
         assert f"`{name}`" in PAGE
-        text = (Path(standard_folder()) / f"{name.removeprefix('std.')}.ljs").read_text(encoding="utf-8")
+        text = (Path(shipped_folder("std")) / f"{name.removeprefix('std.')}.ljs").read_text(encoding="utf-8")
         for declared in re.findall(r"(?m)^(?:asset|target|camera|weather|record) (\w+)", text):
             assert re.search(rf"\b{declared}\b", PAGE), (name, declared)

@@ -92,7 +92,9 @@ def test_completion(line: str, offered: set[str], not_offered: set[str]) -> None
 
 
 def test_completion_of_libraries() -> None:
-    assert {"std.air", "std.sea"} <= set(labels("ljs 1\nuse |"))
+    assert {"std.air", "std.sea", "scenarios.ssr"} <= set(labels("ljs 1\nuse |"))
+    assert {"bi", "ssr"} <= set(labels("ljs 1\nuse scenarios.|"))
+    assert labels("ljs 1\nuse scenarios.ssr { | }") == ["ssr"]
     assert {"air", "sea"} <= set(labels("ljs 1\nuse std.|"))
     assert set(labels("ljs 1\nuse std.sea { | }")) >= {"lifeboat", "person_in_water"}
 

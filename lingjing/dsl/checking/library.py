@@ -1,10 +1,10 @@
-"""The standard library, the project's own files and what plug-ins add: which file `use …` means.
+"""The standard library, the shipped missions, the project's own files and what plug-ins add: which file `use …` means.
 
-`use std.NAME` reads `NAME.ljs` of the standard library: shipped inside the package, else the repository's
-`scenarios/std`. Any other first word names a package under the entry-point group `lingjing.std`, whose `.ljs` files
-are found by the words that follow (`use acme.rotors` → entry point `acme`, file `rotors.ljs`). `use .boats.tug` is
-`boats/tug.ljs` in the folder of the file that says so; as no word can be `..`, no path leads out of that folder, and a
-link that does is no file.
+`use std.NAME` reads `NAME.ljs` of the standard library and `use scenarios.NAME` a shipped mission, to extend it: both
+are shipped inside the package, else the repository's `scenarios/std` and `scenarios`. Any other first word names a
+package under the entry-point group `lingjing.std`, whose `.ljs` files are found by the words that follow
+(`use acme.rotors` → entry point `acme`, file `rotors.ljs`). `use .boats.tug` is `boats/tug.ljs` in the folder of the
+file that says so; as no word can be `..`, no path leads out of that folder, and a link that does is no file.
 """
 
 from __future__ import annotations
@@ -20,9 +20,13 @@ DEEPEST, LONGEST = 8, 100
 """Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
 
 
-def standard_folder() -> str:
-    """Where the standard library's files are."""
-    return str(data_path("std"))
+SHIPPED = ("std", "scenarios")
+"""First words of what ships with the package: the standard library and the missions."""
+
+
+def shipped_folder(first: str) -> str:
+    """Where the files are that begin with one of the words `SHIPPED`."""
+    return str(data_path(first))
 
 
 def folder_of(path: str) -> str | None:
@@ -37,7 +41,7 @@ def find_file(path: tuple[str, ...], folder: str | None = None) -> str | None:
         return None
     if folder is not None:
         return _beside(folder, path)
-    folder = standard_folder() if path[0] == "std" else _plugin_folder(path[0])
+    folder = _folder(path[0])
     if folder is None:
         return None
     file = Path(folder, *path[1:-1], f"{path[-1]}.ljs")
@@ -48,10 +52,15 @@ def known_paths(first: str, beside: str | None = None) -> list[str]:
     """What could have been meant: `std.air`, `std.sea`, … and the plug-ins' names, or the files `beside`."""
     if beside is not None:
         return [f".{name}" for name in _files(beside)]
-    folder = standard_folder() if first == "std" else _plugin_folder(first)
+    folder = _folder(first)
     if folder is None:
-        return [*(f"std.{name}" for name in _files(standard_folder())), *_plugin_names()]
+        shipped = (f"{word}.{name}" for word in SHIPPED for name in _files(shipped_folder(word)))
+        return [*shipped, *_plugin_names()]
     return [f"{first}.{name}" for name in _files(folder)]
+
+
+def _folder(first: str) -> str | None:
+    return shipped_folder(first) if first in SHIPPED else _plugin_folder(first)
 
 
 def _beside(folder: str, path: tuple[str, ...]) -> str | None:

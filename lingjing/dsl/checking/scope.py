@@ -92,6 +92,11 @@ class Library(msgspec.Struct, frozen=True):
         """Its message records."""
         return {name: decl for name, decl in self.declared.items() if isinstance(decl, RecordDecl)}
 
+    @property
+    def missions(self) -> dict[str, MissionDecl]:
+        """Its missions."""
+        return {name: decl for name, decl in self.declared.items() if isinstance(decl, MissionDecl)}
+
 
 class DeclaredName(msgspec.Struct, frozen=True):
     """A declared name that expressions may use."""
