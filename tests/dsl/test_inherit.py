@@ -99,6 +99,19 @@ def test_a_shipped_mission_may_be_extended_and_its_one_asset_be_a_group(tmp_path
     assert {(dog.heading_deg, dog.cameras[0].name) for dog in dogs} == {(90.0, "front")}, "the base's lines are kept"
 
 
+def test_a_permit_and_the_hub_are_overridden(tmp_path: Path) -> None:
+    def found(body: str) -> Compilation:
+        file = tmp_path / "more.ljs"
+        file.write_text(f"ljs 1\nuse scenarios.upr {{ upr }}\nmission more extends upr {{\n{body}\n}}\n")
+        return compile_file(str(file))
+
+    plain = found("override mode broadcast\noverride comms { hub = none }\noverride permit dog.forward when now >= 0 s")
+    assert plain.diagnostics == () and plain.mission is not None and plain.mission.comms.hub is None
+    assert len(plain.mission.permits) == 1
+    assert codes(found("override comms { hub = none }")) == [("LJ0502", 3)], "star mode needs one"
+    assert codes(found("permit dog.forward when now >= 0 s")) == [("LJ0124", 4)]
+
+
 def test_what_the_base_has_needs_the_word(project: Path) -> None:
     found = compiled(project, "  param uavs = 4 in 1..10")
     assert codes(found) == [("LJ0124", 4)]

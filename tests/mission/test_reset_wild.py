@@ -406,8 +406,10 @@ def test_what_is_there_and_what_is_wanting_is_said() -> None:
     with pytest.raises(MissionError, match="shipEntityList: is missing or empty, mission 'ssr' needs a boat"):
         play(document(people, drones=3, task_type="sea search"))
     fire = {"goalFirePosition": [PLACE]}
-    instance, notes = play(document(fire, drones=3, dogs=2, task_type="uavdog"))
+    instance, notes = play(document(fire, drones=3, dogs=2, cars=1, task_type="dog fire"))
     assert instance.mission == "idf" and any("has no multirotor; 3 kept, not played" in note for note in notes)
+    with pytest.raises(MissionError, match="fit none: 'idf' needs unmannedDogEntityList; 'ufr' needs droneE"):
+        play(document(fire, ships=1, task_type="fire rescue"))
     whole = document(fire, drones=2, cars=3)
     whole["scenario"]["lingjing"] = {"mission": "ufr"}
     with pytest.raises(MissionError, match="autoVehicleEntityList: holds 3, mission 'ufr' has one truck") as caught:
@@ -426,6 +428,11 @@ FLEETS = [
      {"congestionPoints": JAMS, "destination": [{**PLACE, "id": 1}, {**PLACE, "x": 0.0, "id": 2}]}, "one goal_place"),
     ("bi", {"drones": 1}, {"task_type": "bridge"},
      {"fracturePosition": [{**PLACE, "id": 1}, {**PLACE, "x": 0.0, "id": 2}]}, "one fracture"),
+    ("vdn", {"dogs": 5}, {"task_type": "singledog"}, {"targetHouse": PLACE}, "one dog"),
+    ("vdn", {"dogs": 1}, {}, {"targetHouse": [{**PLACE, "id": 1}, {**PLACE, "x": 0.0, "id": 2}]}, "one home"),
+    ("upr", {"drones": 2, "dogs": 2}, {"task_type": "uavdog"}, {"pipelineLeakPosition": PLACE}, "one uav"),
+    ("ld", {"drones": 2, "cars": 2, "dogs": 2}, {"task_type": "delivery"}, {"target_house": PLACE}, "one uav"),
+    ("queue", {"drones": 1, "dogs": 2}, {}, {"queuingList": [{**PLACE, "personCount": 4}]}, "one dog"),
 ]  # fmt: skip
 
 
@@ -448,6 +455,19 @@ def test_cars_alone_drive_around_congestion() -> None:
             instance, _ = play(document(state, cars=cars, **task))
             assert instance.mission == "cr_fleet"
             assert [len(at(instance, group)) for group in ("van", "uav", "goal_place", "jam")] == [cars, 0, 2, 1]
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_trucks_and_ships_alone_and_uavs_beside_dogs_play(count: int) -> None:
+    fire, person = {"goalFirePosition": [PLACE]}, {"rescuePersonPosition": [{"personId": "p", **PLACE}]}
+    for state, listed, mission in (
+        (fire, {"cars": count}, "ufr_fleet"),
+        (person, {"ships": count}, "ssr_fleet"),
+        (fire, {"drones": count, "dogs": 2}, "idf_air"),
+    ):
+        instance, notes = play(document(state, **listed))
+        assert instance.mission == mission and not [note for note in notes if "kept, not played" in note]
+        assert sum(entity.role == "asset" for entity in instance.entities) == sum(listed.values())
 
 
 def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_distance(

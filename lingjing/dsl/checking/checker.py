@@ -17,6 +17,7 @@ from lingjing.dsl.checking.events import EventChecker
 from lingjing.dsl.checking.inherit import inherited
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.scope import SymbolTables
+from lingjing.dsl.checking.settings import NO_HUB
 from lingjing.dsl.checking.studies import StudyChecker
 from lingjing.dsl.checking.toplevel import FileChecker, Files, names_in_faults
 from lingjing.dsl.source.reporter import Reporter
@@ -261,7 +262,7 @@ class MissionChecker:
             self.report.at("LJ0106", node.name, "the mission has no agent", "add `agent … as … controls …`")
         comms = next((item for item in _all(items, s.SettingsBlock) if item.keyword == "comms"), None)
         hub_given = comms is not None and any(
-            isinstance(i, s.Faulty) or (isinstance(i, s.PropertyLine) and i.name.text == "hub")
+            isinstance(i, s.Faulty) or (isinstance(i, s.PropertyLine) and i.name.text == "hub" and not _no_hub(i))
             for i in comms.block.items
         )
         mode = next(iter(_all(items, s.ModeLine)), None)
@@ -325,6 +326,10 @@ def _all(items: tuple[s.Statement, ...], kind: type[N]) -> list[N]:
 
 def _good(parts: list[T | None]) -> tuple[T, ...]:
     return tuple([part for part in parts if part is not None])
+
+
+def _no_hub(line: s.PropertyLine) -> bool:
+    return isinstance(line.value, s.Name) and line.value.text == NO_HUB
 
 
 def _hidden_count(scope: SymbolTables) -> int:

@@ -194,7 +194,17 @@ def _key(item: s.Statement) -> tuple[str, str] | None:
         return s.DECLARING[type(item)], item.name.text  # type: ignore[attr-defined]
     if isinstance(item, s.RelationLine):
         return "relation", f"{item.kind.text} {item.source.text} {item.target.text}"
+    if isinstance(item, s.PermitLine):
+        resource = _dotted(item.resource.source)
+        return ("permit", resource) if resource else None
     return None
+
+
+def _dotted(node: s.Expression) -> str:
+    """`dog.forward`, or "" for what is no path of names: no two such statements are the same."""
+    if isinstance(node, s.FieldExpr):
+        return f"{_dotted(node.base)}.{node.name.text}"
+    return node.text if isinstance(node, s.Name) else ""
 
 
 def _amended(old: s.Statement, new: s.Statement) -> s.Statement:

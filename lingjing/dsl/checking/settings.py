@@ -347,9 +347,15 @@ class SettingsChecker(DeclarationChecker):
             self.report.at("LJ0201", node, "the hub is one agent", "name a single agent, not a group's member")
             return None
         if node.text not in self.scope.agents:
+            if node.text == NO_HUB:
+                return None
             self.of.unknown_name(node, list(self.scope.agents), "no agent")
             return None
         return node.text
+
+
+NO_HUB = "none"
+"""`hub = none`: what takes away the hub of the mission that is extended."""
 
 
 def _receipts(word: str) -> Literal["own", "all", "none"]:

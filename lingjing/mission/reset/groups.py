@@ -162,7 +162,7 @@ def filled(
     """The mission with one group's count, places, headings, labels and weights taken from the document."""
     if group.count is None:
         if not spots:
-            parsed.report(where, f"is missing or empty, mission '{mission.name}' needs a {group.name}", "add one")
+            _too_few(parsed, where, group, mission)
             return mission
         if len(spots) > 1:
             said = f"holds {len(spots)}, mission '{mission.name}' has one {group.name}"
@@ -188,6 +188,10 @@ def filled(
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
     groups = tuple(changed if g.name == group.name else g for g in mission.groups)
     return msgspec.structs.replace(mission, groups=groups)
+
+
+def _too_few(parsed: Parsed, where: str, group: model.Group, mission: model.Mission) -> None:
+    parsed.report(where, f"is missing or empty, mission '{mission.name}' needs a {group.name}", "add one")
 
 
 def allows_none(mission: model.Mission, group: model.Group) -> bool:
@@ -285,11 +289,12 @@ def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Par
     bounds = parameter.bounds
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
-            parsed.report(
-                where,
-                f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more",
-                f"list as many or widen the parameter '{name}' of the template",
-            )
+            said = f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more"
+            hint = f"list as many or widen the parameter '{name}' of the template"
+            if count:
+                parsed.report(where, said, hint)
+            else:
+                _too_few(parsed, where, group, mission)
             return mission
         if count > bounds.high.value:
             parsed.notes.append(

@@ -26,17 +26,19 @@ class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     The words in `also` mean it only where the document has hidden places of its types: they say who is there.
     It is not for documents with entities of the engines in `without`, who could do more than it asks for; where these
     are told apart, a `general` field says too little. It takes entities of the engines in `optional` where there are
-    some. `fleet` is the mission for documents that list several where this one has one.
+    some. `fleet` is the mission for documents that list several where this one has one; `of` names the mission whose
+    words mean this one as well.
     """
 
     mission: str
     engines: frozenset[str]
     types: frozenset[str]
-    spellings: frozenset[str]
+    spellings: frozenset[str] = frozenset()
     also: frozenset[str] = frozenset()
     without: frozenset[str] = frozenset()
     optional: frozenset[str] = frozenset()
     fleet: str = ""
+    of: str = ""
 
     def named(self, word: str, found: Iterable[Found]) -> bool:
         """Whether a task type, folded, means the mission in a document with these hidden places."""
@@ -60,11 +62,12 @@ def signatures() -> tuple[TemplateSignature, ...]:
     entries = msgspec.json.decode(
         data_path("scenarios", "reset-templates.json").read_bytes(), type=list[TemplateSignature]
     )
+    said = {one.mission: one for one in entries}
     return tuple(
         msgspec.structs.replace(
             one,
-            spellings=frozenset(map(folded, (one.mission, *one.spellings))),
-            also=frozenset(map(folded, one.also)),
+            spellings=frozenset(map(folded, (one.mission, *said[one.of or one.mission].spellings))),
+            also=frozenset(map(folded, said[one.of or one.mission].also)),
         )
         for one in entries
     )
@@ -84,7 +87,13 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
         each = "; ".join(f"{where.rpartition('.')[2]} names {_either(fitting)}" for fitting, where, _ in said)
         message = f"contradicts the other task type: {each}"
         raise parsed.fault(said[-1][1], message, _name_it(said[0][0][0].mission))
-    agreed = common if len(common) == 1 else _narrowed(parsed, common, full) or common
+    agreed = common if len(common) == 1 else _narrowed(parsed, common, full)
+    if not agreed:
+        agreed = [one for one in common if one.of not in {other.mission for other in common}]
+        if len(agreed) > 1:
+            lacks = "; ".join(f"'{one.mission}' {_lacks(one, _engines(parsed))}" for one in agreed)
+            message = f"may be any of {_either(agreed)}, and the lists of entities fit none: {lacks}"
+            raise parsed.fault(said[0][1], message, "list what one of them needs, or name another task type")
     if len(agreed) > 1:
         hint = _name_it(agreed[0].mission)
         raise parsed.fault(said[0][1], f"may be any of {_either(agreed)}; nothing in the document tells which", hint)
@@ -104,9 +113,21 @@ def _name_it(mission: str) -> str:
     return f'name the template: "lingjing": {{"mission": "{mission}"}} in the scenario'
 
 
+def _engines(parsed: Parsed) -> frozenset[str]:
+    """The engines that drive what the document lists."""
+    return frozenset(one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute))
+
+
+def _lacks(signature: TemplateSignature, engines: frozenset[str]) -> str:
+    """Why a document that lists entities of these engines is not for a mission."""
+    wanting = [one.name for one in LISTS if one.engine in signature.engines - engines]
+    barred = [one.name for one in LISTS if one.engine in signature.without & engines]
+    return f"needs {_listing(wanting)}" if wanting else f"is for documents without {_listing(barred)}"
+
+
 def _narrowed(parsed: Parsed, fitting: Sequence[TemplateSignature], found: Sequence[Found]) -> list[TemplateSignature]:
     """Of the missions that one word names, those that the hidden fields and the entities leave."""
-    engines = frozenset(one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute))
+    engines = _engines(parsed)
     left = _fitting(engines, found, fitting) or [one for one in fitting if one.equipped(engines)]
     most = max((len(one.engines) for one in left), default=0)
     return [one for one in left if len(one.engines) == most]
@@ -174,7 +195,8 @@ def _fitting(
     enough = [one for one in known if one.equipped(engines) and any(one.holds(f) for f in found)]
     whole = [one for one in enough if all(one.holds(f) for f in found)]
     exact = [one for one in whole if one.engines == engines]
-    return exact or whole or enough
+    best = exact or whole or enough
+    return [one for one in best if not any(one.engines < other.engines and one.types == other.types for other in best)]
 
 
 def _listing(words: Iterable[str]) -> str:
