@@ -108,19 +108,21 @@ class _Recording:
             if region.polygon and (self._told.truth or not region.hidden):
                 ring = [(x, y, level) for x, y in (*region.polygon, region.polygon[0])]
                 out.log(f"world/regions/{region.name}", rr.LineStrips3D([ring], colors=[REGION]), static=True)
-        self._markers(one for one in self._instance.entities if one.id not in self._told.hidden)
+        self._markers((one for one in self._instance.entities if one.id not in self._told.hidden), static=True)
 
-    def _markers(self, entities: Iterable[Entity]) -> None:
+    def _markers(self, entities: Iterable[Entity], *, static: bool) -> None:
+        """Static ones are there at all times: at the world's origin as long as their body has no place."""
         for entity in entities:
             colour = ASSET if entity.role == "asset" else TARGET
             box = self._rr.Boxes3D(half_sizes=[(2.0, 1.0, 0.5)], colors=[colour], labels=[entity.id])
-            self._out.log(f"{body_path(entity.id)}/marker", box, static=True)
+            self._out.log(f"{body_path(entity.id)}/marker", box, static=static)
 
     # -- boundaries
 
     def _boundary(self, record: BoundaryRecord, found: Sequence[Entity]) -> None:
         rr, out = self._rr, self._out
-        self._markers(found)
+        self._at(record.snapshots[0].time_s if record.snapshots else record.time_s, record.tick)
+        self._markers(found, static=False)
         for snapshot in record.snapshots:
             self._at(snapshot.time_s, record.tick)
             for state in snapshot.states:

@@ -13,11 +13,11 @@ from lingjing.trace.reader import Trace
 from lingjing.viewer.rerun_recording import write_rerun
 
 
-def told(path: Path) -> str:
+def told(path: Path, *options: str) -> str:
     """What Rerun's own reader says is in a file, after it has verified it."""
-    for words in (("verify",), ("print",)):
+    for words in (("verify", str(path)), ("print", *options, str(path))):
         done = subprocess.run(
-            [sys.executable, "-m", "rerun", "rrd", *words, str(path)], capture_output=True, text=True, timeout=600
+            [sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=600
         )
         assert done.returncode == 0, done.stderr
     return done.stdout
@@ -47,6 +47,9 @@ def test_a_found_target_appears_and_reported_boxes_are_drawn(trace: Trace, tmp_p
         and "log/kernel" in said
         and "/rgb/truth" not in said
     )
+    for body, timed in (("victim_1", True), ("uav_1", False)):  # one without a time is at the origin until it is found
+        marker = told(tmp_path / "episode.rrd", "-vv", "--entity", f"/world/bodies/{body}/marker")
+        assert "Boxes3D:labels" in marker and ("simulation" in marker) is timed
 
 
 def test_what_cannot_be_written_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
