@@ -11,9 +11,11 @@ as JSON, a client subscribes to some, and gets their messages as binary frames: 
 from __future__ import annotations
 
 import base64
+import contextlib
 import hmac
 import json
 import secrets
+import socket
 import struct
 import threading
 from collections import deque
@@ -42,6 +44,9 @@ from lingjing.viewer.told import ToldEpisode
 PROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
 WAITING_BYTES = 2**26
 """What a client may have waiting; beyond that its oldest messages are left out."""
+
+GOODBYE_S = 1.0
+"""So long clients have to take their leave when the server ends."""
 
 MOST_CLIENTS = 16
 MOST_ASKED = 2**16
@@ -78,6 +83,7 @@ class LiveChannel:
 class LiveClient:
     """One connection: what it has subscribed to, and what waits to be sent."""
 
+    connection: Any = None
     wanted: dict[int, set[int]] = field(default_factory=dict)
     """Channel → subscriptions."""
     waiting: deque[str | bytes] = field(default_factory=deque)
@@ -126,6 +132,7 @@ class FoxgloveServer:
         self._follower = TraceFollower(path.with_name(path.name.removesuffix(PART)))
         self._truth = truth
         self._lock = threading.Lock()
+        self._gone = threading.Condition(self._lock)
         self._clients: list[LiveClient] = []
         self._channels: dict[str, LiveChannel] = {}
         self._kept: dict[int, list[tuple[int, bytes]]] = {}
@@ -154,12 +161,16 @@ class FoxgloveServer:
         return f"{ORIGIN}/~/view?ds=foxglove-websocket&ds.url={quote(self.address, safe='')}"
 
     def close(self) -> None:
-        """Stop listening, and let clients go."""
+        """Let clients go, those that read nothing without a word, and stop listening."""
         self._closed.set()
-        self._server.shutdown()
         with self._lock:
             for client in self._clients:
                 client.leave()
+            self._gone.wait_for(lambda: not self._clients, GOODBYE_S)
+            for client in self._clients:
+                with contextlib.suppress(OSError):  # it goes by itself
+                    client.connection.socket.shutdown(socket.SHUT_RDWR)
+        self._server.shutdown()
         for thread in self._threads:
             thread.join()
 
@@ -203,8 +214,10 @@ class FoxgloveServer:
         """One connection, in a thread of its own."""
         from websockets.exceptions import ConnectionClosed
 
-        client = LiveClient()
+        client = LiveClient(connection)
         with self._lock:
+            if self._closed.is_set():
+                return
             self._clients.append(client)
             client.put(json.dumps(self._hello()))
             if self._channels:
@@ -220,6 +233,7 @@ class FoxgloveServer:
         finally:
             with self._lock:
                 self._clients.remove(client)
+                self._gone.notify()
             client.leave()
             sender.join()
 

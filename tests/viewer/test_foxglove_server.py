@@ -5,9 +5,11 @@ from __future__ import annotations
 import base64
 import contextlib
 import json
+import socket
 import struct
 import subprocess
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -182,6 +184,33 @@ def test_a_client_that_reads_nothing_loses_messages_and_keeps_nobody_waiting(mon
     assert client.size <= 100 and client.take() == '{"op": "advertise"}' and client.take() == bytes([42]) * 10
     client.leave()
     assert client.take() is None
+
+
+def test_a_server_ends_though_a_client_reads_nothing(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(foxglove_server, "GOODBYE_S", 0.1)
+    with TraceWriter(tmp_path / "trace.mcap", trace.header) as writer:
+        writer.boundary(trace.boundaries[0])
+        server = FoxgloveServer(tmp_path / "trace.mcap", truth=False)
+        host, path = server.address.removeprefix("ws://").split("/", 1)
+        name, port = host.split(":")
+        asked = (
+            f"GET /{path} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+            "Sec-WebSocket-Protocol: foxglove.websocket.v1\r\n\r\n"
+        )
+        with socket.create_connection((name, int(port)), timeout=PATIENCE_S) as deaf:
+            deaf.sendall(asked.encode())
+            assert deaf.recv(12) == b"HTTP/1.1 101"
+            while not server._clients:
+                time.sleep(0.01)
+            (client,) = server._clients
+            client.put(bytes(2**25))  # more than the sockets hold
+            while client.waiting:  # until it is being sent
+                time.sleep(0.01)
+            server.close()
+    assert not server._clients
 
 
 def test_a_taken_port_a_missing_package_and_what_is_no_trace_are_told(
