@@ -18,7 +18,7 @@ def factor(pictures: str) -> tuple[float, int]:
     with tempfile.TemporaryDirectory() as folder:
         result = lingjing.run(
             mission,
-            policy=f"{HERE / 'sweep.py'}:Sweep",
+            policy=f"{HERE / 'sweep.py'}:SweepPolicy",
             policy_args={"pictures": pictures},
             out=Path(folder) / "run",
             overview=False,

@@ -5,7 +5,7 @@ from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 ALTITUDE_M = 100.0
 
 
-class Sweep:
+class SweepPolicy:
     """The same flight with and without pictures."""
 
     def __init__(self, pictures: str = "yes") -> None:

@@ -47,7 +47,7 @@ GROWTH = {
 SMALL = {"uavs": 1.0, "dogs": 1.0, "vans": 1.0, "cars": 10.0}
 
 
-class Timed:
+class TimedWorld:
     """A world in the caller that adds up the processor time of its steps."""
 
     def __init__(self) -> None:
@@ -103,7 +103,7 @@ def measured(ticks: int, settings: dict[str, float], count: bool = False) -> dic
     """Processor seconds of so many ticks after a warm-up: in all, of the world, of each engine. With `count` also the
     calls a tick in the ticks after them: of each engine's own functions and of all."""
     by_the_processors_clock()
-    world = Timed()
+    world = TimedWorld()
     instance, city = CityBuilder(PluginHost()).place(instantiate(load_mission(MISSION), seed=3, settings=settings))
     kernel = Kernel(instance, city, world)
     kernel.reset()

@@ -59,7 +59,7 @@ PITCH_DEG = {"orbit": -90.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class Photo:
     """One picture: who is looked at in which mission, through which camera and from how far.
 
     `ahead_m` and `above_m` are the viewer's distance on the ground and its height over the target. `extra` are
@@ -104,63 +104,63 @@ JAM = tuple(
 
 
 STREET = "truck"
-SHOTS: tuple[Shot, ...] = (
-    Shot("building_fire", "ufr", "fire[1]", "nadir", 0.0, 110.0),
-    Shot("building_fire", "ufr", "fire[2]", "nadir", 0.0, 80.0),
-    Shot("building_fire", "ufr", "fire[1]", "front", 90.0, 22.0),
-    Shot("building_fire, out", "ufr", "fire[1]", "nadir", 0.0, 80.0, states={"fire[1]": "out"}),
-    Shot("fire_source", "idf", "fire[1]", "dog_eye", 3.0, 0.0),
-    Shot("fire_source", "idf", "fire[1]", "dog_eye", 8.0, 0.0),
-    Shot("fire_source", "idf", "fire[1]", "dog_eye", 16.0, 0.0),
-    Shot("fire_source, out", "idf", "fire[1]", "dog_eye", 4.0, 0.0, states={"fire[1]": "out"}),
-    Shot("pipeline_leak", "upr", "leak", "nadir", 0.0, 60.0),
-    Shot("pipeline_leak", "upr", "leak", "nadir", 0.0, 25.0),
-    Shot("pipeline_leak", "upr", "leak", "oblique", 14.0, 14.0),
-    Shot("pipeline_leak, sealed", "upr", "leak", "oblique", 14.0, 14.0, states={"leak": "sealed"}),
-    Shot("bridge_fracture", "bi", "fracture", "nadir", 0.0, 60.0),
-    Shot("bridge_fracture", "bi", "fracture", "nadir", 0.0, 100.0),
-    Shot("bridge_fracture", "bi", "fracture", "front", 70.0, 30.0),
-    Shot("bridge_fracture", "bi", "fracture", "front", 30.0, 14.0),
-    Shot("person_in_water, vest", "ssr", "victim[1]", "nadir", 0.0, 100.0),
-    Shot("person_in_water, vest", "ssr", "victim[2]", "nadir", 0.0, 60.0),
-    Shot("person_in_water, no vest", "ssr", "victim[3]", "nadir", 0.0, 60.0),
-    Shot("person_in_water", "ssr", "victim[1]", "front", 22.0, 6.0),
-    Shot("congestion", "cr", "jam[1]", "nadir", 0.0, 80.0, ambient=JAM),
-    Shot("congestion", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM),
-    Shot("reference_building", "vdn", "home", "dog_eye", 38.0, 0.0),
-    Shot("reference_building", "vdn", "home", "dog_eye", 75.0, 0.0),
-    Shot("destination", "cr", "goal_place", "dash", 14.0, 0.0, bearing=180.0),
-    Shot("delivery_point", "cd", "point[1]", "dash", 12.0, 0.0, bearing=200.0),
-    Shot("delivery_point, served", "cd", "point[1]", "dash", 12.0, 0.0, states={"point[1]": "served"}, bearing=200.0),
-    Shot("warehouse", "cd", "depot", "dash", 15.0, 0.0, bearing=190.0),
-    Shot("delivery_door", "ld", "house", "dog_eye", 5.0, 0.0),
-    Shot("delivery_door, served", "ld", "house", "dog_eye", 5.0, 0.0, states={"house": "served"}),
-    Shot("queue_of_people", "queue", "shop[2]", "nadir", 0.0, 40.0),
-    Shot("queue_of_people", "queue", "shop[2]", "dog_eye", 14.0, 0.0),
+SHOTS: tuple[Photo, ...] = (
+    Photo("building_fire", "ufr", "fire[1]", "nadir", 0.0, 110.0),
+    Photo("building_fire", "ufr", "fire[2]", "nadir", 0.0, 80.0),
+    Photo("building_fire", "ufr", "fire[1]", "front", 90.0, 22.0),
+    Photo("building_fire, out", "ufr", "fire[1]", "nadir", 0.0, 80.0, states={"fire[1]": "out"}),
+    Photo("fire_source", "idf", "fire[1]", "dog_eye", 3.0, 0.0),
+    Photo("fire_source", "idf", "fire[1]", "dog_eye", 8.0, 0.0),
+    Photo("fire_source", "idf", "fire[1]", "dog_eye", 16.0, 0.0),
+    Photo("fire_source, out", "idf", "fire[1]", "dog_eye", 4.0, 0.0, states={"fire[1]": "out"}),
+    Photo("pipeline_leak", "upr", "leak", "nadir", 0.0, 60.0),
+    Photo("pipeline_leak", "upr", "leak", "nadir", 0.0, 25.0),
+    Photo("pipeline_leak", "upr", "leak", "oblique", 14.0, 14.0),
+    Photo("pipeline_leak, sealed", "upr", "leak", "oblique", 14.0, 14.0, states={"leak": "sealed"}),
+    Photo("bridge_fracture", "bi", "fracture", "nadir", 0.0, 60.0),
+    Photo("bridge_fracture", "bi", "fracture", "nadir", 0.0, 100.0),
+    Photo("bridge_fracture", "bi", "fracture", "front", 70.0, 30.0),
+    Photo("bridge_fracture", "bi", "fracture", "front", 30.0, 14.0),
+    Photo("person_in_water, vest", "ssr", "victim[1]", "nadir", 0.0, 100.0),
+    Photo("person_in_water, vest", "ssr", "victim[2]", "nadir", 0.0, 60.0),
+    Photo("person_in_water, no vest", "ssr", "victim[3]", "nadir", 0.0, 60.0),
+    Photo("person_in_water", "ssr", "victim[1]", "front", 22.0, 6.0),
+    Photo("congestion", "cr", "jam[1]", "nadir", 0.0, 80.0, ambient=JAM),
+    Photo("congestion", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM),
+    Photo("reference_building", "vdn", "home", "dog_eye", 38.0, 0.0),
+    Photo("reference_building", "vdn", "home", "dog_eye", 75.0, 0.0),
+    Photo("destination", "cr", "goal_place", "dash", 14.0, 0.0, bearing=180.0),
+    Photo("delivery_point", "cd", "point[1]", "dash", 12.0, 0.0, bearing=200.0),
+    Photo("delivery_point, served", "cd", "point[1]", "dash", 12.0, 0.0, states={"point[1]": "served"}, bearing=200.0),
+    Photo("warehouse", "cd", "depot", "dash", 15.0, 0.0, bearing=190.0),
+    Photo("delivery_door", "ld", "house", "dog_eye", 5.0, 0.0),
+    Photo("delivery_door, served", "ld", "house", "dog_eye", 5.0, 0.0, states={"house": "served"}),
+    Photo("queue_of_people", "queue", "shop[2]", "nadir", 0.0, 40.0),
+    Photo("queue_of_people", "queue", "shop[2]", "dog_eye", 14.0, 0.0),
 )
 TARGETS = len(SHOTS)
 SHOTS += (
-    Shot("building_fire, night", "ufr", "fire[1]", "front", 60.0, 22.0, weather=NIGHT),
-    Shot("fire_source, night", "idf", "fire[1]", "dog_eye", 8.0, 0.0, weather=NIGHT),
-    Shot("fire_truck, night", "ufr", STREET, "dash", 14.0, 0.0, bearing=25.0, weather=NIGHT),
-    Shot("congestion, night", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM, weather=NIGHT),
-    Shot("building_fire, fog", "ufr", "fire[2]", "nadir", 0.0, 80.0, weather=FOG),
-    Shot("bridge_fracture, fog", "bi", "fracture", "front", 70.0, 30.0, weather=FOG),
-    Shot("pipeline_leak, rain", "upr", "leak", "oblique", 14.0, 14.0, weather=RAIN),
-    Shot("lifeboat, night", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0, weather=NIGHT),
+    Photo("building_fire, night", "ufr", "fire[1]", "front", 60.0, 22.0, weather=NIGHT),
+    Photo("fire_source, night", "idf", "fire[1]", "dog_eye", 8.0, 0.0, weather=NIGHT),
+    Photo("fire_truck, night", "ufr", STREET, "dash", 14.0, 0.0, bearing=25.0, weather=NIGHT),
+    Photo("congestion, night", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM, weather=NIGHT),
+    Photo("building_fire, fog", "ufr", "fire[2]", "nadir", 0.0, 80.0, weather=FOG),
+    Photo("bridge_fracture, fog", "bi", "fracture", "front", 70.0, 30.0, weather=FOG),
+    Photo("pipeline_leak, rain", "upr", "leak", "oblique", 14.0, 14.0, weather=RAIN),
+    Photo("lifeboat, night", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0, weather=NIGHT),
 )
 WEATHERED = len(SHOTS)
 SHOTS += (
-    Shot("robot_dog", "idf", "dog[1]", "dog_eye", 2.0, 0.0, bearing=35.0),
-    Shot("robot_dog", "upr", "dog", "nadir", 0.0, 20.0),
-    Shot("quadrotor", "ufr", "uav[1]", "front", 3.0, 0.6, bearing=30.0),
-    Shot("fixed_wing", "ufr", STREET, "front", 25.0, 3.0, extra=(("fixed_wing", 0.0, 0.0, 60.0, 60.0),)),
-    Shot("lifeboat", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0),
-    Shot("lifeboat", "ssr", "boat", "nadir", 0.0, 100.0),
-    Shot("fire_truck", "ufr", STREET, "dash", 12.0, 0.0, bearing=25.0),
-    Shot("fire_truck", "ufr", STREET, "nadir", 0.0, 60.0),
+    Photo("robot_dog", "idf", "dog[1]", "dog_eye", 2.0, 0.0, bearing=35.0),
+    Photo("robot_dog", "upr", "dog", "nadir", 0.0, 20.0),
+    Photo("quadrotor", "ufr", "uav[1]", "front", 3.0, 0.6, bearing=30.0),
+    Photo("fixed_wing", "ufr", STREET, "front", 25.0, 3.0, extra=(("fixed_wing", 0.0, 0.0, 60.0, 60.0),)),
+    Photo("lifeboat", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0),
+    Photo("lifeboat", "ssr", "boat", "nadir", 0.0, 100.0),
+    Photo("fire_truck", "ufr", STREET, "dash", 12.0, 0.0, bearing=25.0),
+    Photo("fire_truck", "ufr", STREET, "nadir", 0.0, 60.0),
     *(
-        Shot(kind, "ufr", STREET, "dash", away, 0.0, extra=((kind, 0.0, 14.0, 0.0, 0.0),), bearing=25.0)
+        Photo(kind, "ufr", STREET, "dash", away, 0.0, extra=((kind, 0.0, 14.0, 0.0, 0.0),), bearing=25.0)
         for kind, away in (
             ("car", 8.0),
             ("taxi", 8.0),
@@ -172,14 +172,14 @@ SHOTS += (
             ("person", 4.0),
         )
     ),
-    Shot("car", "ufr", STREET, "nadir", 0.0, 60.0, extra=(("car", 0.0, 14.0, 0.0, 0.0),)),
-    Shot("what a satellite sees", "ufr", STREET, "orbit", 0.0, 550e3, seaside=True),
-    Shot("satellite", "ufr", STREET, "front", 9.0, 1.0, extra=(("satellite", 0.0, 0.0, 550e3, 30.0),)),
-    Shot("parked truck", "idf", "fire[1]", "front", 14.0, 6.0, props=("parked_truck",)),
-    Shot("steam", "idf", "fire[1]", "front", 9.0, 3.0, props=("steam_vent",)),
-    Shot("buoy", "ssr", "victim[1]", "nadir", 0.0, 60.0, props=("buoy_orange",)),
-    Shot("orange roof", "ufr", "fire[2]", "nadir", 0.0, 80.0, orange_roof=True),
-    Shot("containers", "cd", "depot", "nadir", 0.0, 60.0, props=("container",)),
+    Photo("car", "ufr", STREET, "nadir", 0.0, 60.0, extra=(("car", 0.0, 14.0, 0.0, 0.0),)),
+    Photo("what a satellite sees", "ufr", STREET, "orbit", 0.0, 550e3, seaside=True),
+    Photo("satellite", "ufr", STREET, "front", 9.0, 1.0, extra=(("satellite", 0.0, 0.0, 550e3, 30.0),)),
+    Photo("parked truck", "idf", "fire[1]", "front", 14.0, 6.0, props=("parked_truck",)),
+    Photo("steam", "idf", "fire[1]", "front", 9.0, 3.0, props=("steam_vent",)),
+    Photo("buoy", "ssr", "victim[1]", "nadir", 0.0, 60.0, props=("buoy_orange",)),
+    Photo("orange roof", "ufr", "fire[2]", "nadir", 0.0, 80.0, orange_roof=True),
+    Photo("containers", "cd", "depot", "nadir", 0.0, 60.0, props=("container",)),
 )
 
 
@@ -191,7 +191,7 @@ class Studio:
         self.host = PluginHost()
         self._made: dict[tuple[str, bool], tuple[Instance, City]] = {}
 
-    def take(self, shot: Shot) -> tuple[npt.NDArray[np.uint8], Box | None]:
+    def take(self, shot: Photo) -> tuple[npt.NDArray[np.uint8], Box | None]:
         """The frame with the most of the target in it, and the target's box."""
         instance, city = self._stage(shot.mission, shot.seaside)
         subject = next(entity for entity in instance.entities if entity.id == shot.target)
@@ -223,7 +223,13 @@ class Studio:
         return self._made[name, seaside]
 
     def _frame(
-        self, shot: Shot, instance: Instance, city: City, entities: Sequence[Entity], subject: Entity, bearing: float
+        self,
+        shot: Photo,
+        instance: Instance,
+        city: City,
+        entities: Sequence[Entity],
+        subject: Entity,
+        bearing: float,
     ) -> tuple[npt.NDArray[np.uint8], Box | None]:
         viewer = _viewer(shot, subject, bearing)
         cast = (*entities, viewer)
@@ -240,7 +246,7 @@ class Studio:
         return frame.rgb, box
 
 
-def _bearings(shot: Shot, subject: Entity) -> tuple[float, ...]:
+def _bearings(shot: Photo, subject: Entity) -> tuple[float, ...]:
     if shot.ahead_m == 0.0:
         return (0.0,)
     if shot.bearing is not None:
@@ -281,7 +287,7 @@ def _beside(subject: Entity, right: float, ahead: float, up: float) -> Vector:
     return x + right * cos(h) + ahead * sin(h), y - right * sin(h) + ahead * cos(h), z + up
 
 
-def _ambient(shot: Shot, subject: Entity) -> list[BodyState]:
+def _ambient(shot: Photo, subject: Entity) -> list[BodyState]:
     return [
         BodyState(id=f"traffic/{k}", kind=kind, position=_beside(subject, right, ahead, 0.0),
                   heading_deg=(subject.heading_deg + heading) % 360.0)
@@ -289,7 +295,7 @@ def _ambient(shot: Shot, subject: Entity) -> list[BodyState]:
     ]  # fmt: skip
 
 
-def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
+def _viewer(shot: Photo, subject: Entity, bearing: float) -> Entity:
     """Who looks: at `bearing` from the target, turned to it."""
     b = radians(bearing)
     x, y, z = subject.position
@@ -329,7 +335,7 @@ def cell(frame: npt.NDArray[np.uint8], box: Box | None, view: str) -> Image.Imag
     return picture.resize(CELL, Image.Resampling.LANCZOS, box=(west, north, west + w, north + h))
 
 
-def caption(shot: Shot, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[str, str]:
+def caption(shot: Photo, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[str, str]:
     """What it is, and camera, distance and size of the box in pixels of the frame."""
     away = (shot.ahead_m**2 + shot.above_m**2) ** 0.5
     if shot.view == "orbit":
@@ -356,7 +362,7 @@ def main(arguments: Sequence[str]) -> None:
     studio.engine.close()
 
 
-def draw(studio: Studio, shots: Sequence[Shot], out: Path) -> list[str]:
+def draw(studio: Studio, shots: Sequence[Photo], out: Path) -> list[str]:
     """Write a sheet; gives the rows of its table."""
     rows = -(-len(shots) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * CELL[0], rows * (CELL[1] + CAPTION_PX)), (24, 26, 30))

@@ -29,7 +29,7 @@ BY_HAND, FAILED, INTERRUPTED = 2, 3, 130
 
 
 @dataclass(frozen=True)
-class Environment:
+class VirtualEnvironment:
     """A virtual environment: where it is, what decides its contents, the pip steps that fill it, the packages that are
     installed in place, whose bytecode pip does not make, and the lists of those whose requirements are left out."""
 
@@ -66,7 +66,7 @@ WITHOUT_DEPENDENCIES = (ROOT / "requirements-nodeps.txt", ROOT / "requirements-n
 """Packages of which only the files are wanted: what they ask for would be gigabytes."""
 BENCH = ROOT / "benchmarks" / "requirements.txt"
 BENCH_CONSTRAINTS = ROOT / "benchmarks" / "constraints.txt"
-MAIN_ENVIRONMENT = Environment(
+MAIN_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv",
     inputs=(
         ROOT / "pyproject.toml",
@@ -84,19 +84,19 @@ MAIN_ENVIRONMENT = Environment(
     without_dependencies=WITHOUT_DEPENDENCIES,
 )
 MODEL = ROOT / "requirements-model.txt"
-MODEL_ENVIRONMENT = Environment(
+MODEL_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-model",
     inputs=(MODEL, Path(__file__)),
     steps=(("--no-deps", "-r", str(MODEL)),),
 )
-BENCH_ENVIRONMENT = Environment(
+BENCH_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-bench",
     inputs=(BENCH, BENCH_CONSTRAINTS, Path(__file__)),
     steps=(("-c", str(BENCH_CONSTRAINTS), "-r", str(BENCH)),),
 )
 INSPECT = ROOT / "benchmarks" / "inspect-requirements.txt"
 INSPECT_CONSTRAINTS = ROOT / "benchmarks" / "inspect-constraints.txt"
-INSPECT_ENVIRONMENT = Environment(
+INSPECT_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-inspect",
     inputs=(INSPECT, INSPECT_CONSTRAINTS, Path(__file__)),
     steps=(("-c", str(INSPECT_CONSTRAINTS), "-r", str(INSPECT)),),
@@ -150,7 +150,7 @@ def locked() -> Iterator[None]:
         yield
 
 
-def ensure(environment: Environment) -> None:
+def ensure(environment: VirtualEnvironment) -> None:
     """Make the environment unless its stamp says that it is made."""
     if environment.ready():
         return
@@ -180,14 +180,14 @@ def names(lists: tuple[Path, ...]) -> list[str]:
     return [line.partition("==")[0] for line in lines if line and not line.startswith("#")]
 
 
-def compile_sources(environment: Environment) -> None:
+def compile_sources(environment: VirtualEnvironment) -> None:
     """Make the bytecode now: where Python is told not to write any, every start would compile the sources anew."""
     for folder in environment.sources:
         if not runs(environment.python, "-m", "compileall", "-q", str(folder)):
             print(f"setup: no bytecode for {folder.name}; every start will take longer", file=sys.stderr)
 
 
-def create(environment: Environment) -> None:
+def create(environment: VirtualEnvironment) -> None:
     """A virtual environment with a pip that runs; a broken one is made anew."""
     if runs(environment.python, "-m", "pip", "--version"):
         return
@@ -200,7 +200,7 @@ def create(environment: Environment) -> None:
         raise SetupError(FAILED, f"could not create {environment.folder.name}; its message is above")
 
 
-def pip(environment: Environment, arguments: tuple[str, ...]) -> None:
+def pip(environment: VirtualEnvironment, arguments: tuple[str, ...]) -> None:
     """One pip installation, quiet unless it fails."""
     options = ("-qq", "--disable-pip-version-check", "--no-input")
     command = [str(environment.python), "-m", "pip", "install", *options, *arguments]

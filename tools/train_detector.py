@@ -70,31 +70,31 @@ PRIOR = -4.0
 """The evidence of the untrained network: targets are rare."""
 SEED = 12
 
-Floats = npt.NDArray[np.float32]
+Float32 = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
-Boxes = npt.NDArray[np.float64]
+BoxArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class TrainingPicture:
     """A picture at one scale with the boxes that are taught there and those that are neither right nor wrong; pixels
     of the reduced picture."""
 
     picture: Bytes
-    targets: Boxes
-    ignored: Boxes
+    targets: BoxArray
+    ignored: BoxArray
 
 
 @dataclass(frozen=True, slots=True)
-class Crop:
+class Cutout:
     """A square of a sample; the boxes count from its corner."""
 
     picture: Bytes
-    targets: Boxes
-    ignored: Boxes
+    targets: BoxArray
+    ignored: BoxArray
 
 
-def samples(folder: Path, cls: str, frames: Iterable[SetFrame], scale: TargetScale) -> Iterator[Sample]:
+def samples(folder: Path, cls: str, frames: Iterable[SetFrame], scale: TargetScale) -> Iterator[TrainingPicture]:
     """Every frame at every scale at which it is looked at."""
     for one in frames:
         rgb = decode_jpeg(read_picture(folder, cls, one))
@@ -106,24 +106,24 @@ def samples(folder: Path, cls: str, frames: Iterable[SetFrame], scale: TargetSca
             longest = np.maximum(here[:, 2] - here[:, 0], here[:, 3] - here[:, 1])
             large_enough = (longest >= SIZES_PX[0]) | (factor == factors[0])
             fits = large_enough & ((longest <= SIZES_PX[1]) | (factor == factors[-1]))
-            yield Sample(reduced(rgb, factor), here[fits], here[~fits])
+            yield TrainingPicture(reduced(rgb, factor), here[fits], here[~fits])
 
 
-def cut(sample: Sample, x: int, y: int) -> Crop:
+def cut(sample: TrainingPicture, x: int, y: int) -> Cutout:
     """The square with its upper left corner at (x, y), grey where the picture ends."""
     height, width = sample.picture.shape[:2]
     square = np.full((CROP_PX, CROP_PX, 3), MIDDLE, np.uint8)
     x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + CROP_PX, width), min(y + CROP_PX, height)
     square[y0 - y : y1 - y, x0 - x : x1 - x] = sample.picture[y0:y1, x0:x1]
     corner = np.array([x, y, x, y], np.float64)
-    return Crop(square, _inside(sample.targets - corner), _inside(sample.ignored - corner))
+    return Cutout(square, _inside(sample.targets - corner), _inside(sample.ignored - corner))
 
 
-def _inside(boxes: Boxes) -> Boxes:
+def _inside(boxes: BoxArray) -> BoxArray:
     return boxes[(boxes[:, 2] > 0) & (boxes[:, 3] > 0) & (boxes[:, 0] < CROP_PX) & (boxes[:, 1] < CROP_PX)]
 
 
-def first_crops(sample: Sample, random: np.random.Generator) -> tuple[list[Crop], list[Crop]]:
+def first_crops(sample: TrainingPicture, random: np.random.Generator) -> tuple[list[Cutout], list[Cutout]]:
     """Squares with a target somewhere in them, and squares from anywhere else."""
     with_target = []
     for box in sample.targets:
@@ -138,7 +138,7 @@ def first_crops(sample: Sample, random: np.random.Generator) -> tuple[list[Crop]
     return with_target, [crop for crop in anywhere if not len(crop.targets)]
 
 
-def mistakes(sample: Sample, network: IntegerNetwork) -> list[Crop]:
+def mistakes(sample: TrainingPicture, network: IntegerNetwork) -> list[Cutout]:
     """Squares around what a network takes for a target and is none."""
     finder = LearnedDetector(TargetScale(factors=(1,)), network, (0.0, 1.0), (0.0, 1.0))
     known = [tuple(box) for box in np.concatenate([sample.targets, sample.ignored])]
@@ -150,7 +150,7 @@ def mistakes(sample: Sample, network: IntegerNetwork) -> list[Crop]:
     return wrong[:MINED]
 
 
-def turned(crop: Crop, random: np.random.Generator, *, upright: bool) -> Crop:
+def turned(crop: Cutout, random: np.random.Generator, *, upright: bool) -> Cutout:
     """The square flipped, turned (unless it has an upper side) and in another light."""
     picture, boxes, ignored = crop.picture, crop.targets, crop.ignored
     if random.random() < 0.5:
@@ -161,18 +161,18 @@ def turned(crop: Crop, random: np.random.Generator, *, upright: bool) -> Crop:
         boxes, ignored = (_quarter(each) for each in (boxes, ignored))
     gain = random.uniform(0.85, 1.15) * random.uniform(0.95, 1.05, 3)
     lit = np.clip(picture * gain + random.uniform(-8, 8), 0, TOP).astype(np.uint8)
-    return Crop(lit, boxes, ignored)
+    return Cutout(lit, boxes, ignored)
 
 
-def _flipped(boxes: Boxes) -> Boxes:
+def _flipped(boxes: BoxArray) -> BoxArray:
     return np.stack([CROP_PX - boxes[:, 2], boxes[:, 1], CROP_PX - boxes[:, 0], boxes[:, 3]], axis=1)
 
 
-def _quarter(boxes: Boxes) -> Boxes:
+def _quarter(boxes: BoxArray) -> BoxArray:
     return np.stack([CROP_PX - boxes[:, 3], boxes[:, 0], CROP_PX - boxes[:, 1], boxes[:, 2]], axis=1)
 
 
-def lesson(crop: Crop) -> tuple[Floats, Floats]:
+def lesson(crop: Cutout) -> tuple[Float32, Float32]:
     """What the network is to say of a square: (cells, cells) of 1 in the middle of a target, 0 away from one, -1 where
     it does not matter; and (cells, cells, 5) of the distances to the target's sides and its shorter side, in pixels."""
     count = CROP_PX // CELL_PX
@@ -199,7 +199,7 @@ class Student:
 
     def __init__(self, random: np.random.Generator) -> None:
         shapes = [(9 * i, o) for i, o in pairwise(CHANNELS)] + [(CHANNELS[-1], 5)]
-        self.values: list[Floats] = []
+        self.values: list[Float32] = []
         for rows, columns in shapes:
             self.values.append((random.standard_normal((rows, columns)) * np.sqrt(2.0 / rows)).astype(np.float32))
             self.values.append(np.zeros(columns, np.float32))
@@ -209,7 +209,7 @@ class Student:
         self._square = [np.zeros_like(each) for each in self.values]
         self._steps = 0
 
-    def forward(self, pictures: Bytes) -> tuple[list[Floats], list[Floats], Floats]:
+    def forward(self, pictures: Bytes) -> tuple[list[Float32], list[Float32], Float32]:
         """What every layer saw, what it said, and the answer on top."""
         said = [(pictures.astype(np.float32) - MIDDLE) * np.float32(INPUT_SCALE)]
         saw = []
@@ -218,9 +218,9 @@ class Student:
             said.append(np.maximum(saw[-1] @ self.values[2 * n] + self.values[2 * n + 1], 0))
         return saw, said, said[-1] @ self.values[-2] + self.values[-1]
 
-    def gradients(self, saw: Sequence[Floats], said: Sequence[Floats], top: Floats) -> list[Floats]:
+    def gradients(self, saw: Sequence[Float32], said: Sequence[Float32], top: Float32) -> list[Float32]:
         """Of all values, from those of the answer."""
-        grads: list[Floats] = [np.empty(0, np.float32)] * len(self.values)
+        grads: list[Float32] = [np.empty(0, np.float32)] * len(self.values)
         flat = top.reshape(-1, 5)
         grads[-2], grads[-1] = said[-1].reshape(-1, CHANNELS[-1]).T @ flat, flat.sum(axis=0)
         back = top @ self.values[-2].T
@@ -232,7 +232,7 @@ class Student:
                 back = untaps(back @ self.values[2 * n].T, said[n].shape, STRIDES[n], DILATIONS[n])
         return grads
 
-    def learn(self, grads: Sequence[Floats], rate: float) -> None:
+    def learn(self, grads: Sequence[Float32], rate: float) -> None:
         """One step of Adam."""
         self._steps += 1
         for value, grad, mean, square in zip(self.values, grads, self._mean, self._square, strict=True):
@@ -242,7 +242,7 @@ class Student:
             value -= np.float32(rate) * step / (np.sqrt(square / np.float32(1 - 0.99**self._steps)) + np.float32(1e-7))
 
 
-def untaps(seen: Floats, shape: tuple[int, ...], stride: int, dilation: int) -> Floats:
+def untaps(seen: Float32, shape: tuple[int, ...], stride: int, dilation: int) -> Float32:
     """The reverse of `taps` for gradients: each tap's part is added to the cell it was of."""
     _, rows, columns, _ = seen.shape
     channels = shape[-1]
@@ -255,7 +255,7 @@ def untaps(seen: Floats, shape: tuple[int, ...], stride: int, dilation: int) -> 
     return padded[:, dilation:-dilation, dilation:-dilation]
 
 
-def slope(answer: Floats, wanted: Floats, sides: Floats) -> tuple[Floats, float]:
+def slope(answer: Float32, wanted: Float32, sides: Float32) -> tuple[Float32, float]:
     """The gradient of the loss by the answer, and the loss: focal loss of the evidence (Lin et al. 2017, gamma 2),
     Huber loss of the sides in shares of the target's shorter one."""
     evidence = np.clip(answer[..., 0].astype(np.float64), -30, 30)
@@ -283,7 +283,7 @@ class Course:
     rate: float
 
 
-def train(student: Student, pools: Sequence[Sequence[Crop]], course: Course, random: np.random.Generator) -> None:
+def train(student: Student, pools: Sequence[Sequence[Cutout]], course: Course, random: np.random.Generator) -> None:
     """Steps over batches that take as many squares of each pool; the rate falls to nothing along half a cosine."""
     pools = [pool for pool in pools if pool]
     share = BATCH // len(pools)

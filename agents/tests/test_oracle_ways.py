@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise, permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lingjing_agents.oracle import deliveries
+from lingjing_agents.oracle.privileged_state import PrivilegedState
 from lingjing_agents.paths.clearance_paths import NARROW_M, find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 
+from lingjing.plugins.policy import BodyState
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap
 
@@ -103,3 +106,12 @@ def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_or
     assert max(load.load for load in loads) <= 200.0
     assert sum("big" in load.stops for load in loads) == 2
     assert len(loads) <= 7
+
+
+def test_a_stock_is_not_taken_for_one_whose_name_begins_alike():
+    """`load` is `load_kg`, and not `load_reserve_kg`."""
+    van = BodyState(id="van", position=(0.0, 0.0, 0.0), resources={"load_reserve_kg": 9.0, "load_kg": 4.0})
+    truth = SimpleNamespace(states={"van": van})
+    assert PrivilegedState.stock(truth, "van", "load") == 4.0
+    assert PrivilegedState.stock(truth, "van", "load_reserve") == 9.0
+    assert PrivilegedState.stock(truth, "van", "reserve") == 0.0

@@ -8,18 +8,18 @@ from typing import TypeVar, cast
 
 from lingjing.trace.reader import Trace
 
-Found = TypeVar("Found")
+FoundT = TypeVar("FoundT")
 
 
-def once_per_trace(function: Callable[[Trace], Found]) -> Callable[[Trace], Found]:
+def once_per_trace(function: Callable[[Trace], FoundT]) -> Callable[[Trace], FoundT]:
     """A pure function of a trace that keeps its result with the trace. The result must not be changed by callers."""
     name = f"{function.__module__}.{function.__qualname__}"
 
     @wraps(function)
-    def remembered(trace: Trace) -> Found:
+    def remembered(trace: Trace) -> FoundT:
         kept = vars(trace).setdefault("_computed", {})
         if name not in kept:
             kept[name] = function(trace)
-        return cast("Found", kept[name])
+        return cast("FoundT", kept[name])
 
     return remembered

@@ -190,7 +190,7 @@ def _value(given: ex.Expr, value: Datum) -> ex.Expr:
 
 # -- parts left out
 
-Stands = Callable[..., bool]
+Resolvable = Callable[..., bool]
 """Whether expressions (or None) speak of nothing that is gone."""
 
 
@@ -327,7 +327,7 @@ def _relates(one: model.Relation, roles: set[str], kinds: set[str], lost: set[st
     return all(name in kinds for name in named) and not lost & {one.over, one.per}
 
 
-def _limits(limits: Sequence[model.Limit], kinds: set[str], stands: Stands) -> tuple[model.Limit, ...]:
+def _limits(limits: Sequence[model.Limit], kinds: set[str], stands: Resolvable) -> tuple[model.Limit, ...]:
     """The limits, each without what is gone of what it counts."""
     kept = []
     for limit in limits:
@@ -338,5 +338,5 @@ def _limits(limits: Sequence[model.Limit], kinds: set[str], stands: Stands) -> t
     return tuple(kept)
 
 
-def _changes(event: model.EventDeclaration, stands: Stands) -> model.EventDeclaration:
+def _changes(event: model.EventDeclaration, stands: Resolvable) -> model.EventDeclaration:
     return replace(event, changes=tuple(one for one in event.changes if stands(one.entity)))

@@ -28,7 +28,7 @@ def console(stream: TextIO | None = None) -> VisibleConsole:
     return VisibleConsole(file=unguarded(stream or sys.stdout))
 
 
-class Spelled(io.TextIOBase):
+class EscapedStream(io.TextIOBase):
     """A stream before one of rich's, which would follow the escape sequences in what is printed during a display."""
 
     def __init__(self, inner: TextIO | FileProxy) -> None:
@@ -53,8 +53,8 @@ class Spelled(io.TextIOBase):
 
 
 def spell_proxies() -> None:
-    """Put `Spelled` before the streams that rich has just taken over; it puts the old ones back by itself."""
+    """Put `EscapedStream` before the streams that rich has just taken over; it puts the old ones back by itself."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if isinstance(stream, FileProxy):
-            setattr(sys, name, Spelled(stream))
+            setattr(sys, name, EscapedStream(stream))

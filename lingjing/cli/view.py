@@ -127,7 +127,7 @@ def _written(text: str, output: str) -> int:
     return ExitCode.OK
 
 
-class Shown(Protocol):
+class ShowingServer(Protocol):
     """A server that shows an episode at its `url`."""
 
     @property
@@ -140,7 +140,7 @@ class Shown(Protocol):
         ...
 
 
-def serve(server: Shown, *, no_open: bool) -> int:
+def serve(server: ShowingServer, *, no_open: bool) -> int:
     """Print the address, open it, and wait for an interrupt."""
     try:
         print(server.url, flush=True)

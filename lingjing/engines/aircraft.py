@@ -19,7 +19,7 @@ from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.gust import Gust
 from lingjing.engines.neighbours import Neighbour, Neighbours
 from lingjing.engines.sea import GRAVITY
-from lingjing.engines.stock import Book, booked
+from lingjing.engines.stock import Accounts, booked
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
@@ -122,7 +122,7 @@ class Aircraft(ABC):
     def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
         """Whether a descent goes on or ends well where its underside is at `low_m` amid `solids`."""
 
-    def load(self, book: Book) -> None:  # noqa: B027 - most carry nothing
+    def load(self, book: Accounts) -> None:  # noqa: B027 - most carry nothing
         """Take what the city's book says is on board."""
 
     @property

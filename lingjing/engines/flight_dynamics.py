@@ -26,8 +26,8 @@ FOOT_M = 0.3048
 POUND_N = 4.4482216152605
 POUND_KG = 0.45359237
 
-Read = Callable[[], float]
-Write = Callable[[float], object]
+ReadProperty = Callable[[], float]
+WriteProperty = Callable[[float], object]
 
 
 class FlightDynamics:
@@ -72,14 +72,14 @@ class FlightDynamics:
         """Set a property once, in JSBSim's unit; what is set again and again has a `writer`."""
         self._executive[name] = value
 
-    def reader(self, name: str) -> Read:
+    def reader(self, name: str) -> ReadProperty:
         """What reads a property, in JSBSim's unit, without looking for its name each time."""
-        read: Read = self._node(name).get_double_value
+        read: ReadProperty = self._node(name).get_double_value
         return read
 
-    def writer(self, name: str) -> Write:
+    def writer(self, name: str) -> WriteProperty:
         """What sets a property, in JSBSim's unit, at a tenth of the price of doing so by name."""
-        write: Write = self._node(name).set_double_value
+        write: WriteProperty = self._node(name).set_double_value
         return write
 
     def blow(self, east: float, north: float, up: float) -> None:

@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from lingjing.mission.instance import Entity
 from lingjing.trace.records import BodyState
 
-Book = Mapping[str, Sequence[float]]
+Accounts = Mapping[str, Sequence[float]]
 """What was given so far, by account: an amount from each counterpart."""
 
 
-def booked(mirrors: Iterable[BodyState]) -> Book:
+def booked(mirrors: Iterable[BodyState]) -> Accounts:
     """The accounts that the mirrors carry; read once for all assets of an engine."""
     found: dict[str, list[float]] = {}
     for state in mirrors:
@@ -39,7 +39,7 @@ class Stock:
         ]
         self.amounts: Mapping[str, float] = dict(self._first)
 
-    def read(self, book: Book) -> None:
+    def read(self, book: Accounts) -> None:
         """Bring the amounts up to date."""
         amounts = dict(self._first)
         for name, account in self._accounts:

@@ -15,7 +15,7 @@ from lingjing.mission.model import Constraint
 from lingjing.mission.wording import some
 from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot
 
-At = Callable[[Registry, Mapping[str, BodyState], float], RuntimeContext]
+ContextAt = Callable[[Registry, Mapping[str, BodyState], float], RuntimeContext]
 
 
 class ConstraintMonitor:
@@ -25,7 +25,7 @@ class ConstraintMonitor:
         self._constraints = instance.constraints
 
     def look(
-        self, registry: Registry, snapshots: Sequence[Snapshot], instant: At, first: int
+        self, registry: Registry, snapshots: Sequence[Snapshot], instant: ContextAt, first: int
     ) -> tuple[Registry, tuple[AdjudicatedEvent, ...]]:
         """The registry that knows what was broken, and an event for each; their ids go on from `first`."""
         if not self._constraints:

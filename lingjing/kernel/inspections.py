@@ -25,7 +25,7 @@ PLAN = "route"
 REPLAN = "replan"
 """The same for another route to the same destination that avoids a place (`x`, `y`)."""
 
-Wish = tuple[str, str, tuple[float, float]]
+RouteRequest = tuple[str, str, tuple[float, float]]
 """An asset, `PLAN` or `REPLAN`, and the place (east, north) that it is about."""
 
 
@@ -36,14 +36,14 @@ class Inspections:
         self._inspections = instance.inspections
         self._entities = {entity.id: entity for entity in instance.entities}
 
-    def wanted(self, tick: int, reports: Sequence[Report]) -> tuple[Wish, ...]:
+    def wanted(self, tick: int, reports: Sequence[Report]) -> tuple[RouteRequest, ...]:
         """The routes to ask for at the boundary `tick`: the first ones, and what the admitted messages ask for.
 
         Several messages of one boundary that say the same place ask once.
         """
         if not self._inspections:
             return ()
-        asked: dict[Wish, None] = {}
+        asked: dict[RouteRequest, None] = {}
         for inspection in self._inspections:
             if tick == 1 and inspection.destination:
                 east, north, _ = self._entities[inspection.destination].position
@@ -106,7 +106,7 @@ def _seen(
     return replace(known, seen=frozenset(seen), complete_s=complete)
 
 
-def commands_of(wanted: Iterable[Wish], tick: int, sender: str, first: int) -> tuple[Command, ...]:
+def commands_of(wanted: Iterable[RouteRequest], tick: int, sender: str, first: int) -> tuple[Command, ...]:
     """Kernel-origin commands that ask for routes; their ids go on from `first`."""
     return tuple(
         Command(

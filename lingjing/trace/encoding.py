@@ -14,7 +14,7 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 
-Record = TypeVar("Record", bound=msgspec.Struct)
+RecordT = TypeVar("RecordT", bound=msgspec.Struct)
 
 
 def to_json(record: msgspec.Struct) -> bytes:
@@ -25,12 +25,12 @@ def to_json(record: msgspec.Struct) -> bytes:
         return _ENCODER.encode(_mended(msgspec.to_builtins(record, enc_hook=_plain, order="deterministic")))
 
 
-def from_json(data: bytes, kind: type[Record]) -> Record:
+def from_json(data: bytes, kind: type[RecordT]) -> RecordT:
     """The record back. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
     return msgspec.json.decode(data, type=kind)
 
 
-def settled(record: Record) -> Record:
+def settled(record: RecordT) -> RecordT:
     """The record as a reader will see it: whole numbers in float fields are floats, sequences are tuples.
 
     Raises `InfrastructureError` if it would not come back, because an engine reported a number that is not finite.

@@ -32,7 +32,7 @@ RECORD_RATIO = 200
 RECORD_BYTES = 2**24
 """What all records of a file may hold as JSON: that many bytes, and so often its own size."""
 
-Record = TypeVar("Record", bound=msgspec.Struct)
+RecordT = TypeVar("RecordT", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +207,7 @@ class FoundRecords:
             )
         return self._decoded(stored, Header)
 
-    def _decoded(self, stored: Stored, kind: type[Record]) -> Record:
+    def _decoded(self, stored: Stored, kind: type[RecordT]) -> RecordT:
         self._taken += len(stored.data)
         if self._taken > self._most:
             raise UsageError(f"{self.path} holds more records than a trace of its size", hint="it is another's file")

@@ -35,7 +35,7 @@ def environment(tmp_path: Path):
     """A small environment: one input file, and pip steps that need no registry."""
     pins = tmp_path / "constraints.txt"
     pins.write_text("# nothing\n")
-    return setup.Environment(folder=tmp_path / "env", inputs=(pins,), steps=(("-r", str(pins)),))
+    return setup.VirtualEnvironment(folder=tmp_path / "env", inputs=(pins,), steps=(("-r", str(pins)),))
 
 
 @pytest.fixture

@@ -30,8 +30,8 @@ token for 32 by 32 pixels makes 2,040)."""
 
 MOST_BYTES = 4 * 1024 * 1024
 
-Price = Field(None, ge=0.0, le=1e6)
-Amount = Field(None, ge=1, le=2**40)
+_PRICE = Field(None, ge=0.0, le=1e6)
+_CONTEXT = Field(None, ge=1, le=2**40)
 
 
 class _Checked(PluginOptions, strict=True):
@@ -50,10 +50,10 @@ class ModelTraits(_Checked):
     temperature: Literal["yes", "no", "without reasoning"] = "yes"
     reasoning_effort: str = Field("", max_length=40)
     extra_body: dict[str, Any] = {}
-    context: int | None = Amount
-    price_in: float | None = Price
-    price_cached: float | None = Price
-    price_out: float | None = Price
+    context: int | None = _CONTEXT
+    price_in: float | None = _PRICE
+    price_cached: float | None = _PRICE
+    price_out: float | None = _PRICE
     price_source: str = ""
 
     @model_validator(mode="after")

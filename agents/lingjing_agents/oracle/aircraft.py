@@ -24,7 +24,7 @@ from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.reporting import Reporting
+from lingjing_agents.oracle.reporting import ReportAbility
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 ABOVE_M = 40.0
@@ -109,11 +109,11 @@ class AircraftControl:
         return photo(self.body, self.camera)
 
 
-class Searching(Ability):
+class SearchAbility(Ability):
     """Takes a picture from above of each target of its share, then deals with those that aircraft deal with."""
 
-    def __init__(self, aircraft: AircraftControl, plan: InstanceIndex, reporting: Reporting) -> None:
-        self._aircraft, self._plan, self._reporting = aircraft, plan, reporting
+    def __init__(self, aircraft: AircraftControl, plan: InstanceIndex, reports: ReportAbility) -> None:
+        self._aircraft, self._plan, self._reports = aircraft, plan, reports
         self._tries: dict[str, int] = {}
 
     def act(self, truth: PrivilegedState) -> Action | None:
@@ -131,7 +131,7 @@ class Searching(Ability):
         return None
 
     def _share(self, truth: PrivilegedState) -> list[str]:
-        open_now = self._reporting.open(truth)
+        open_now = self._reports.open(truth)
         if not open_now or self._aircraft.camera is None:
             return []
         places = {name: truth.place(name) for name in open_now}
@@ -163,7 +163,7 @@ class Searching(Ability):
         return self._aircraft.to(truth, x + lead_s * east, y + lead_s * north, z)
 
 
-class Inspecting(Ability):
+class InspectionAbility(Ability):
     """Flies along a route, waypoint after waypoint; what blocks it is photographed, reported, and another route asked
     for."""
 
@@ -293,16 +293,18 @@ class Inspecting(Ability):
         return self._aircraft.to(truth, x, y, height) if z < height - NEAR_M else None
 
 
-def flying(brief: Brief, plan: InstanceIndex, reporting: Reporting | None, composer: MessageComposer) -> list[Ability]:
+def aircraft_abilities(
+    brief: Brief, plan: InstanceIndex, reports: ReportAbility | None, composer: MessageComposer
+) -> list[Ability]:
     """What an agent with an aircraft does: inspections first."""
     body = flyer(brief)
     if body is None:
         return []
     aircraft = AircraftControl(body, plan)
     found: list[Ability] = [
-        Inspecting(aircraft, plan, composer, one) for one in plan.instance.inspections if body.id in one.by
+        InspectionAbility(aircraft, plan, composer, one) for one in plan.instance.inspections if body.id in one.by
     ]
-    return [*found, Searching(aircraft, plan, reporting or Reporting(plan, composer))]
+    return [*found, SearchAbility(aircraft, plan, reports or ReportAbility(plan, composer))]
 
 
 def _alive(truth: PrivilegedState, name: str) -> bool:

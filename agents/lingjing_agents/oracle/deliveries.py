@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from lingjing.plugins.policy import Action, Brief, Datum, Entity, Outgoing, Resource
-from lingjing.plugins.tasks import Task
+from lingjing.plugins.tasks import Task, field_named
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.aircraft import AircraftControl, flyer
@@ -40,9 +40,9 @@ def supply_chain(plan: InstanceIndex) -> SupplyChain | None:
     for supply in plan.supplies:
         if deliveries and supply.gives == deliveries[0].source:
             bodies = plan.able(supply)
-            holds = [_property(body, supply.up_to) for body in bodies]
-            if bodies and min(holds) > 0.0:
-                return SupplyChain(deliveries, supply, bodies, min(holds))
+            holds = min((_limit(body, supply.up_to) for body in bodies), default=0.0)
+            if holds > 0.0:
+                return SupplyChain(deliveries, supply, bodies, holds)
     return None
 
 
@@ -54,7 +54,7 @@ def vehicle_tours(truth: PrivilegedState, chain: SupplyChain) -> dict[str, list[
     return shared_out(plan, tuple(body.id for body in chain.bodies))
 
 
-class Delivering(Ability):
+class DeliveryAbility(Ability):
     """Takes one vehicle or aircraft along its stops, back to the depot when it is empty."""
 
     def __init__(
@@ -168,7 +168,7 @@ class Delivering(Ability):
         return messages
 
 
-class Dispatching(Ability):
+class DispatchAbility(Ability):
     """A coordinator without a vehicle: sends everybody a tour."""
 
     def __init__(self, chain: SupplyChain, plan: InstanceIndex, composer: MessageComposer, kind: str) -> None:
@@ -190,7 +190,7 @@ class Dispatching(Ability):
         return messages
 
 
-def dispatching(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
+def delivery_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """Drivers of what carries goods, and the coordinator who sends tours."""
     chain = supply_chain(plan)
     if chain is None:
@@ -199,17 +199,16 @@ def dispatching(brief: Brief, plan: InstanceIndex, composer: MessageComposer) ->
     own = [resource for resource in brief.resources if resource.embodied and resource.id in carriers]
     aircraft = flyer(brief)
     found: list[Ability] = [
-        Delivering(resource, chain, composer, AircraftControl(resource, plan) if resource == aircraft else None)
+        DeliveryAbility(resource, chain, composer, AircraftControl(resource, plan) if resource == aircraft else None)
         for resource in own
     ]
     message = composer.with_fields("assignee", "stops")
     if not brief.resources and message is not None:
-        found.append(Dispatching(chain, plan, composer, message.kind))
+        found.append(DispatchAbility(chain, plan, composer, message.kind))
     return found
 
 
-def _property(entity: Entity, name: str) -> float:
-    for key, value in entity.properties.items():
-        if (key == name or key.startswith(f"{name}_")) and isinstance(value, int | float):
-            return float(value)
-    return 0.0
+def _limit(body: Entity, name: str) -> float:
+    """What a body holds at most; 0 where nothing says it."""
+    field = field_named(name, body.properties)
+    return 0.0 if field is None else body.number_or(field, 0.0)

@@ -13,7 +13,7 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.reporting import Reporting
+from lingjing_agents.oracle.reporting import ReportAbility
 from lingjing_agents.paths.clearance_paths import find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 
@@ -131,13 +131,13 @@ class DogPath:
         return next((verb for verb in self.dog.verbs if verb.name == name), None)
 
 
-class DogControl(Ability):
+class DogAbility(Ability):
     """Commands one dog: by itself, or by the steps it is told if it does not see."""
 
     def __init__(
-        self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, reporting: Reporting | None
+        self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, reports: ReportAbility | None
     ) -> None:
-        self._walk, self._plan, self._composer, self._reporting = walk, plan, composer, reporting
+        self._walk, self._plan, self._composer, self._reports = walk, plan, composer, reports
         self._camera = _front(walk.dog)
         self._looks: dict[str, int] = {}
         self._heard = 0
@@ -174,7 +174,7 @@ class DogControl(Ability):
         return any(_left(truth, kind) > 0 for kind in led) or (bool(led) and truth.tick - self._heard < _WAIT_TICKS)
 
     def _photo(self, truth: PrivilegedState, target: str) -> Action | None:
-        if self._camera is None or self._reporting is None or target not in self._reporting.open(truth):
+        if self._camera is None or self._reports is None or target not in self._reports.open(truth):
             return None
         dog = truth.states[self._walk.dog.id]
         far = truth.distance(dog.id, target)
@@ -185,7 +185,7 @@ class DogControl(Ability):
         return Action(verb=PHOTO, arguments={"camera": self._camera.name}, resource=dog.id)
 
 
-class GuidanceSender(Ability):
+class GuidanceAbility(Ability):
     """Tells somebody else's dog its next step."""
 
     def __init__(self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, kind: str) -> None:
@@ -218,7 +218,9 @@ _EVERY_TICKS = 2
 _WAIT_TICKS = 4
 
 
-def walking(brief: Brief, plan: InstanceIndex, composer: MessageComposer, reporting: Reporting | None) -> list[Ability]:
+def dog_abilities(
+    brief: Brief, plan: InstanceIndex, composer: MessageComposer, reports: ReportAbility | None
+) -> list[Ability]:
     """Whoever embodies a dog walks it; whoever may send guidance guides the dogs of others."""
     found: list[Ability] = []
     own = {resource.id for resource in brief.resources if resource.embodied}
@@ -227,9 +229,9 @@ def walking(brief: Brief, plan: InstanceIndex, composer: MessageComposer, report
         if entity.role != "asset" or not _walks(entity) or entity.id not in plan.owners:
             continue
         if entity.id in own:
-            found.append(DogControl(DogPath(entity, plan), plan, composer, reporting))
+            found.append(DogAbility(DogPath(entity, plan), plan, composer, reports))
         elif message is not None and brief.resources:
-            found.append(GuidanceSender(DogPath(entity, plan), plan, composer, message.kind))
+            found.append(GuidanceAbility(DogPath(entity, plan), plan, composer, message.kind))
     return found
 
 

@@ -9,7 +9,7 @@ from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 
 
-class Leading(Ability):
+class HubAbility(Ability):
     """The hub of a star."""
 
     def __init__(self, brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> None:
@@ -100,6 +100,6 @@ class Leading(Ability):
         return self._plan.owners[min(able, key=lambda name: truth.distance(name, task.target))].id
 
 
-def leading(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
+def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """The hub alone leads."""
-    return [Leading(brief, plan, composer)] if brief.hub == brief.agent else []
+    return [HubAbility(brief, plan, composer)] if brief.hub == brief.agent else []

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
 from lingjing_agents.oracle.ability import Ability
-from lingjing_agents.oracle.aircraft import flying
+from lingjing_agents.oracle.aircraft import aircraft_abilities
 from lingjing_agents.oracle.composing import MessageComposer
-from lingjing_agents.oracle.deliveries import dispatching
-from lingjing_agents.oracle.dogs import walking
-from lingjing_agents.oracle.hub import leading
+from lingjing_agents.oracle.deliveries import delivery_abilities
+from lingjing_agents.oracle.dogs import dog_abilities
+from lingjing_agents.oracle.hub import hub_abilities
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState, privileged
-from lingjing_agents.oracle.reporting import Reporting, reporting
-from lingjing_agents.oracle.vehicles import going
+from lingjing_agents.oracle.reporting import ReportAbility, report_abilities
+from lingjing_agents.oracle.vehicles import vehicle_abilities
 
 
 class OraclePolicy:
@@ -40,13 +40,13 @@ class OraclePolicy:
 def abilities(brief: Brief, plan: InstanceIndex) -> tuple[Ability, ...]:
     """What an agent can do, most urgent first."""
     composer = MessageComposer(brief)
-    reports = reporting(brief, plan, composer)
-    reporter = next((one for one in reports if isinstance(one, Reporting)), None)
+    reports = report_abilities(brief, plan, composer)
+    reporter = next((one for one in reports if isinstance(one, ReportAbility)), None)
     return (
         *reports,
-        *flying(brief, plan, reporter, composer),
-        *walking(brief, plan, composer, reporter),
-        *dispatching(brief, plan, composer),
-        *going(brief, plan, composer),
-        *leading(brief, plan, composer),
+        *aircraft_abilities(brief, plan, reporter, composer),
+        *dog_abilities(brief, plan, composer, reporter),
+        *delivery_abilities(brief, plan, composer),
+        *vehicle_abilities(brief, plan, composer),
+        *hub_abilities(brief, plan, composer),
     )

@@ -16,7 +16,7 @@ from lingjing.plugins.policy import (
     Route,
     UsageError,
 )
-from lingjing.plugins.tasks import Task, asked, possible, reported
+from lingjing.plugins.tasks import Task, asked, field_named, possible, reported
 from lingjing_agents.ground_plane import GroundPoint
 
 ABSENT = ("dormant", "cleared")
@@ -88,8 +88,8 @@ class PrivilegedState:
         """How much of a stock an entity has; stocks are named without their units."""
         state = self.states.get(name)
         resources = state.resources if state is not None else {}
-        found = (value for key, value in resources.items() if key == stock or key.startswith(f"{stock}_"))
-        return next(found, 0.0)
+        field = field_named(stock, resources)
+        return 0.0 if field is None else resources[field]
 
     def busy(self, name: str) -> bool:
         """Whether a resource of this agent is still doing something."""

@@ -11,7 +11,7 @@ PATIENCE_TICKS = 3
 """A report is adjudicated one boundary after it was sent and seen to be one later; after that it is sent again."""
 
 
-class Reporting(Ability):
+class ReportAbility(Ability):
     """Says what the agent's own pictures show, and hands each target over to whoever deals with it."""
 
     def __init__(self, plan: InstanceIndex, composer: MessageComposer) -> None:
@@ -56,7 +56,7 @@ class Reporting(Ability):
         return []
 
 
-def reporting(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
+def report_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """Whoever may send a kind that a rule matches."""
     able = any(composer.kind(kind) is not None for kind in plan.kinds.values())
-    return [Reporting(plan, composer)] if able else []
+    return [ReportAbility(plan, composer)] if able else []

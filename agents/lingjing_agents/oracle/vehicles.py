@@ -90,7 +90,7 @@ class TargetApproach:
         return there[0] + _RING_M * math.sin(angle), there[1] + _RING_M * math.cos(angle)
 
 
-class Going(Ability):
+class DriverAbility(Ability):
     """The body's own driver or skipper."""
 
     def __init__(self, course: TargetApproach, composer: MessageComposer) -> None:
@@ -109,7 +109,7 @@ class Going(Ability):
         return found[1] if found is not None else None
 
 
-class Claiming(Ability):
+class ClaimAbility(Ability):
     """Somebody who may command a body of another agent's: sends it where its driver would, when itself has nothing to
     do. Whoever comes first is obeyed, the others get a receipt of the conflict."""
 
@@ -128,14 +128,14 @@ class Claiming(Ability):
         return found[1]
 
 
-def going(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
+def vehicle_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """Bodies that go to points in the plane, and do something there that is not moving goods."""
     found: list[Ability] = []
     for resource in brief.resources:
         if not mover(resource):
             continue
         course = TargetApproach(resource, plan)
-        found.append(Going(course, composer) if resource.embodied else Claiming(course))
+        found.append(DriverAbility(course, composer) if resource.embodied else ClaimAbility(course))
     return found
 
 

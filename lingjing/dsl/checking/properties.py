@@ -12,7 +12,7 @@ from lingjing.mission import model
 from lingjing.mission.functions import Type
 from lingjing.mission.units import BY_DIMENSION, NONE, Dimension
 
-Made = Callable[..., model.Property]
+PropertyMaker = Callable[..., model.Property]
 
 
 def suffix_of(dimension: Dimension | None) -> str:
@@ -45,7 +45,7 @@ def lowered(
     return _of_value(made, entry.value)
 
 
-def _of_value(made: Made, value: TypedExpression) -> tuple[model.Property, ...]:
+def _of_value(made: PropertyMaker, value: TypedExpression) -> tuple[model.Property, ...]:
     kind: Type = value.type
     if kind.kind == "quantity":
         suffix = suffix_of(kind.dimension)

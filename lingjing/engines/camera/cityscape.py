@@ -28,7 +28,7 @@ from lingjing.engines.camera.mesh_cache import MeshCache
 from lingjing.engines.camera.mesh_rows import LAYOUT, MeshPart, VertexIndex, empty
 from lingjing.engines.camera.road_meshes import middles_of
 from lingjing.engines.camera.skyline import Skyline, build_skyline, with_tiles
-from lingjing.engines.camera.structure_meshes import Under
+from lingjing.engines.camera.structure_meshes import GroundBelow
 from lingjing.engines.camera.surroundings import build_surroundings
 from lingjing.engines.camera.tile_mesh import CASTERS, TileMesh, crossings_of, mesh_tile
 from lingjing.engines.camera.town_ground import build_town_ground
@@ -115,7 +115,7 @@ class LoadedTile:
 class Cityscape:
     """Owns the GL objects of one city; `release` frees them."""
 
-    def __init__(self, context: moderngl.Context, city: City, under: Under) -> None:
+    def __init__(self, context: moderngl.Context, city: City, under: GroundBelow) -> None:
         self._context, self._city, self._under = context, city, under
         self._variants: tuple[TownChanges, ...] = (TownChanges(),)
         self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
@@ -166,7 +166,7 @@ class Cityscape:
             frozenset(key for key in keys if d.content(key) != variants[0].content(key)) for d in variants
         )
 
-    def furnish(self, city: City, under: Under) -> None:
+    def furnish(self, city: City, under: GroundBelow) -> None:
         """Take over a city that differs from the present one in its props alone, which are in no mesh. What it draws is
         what one that was made for it would draw."""
         old, tiles = self.tiles, Tiles(city, KEPT_PIECES)

@@ -35,9 +35,9 @@ from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, l
 from lingjing.engines.camera.ocean import RIPPLE_M, SeaSurface
 from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.engines.camera.programs import build, source
-from lingjing.engines.camera.prop_groups import Gathered, looks_of, merged
+from lingjing.engines.camera.prop_groups import MergedProps, looks_of, merged
 from lingjing.engines.camera.reduced_meshes import reduced
-from lingjing.engines.camera.structure_meshes import Under
+from lingjing.engines.camera.structure_meshes import GroundBelow
 from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
 from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, PixelRect, Target, overlap
 from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
@@ -129,7 +129,7 @@ class Renderer:
         self._lakes: list[Lake] = []
         self._far_lakes: list[Lake] = []
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
-        self._standing = Gathered()
+        self._standing = MergedProps()
         self._surfaces: list[tuple[LandSurface, Model]] = []
         self._solids: list[Model] = []
         self._models: dict[str, Model] = {}
@@ -144,7 +144,7 @@ class Renderer:
         texture.build_mipmaps()
         return texture
 
-    def load(self, ground: Ground, town: tuple[City, Under] | None = None) -> None:
+    def load(self, ground: Ground, town: tuple[City, GroundBelow] | None = None) -> None:
         """Replace the static geometry; `town` is a city with streets and buildings."""
         with self.context:
             self._unload()
@@ -171,13 +171,13 @@ class Renderer:
             with self.context:
                 self._town.vary(variants)
 
-    def furnish(self, city: City, under: Under) -> None:
+    def furnish(self, city: City, under: GroundBelow) -> None:
         """Take over a town that differs from the loaded one in its props alone."""
         assert self._town is not None
         with self.context:
             self._town.furnish(city, under)
 
-    def _load_town(self, city: City, under: Under) -> None:
+    def _load_town(self, city: City, under: GroundBelow) -> None:
         self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
         near, far = self._town.town_ground.waters, self._town.surroundings.waters
@@ -209,7 +209,7 @@ class Renderer:
         self._shore.release()
         self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
         self._far_lakes = []
-        self._standing = Gathered()
+        self._standing = MergedProps()
         self._town = None
 
     def warm(self, places: Sequence[Vector], scenery: Scenery, depth: bool) -> None:

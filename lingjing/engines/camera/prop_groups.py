@@ -40,7 +40,7 @@ class Look(NamedTuple):
     dull: bool
 
 
-class Gathered:
+class MergedProps:
     """The props of several tiles, kept as long as the tiles are the same: most pictures show those of the last one."""
 
     def __init__(self) -> None:
@@ -92,4 +92,4 @@ def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
             yield Look(batch.key + suffix, mesh, batch.rows[which], plant(batch) or suffix == "/lump")
 
 
-__all__ = ["Gathered", "Look", "looks_of", "merged"]
+__all__ = ["Look", "MergedProps", "looks_of", "merged"]

@@ -21,11 +21,11 @@ RAIL: LinearRgb = (0.42, 0.42, 0.41)
 STEEL: LinearRgb = (0.34, 0.36, 0.38)
 PARAPET_M, PARAPET_WIDE_M = 1.0, 0.25
 CLEARANCE_M = 0.02
-Under = Callable[[float, float], float]
+GroundBelow = Callable[[float, float], float]
 """Elevation of what carries a pier at a place."""
 
 
-def bridge(given: Bridge, number: int, under: Under) -> MeshPart:
+def bridge(given: Bridge, number: int, under: GroundBelow) -> MeshPart:
     """Deck, parapets and piers; the deck's top lies a little under the way on it."""
     path = np.asarray(given.path, np.float64)
     left, right = _sides(path, given.width_m / 2.0)
@@ -61,7 +61,7 @@ def _skin(p: Floats, q: Floats) -> Floats:
     return np.concatenate([np.stack([p[:-1], q[:-1], q[1:]], 1), np.stack([p[:-1], q[1:], p[1:]], 1)])
 
 
-def _piers(given: Bridge, path: Floats, number: int, under: Under) -> list[MeshPart]:
+def _piers(given: Bridge, path: Floats, number: int, under: GroundBelow) -> list[MeshPart]:
     line = shapely.LineString(path[:, :2])
     if given.pier_spacing_m <= 0 or line.length < 1.0:
         return []

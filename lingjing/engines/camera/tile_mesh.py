@@ -12,7 +12,7 @@ from lingjing.engines.camera.building_meshes import building
 from lingjing.engines.camera.classes import CLASSES, prop_class
 from lingjing.engines.camera.mesh_rows import MeshPart, joined
 from lingjing.engines.camera.road_meshes import Middles, areas, junctions, lanes, middles_of, pavements
-from lingjing.engines.camera.structure_meshes import Under, bridge, pipe, slope, solid
+from lingjing.engines.camera.structure_meshes import GroundBelow, bridge, pipe, slope, solid
 from lingjing.mission.geometry2d import Polygon
 from lingjing.scene.city import Junction, Pieces
 
@@ -36,7 +36,7 @@ def mesh_tile(
     pieces: Pieces,
     crossings: tuple[Polygon, ...],
     faced: Mapping[str, int],
-    under: Under,
+    under: GroundBelow,
     middles: Middles | None = None,
 ) -> TileMesh:
     """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `faced` the

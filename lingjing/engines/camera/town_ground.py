@@ -35,7 +35,7 @@ QUAY = (0.27, 0.265, 0.25)
 """West, south, east, north."""
 
 
-Divided = tuple[MeshPart, npt.NDArray[np.int64], npt.NDArray[np.float64]]
+DividedGround = tuple[MeshPart, npt.NDArray[np.int64], npt.NDArray[np.float64]]
 """A part, the range of indices (first, count) of each of its cells and their boxes (west, south, low, east, …)."""
 
 
@@ -94,7 +94,7 @@ def _sides(bounds: Extent) -> list[Extent]:
     ]
 
 
-def _cells(shapes: list[shapely.Geometry]) -> Divided:
+def _cells(shapes: list[shapely.Geometry]) -> DividedGround:
     """Ground of several shapes."""
     colour, style = SURFACES["ground"]
     number = surface_id("ground")
@@ -104,7 +104,7 @@ def _cells(shapes: list[shapely.Geometry]) -> Divided:
     )
 
 
-def _divided(parts: list[MeshPart]) -> Divided:
+def _divided(parts: list[MeshPart]) -> DividedGround:
     """Several parts as one."""
     some = [part for part in parts if len(part.index)]
     counts = np.array([len(part.index) for part in some], np.int64)
@@ -120,7 +120,7 @@ def _pieces(shape: shapely.Geometry, cells: list[Extent]) -> list[shapely.Geomet
     return [piece for piece in (*found, beyond) if not piece.is_empty]
 
 
-def _lands(city: City) -> Divided:
+def _lands(city: City) -> DividedGround:
     """Even lands, the last one on top."""
     parts = []
     for number, land in enumerate(reversed([land for land in city.lands if is_flat(land)])):

@@ -18,7 +18,7 @@ from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
 from lingjing.engines.multirotor.power import RotorPower, hover_power
 from lingjing.engines.multirotor.verbs import Situation, plan
 from lingjing.engines.sea import GRAVITY
-from lingjing.engines.stock import Book, Stock
+from lingjing.engines.stock import Accounts, Stock
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.requests import STOP, Refusal
 from lingjing.scene.blocks import Block
@@ -111,7 +111,7 @@ class Drone(Aircraft):
             self._goal = self._ahead(speed / (2.0 * BRAKE_MPS2) + (1.0 / speed if speed > 2.0 else 0.0))
         self._begin(self._goal, arrives=False)
 
-    def load(self, book: Book) -> None:
+    def load(self, book: Accounts) -> None:
         """Feel the load on board: the same thrust margin leaves less speed for a greater weight."""
         self._stock.read(book)
         if self._stock.load_kg != self._load_kg:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from lingjing.engines.battery import Battery
+from lingjing.engines.quadruped.dog_model import DogModel, DogState
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
-from lingjing.engines.quadruped.pack import DogState, Pack
 from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.engines.stock import Stock
@@ -83,7 +83,7 @@ class DogNotice:
 
 
 class Dog:
-    """One member of a pack; `row` is its number there and is set anew with each pack."""
+    """A robot dog; `row` is its number in the model that holds it, and is set anew with each model."""
 
     def __init__(self, entity: Entity) -> None:
         self.id = entity.id
@@ -133,7 +133,7 @@ class Dog:
             return self.task.status
         return self.phase.value if self.phase is not DogPhase.MOVING else "standing"
 
-    def start(self, command: Command, here: DogState, pack: Pack, footing: GroundAhead) -> None:
+    def start(self, command: Command, here: DogState, model: DogModel, ground: GroundAhead) -> None:
         """Begin what a command says, or `Refusal`: `battery`, `dead`, `fallen`, `unknown_verb`, `bad_argument`,
         `unreachable`."""
         if self.battery.empty:
@@ -144,9 +144,9 @@ class Dog:
             raise Refusal("fallen", f"`{self.id}` has fallen and is getting up")
         if command.verb == STOP:
             self.task = stopping(here)
-            pack.ease(self.row)
+            model.ease(self.row)
         elif command.verb == "forward":
-            self.task = self._walk(number(command, "distance"), here, footing)
+            self.task = self._walk(number(command, "distance"), here, ground)
         elif command.verb in ("left", "right"):
             angle = math.radians(_positive(command, "angle"))
             self.task = TurnTask(here.position[0], here.position[1], angle if command.verb == "left" else -angle)
@@ -157,19 +157,24 @@ class Dog:
         self.phase = DogPhase.MOVING
 
     def step(
-        self, here: DogState, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack, footing: GroundAhead
+        self,
+        here: DogState,
+        touches: Sequence[Touch],
+        speeds: Mapping[str, Vector],
+        model: DogModel,
+        ground: GroundAhead,
     ) -> list[DogNotice]:
         """Decide on the coming period after the last one ended `here`. `speeds` are those of what may be touched."""
         self._time_s += PERIOD_S
         self._period += 1
         self.battery.drain(here.watts + ELECTRONICS_W, PERIOD_S)
-        notices = self._bumps(here, touches, speeds, pack)
+        notices = self._bumps(here, touches, speeds, model)
         self._before = here.velocity
-        ended = self._mishap(here, pack, footing)
+        ended = self._mishap(here, model, ground)
         if ended is None and self.phase is DogPhase.MOVING:
-            ended = self._go(here, pack, footing)
+            ended = self._go(here, model, ground)
         elif ended is None and self.phase is DogPhase.STANDING:
-            self._balance(here, pack)
+            self._balance(here, model)
         return [*notices, ended] if ended is not None else notices
 
     def rest(self, watts: float) -> DogNotice | None:
@@ -181,10 +186,10 @@ class Dog:
         self.battery.drain(watts + ELECTRONICS_W, PERIOD_S)
         return self._exhausted()
 
-    def rise(self, here: DogState, pack: Pack) -> None:
+    def rise(self, here: DogState, model: DogModel) -> None:
         """Stand up again where it lies."""
         x, y, z = here.position
-        pack.put(self.row, x, y, z, here.yaw)
+        model.put(self.row, x, y, z, here.yaw)
         self.phase, self._tilted_s, self._low_s, self._down_s = DogPhase.STANDING, 0.0, 0.0, 0.0
 
     @property
@@ -207,15 +212,15 @@ class Dog:
             joints=joints,
         )
 
-    def _walk(self, distance: float, here: DogState, footing: GroundAhead) -> WalkTask:
+    def _walk(self, distance: float, here: DogState, ground: GroundAhead) -> WalkTask:
         if distance < 0.0:
             raise Refusal("bad_argument", "`distance` of `forward` must not be negative")
-        hazard = footing.look(here, here.yaw, distance).hazard if distance > 0.0 else ""
+        hazard = ground.look(here, here.yaw, distance).hazard if distance > 0.0 else ""
         if hazard:
             raise Refusal("unreachable", f"`{self.id}` does not go on: {_HAZARDS[hazard]}")
         return WalkTask(here.position[0], here.position[1], here.yaw, distance, self.cruise_mps)
 
-    def _go(self, here: DogState, pack: Pack, footing: GroundAhead) -> DogNotice | None:
+    def _go(self, here: DogState, model: DogModel, ground: GroundAhead) -> DogNotice | None:
         task = self._ending or self.task
         assert task is not None
         if isinstance(task, WalkTask):
@@ -223,64 +228,64 @@ class Dog:
             task.cruise = min(self.cruise_mps, CAREFUL_MPS) if task.climbing else self.cruise_mps
         wanted: Velocity = task.wanted(here)
         if task.done and isinstance(task, HaltTask):
-            return self._end(pack, DogNotice("done"))
+            return self._end(model, DogNotice("done"))
         if task.done and not isinstance(task, HaltTask):
             self._ending = task.end(here)
-            pack.ease(self.row)
+            model.ease(self.row)
             wanted = self._ending.wanted(here)
         elif task.stuck:
             what, when = self._hit
-            return self._end(pack, DogNotice("blocked", what if self._time_s - when < _REMEMBERED_S else ""))
+            return self._end(model, DogNotice("blocked", what if self._time_s - when < _REMEMBERED_S else ""))
         elif isinstance(task, WalkTask) and self._period % _LOOK_PERIODS == 0:
-            view = footing.look(here, task.yaw, task.length - task.best)
+            view = ground.look(here, task.yaw, task.length - task.best)
             if view.hazard:
                 self.task, self._ending = None, stopping(here)
-                pack.ease(self.row)
+                model.ease(self.row)
                 return DogNotice("unreachable", view.hazard)
             self._careful_m = max(self._careful_m, task.best + view.step_m + _BEYOND_M)
-        pack.walk(self.row, wanted)
+        model.walk(self.row, wanted)
         return None
 
-    def _end(self, pack: Pack, notice: DogNotice) -> DogNotice:
-        pack.lock(self.row)
+    def _end(self, model: DogModel, notice: DogNotice) -> DogNotice:
+        model.lock(self.row)
         self.phase, self.task, self._ending = DogPhase.STANDING, None, None
         return notice
 
-    def _mishap(self, here: DogState, pack: Pack, footing: GroundAhead) -> DogNotice | None:
+    def _mishap(self, here: DogState, model: DogModel, ground: GroundAhead) -> DogNotice | None:
         if self.phase is DogPhase.DEAD:
             return None
         exhausted = self._exhausted()
         if exhausted is not None:
-            return self._drop(pack, DogPhase.DEAD, exhausted)
-        if self._period % _DIP_PERIODS == 0 and footing.drowns(here.position):
-            return self._drop(pack, DogPhase.DEAD, DogNotice("drowned"))
+            return self._drop(model, DogPhase.DEAD, exhausted)
+        if self._period % _DIP_PERIODS == 0 and ground.drowns(here.position):
+            return self._drop(model, DogPhase.DEAD, DogNotice("drowned"))
         if self.phase is DogPhase.FALLEN:
             self._down_s += PERIOD_S
             return None
         if self._period % _LYING_PERIODS == 0:
-            low = footing.height(here.position) < _LYING_M
+            low = ground.height(here.position) < _LYING_M
             self._low_s = self._low_s + _LYING_PERIODS * PERIOD_S if low else 0.0
         self._tilted_s = self._tilted_s + PERIOD_S if here.upright < _FALLEN else 0.0
         if self._tilted_s >= _FALLEN_S or self._low_s >= _LYING_S:
-            return self._drop(pack, DogPhase.FALLEN, DogNotice("fell"))
+            return self._drop(model, DogPhase.FALLEN, DogNotice("fell"))
         return None
 
-    def _drop(self, pack: Pack, phase: DogPhase, notice: DogNotice) -> DogNotice:
-        pack.limp(self.row)
+    def _drop(self, model: DogModel, phase: DogPhase, notice: DogNotice) -> DogNotice:
+        model.limp(self.row)
         self.phase, self.task, self._ending, self._down_s = phase, None, None, 0.0
         return notice
 
     def _exhausted(self) -> DogNotice | None:
         return DogNotice("battery_empty") if self.battery.empty and self.phase is not DogPhase.DEAD else None
 
-    def _balance(self, here: DogState, pack: Pack) -> None:
+    def _balance(self, here: DogState, model: DogModel) -> None:
         """A standing dog that is shoved lets its legs catch it."""
         if math.hypot(*here.velocity) > _SHOVED_MPS or (here.upright < _LEANING and here.stir > 1.0):
             self._ending, self.phase = stopping(here), DogPhase.MOVING
-            pack.walk(self.row, (0.0, 0.0, 0.0))
+            model.walk(self.row, (0.0, 0.0, 0.0))
 
     def _bumps(
-        self, here: DogState, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack
+        self, here: DogState, touches: Sequence[Touch], speeds: Mapping[str, Vector], model: DogModel
     ) -> list[DogNotice]:
         notices = []
         knocked: set[str] = set()
@@ -290,7 +295,7 @@ class Dog:
                 continue
             if touch.mover and touch.thing not in knocked and math.hypot(other[0], other[1]) > _MOVING_MPS:
                 knocked.add(touch.thing)
-                self._give_way(touch, here, other, pack)
+                self._give_way(touch, here, other, model)
             if touch.trunk or self._hit[0] != touch.thing:
                 self._hit = (touch.thing, self._time_s)
             if not touch.trunk and touch.thing not in knocked:
@@ -306,11 +311,11 @@ class Dog:
                 notices.append(DogNotice("collided", touch.thing, closing))
         return notices
 
-    def _give_way(self, touch: Touch, here: DogState, other: Vector, pack: Pack) -> None:
+    def _give_way(self, touch: Touch, here: DogState, other: Vector, model: DogModel) -> None:
         """What is pushed by a heavy thing goes along with it: boxes that are moved by hand have no momentum."""
         closing = min(_closing(here.velocity, other, touch), _KNOCK_MPS)
         if closing > _PUSHED_MPS:
-            pack.knock(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
+            model.knock(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
 
 
 def _met(touch: Touch, here: DogState, other: Vector) -> bool:

@@ -1,7 +1,7 @@
 """The quadruped engine: all robot dogs of an episode behind the five-method contract.
 
-It holds the pack of the dogs that are there now, gives it a new model when dogs come to a place whose shapes it does
-not hold, come in or go, and lets time pass without physics while every dog stands and nothing comes near.
+It holds the model of the dogs that are there now, makes a new one when dogs come to a place whose shapes it does not
+hold, come in or go, and lets time pass without physics while every dog stands and nothing comes near.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.engines.quadruped.assets import Assets, locate
 from lingjing.engines.quadruped.dog import Dog, DogNotice
+from lingjing.engines.quadruped.dog_model import DogMemory, DogModel, DogState, StandingPlace
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
-from lingjing.engines.quadruped.pack import DogMemory, DogState, Pack, StandingPlace
 from lingjing.engines.quadruped.physics import MovingBox, Touch
 from lingjing.engines.quadruped.surroundings import DogSurroundings
 from lingjing.engines.stock import booked
@@ -48,7 +48,7 @@ class QuadrupedEngine(FleetEngine):
         self._entities = {entity.id: entity for entity in spec.owned()}
         self._dogs = {entity.id: Dog(entity) for entity in spec.owned()}
         self._movers: tuple[MovingBox, ...] = ()
-        self._pack: Pack | None = None
+        self._model: DogModel | None = None
         self._senses: list[DogState] = []
         self._gather(0.0)
 
@@ -57,9 +57,9 @@ class QuadrupedEngine(FleetEngine):
         dog = self._dogs.get(command.resource)
         if dog is None:
             raise Refusal("unknown_resource", f"`{command.resource}` is no robot dog of `{self.name}`")
-        if dog.row < 0 or self._pack is None:
+        if dog.row < 0 or self._model is None:
             raise Refusal("dormant", f"`{dog.id}` is not there yet")
-        dog.start(command, self._senses[dog.row], self._pack, self._footing)
+        dog.start(command, self._senses[dog.row], self._model, self._ground)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """See what moves nearby, and who of the dogs is there."""
@@ -67,32 +67,32 @@ class QuadrupedEngine(FleetEngine):
         book = booked(mirrors)
         for dog in self._dogs.values():
             dog.stock.read(book)
-        if self._pack is not None:
-            self._burden(self._pack)
+        if self._model is not None:
+            self._burden(self._model)
             self._movers = self._lookout.nearest(mirrors, [here.position for here in self._senses])
-            self._pack.drive(self._movers)
+            self._model.drive(self._movers)
 
     def step(self) -> None:
         """One period of all dogs."""
-        pack = self._pack
-        if pack is None:
+        model = self._model
+        if model is None:
             return
-        members = [self._dogs[name] for name in pack.ids]
-        if pack.quiet and all(dog.idle for dog in members) and pack.clearances().min() > _ALERT_M:
-            pack.pass_time()
+        members = [self._dogs[name] for name in model.ids]
+        if model.quiet and all(dog.idle for dog in members) and model.clearances().min() > _ALERT_M:
+            model.pass_time()
             for dog in members:
                 self._tell(dog, dog.rest(self._senses[dog.row].watts))
             return
-        pack.step()
-        self._senses = pack.senses()
-        self._decide(pack, members)
+        model.step()
+        self._senses = model.senses()
+        self._decide(model, members)
         if self.clock.done % _ZONE_PERIODS == 0 and not self._around.suffices(self._points()):
-            self._renew([(dog.id, pack.remember(dog.row)) for dog in members])
+            self._renew([(dog.id, model.remember(dog.row)) for dog in members])
 
     def states(self) -> Iterable[BodyState]:
         """Every dog; those that are not there keep their declared place."""
         for dog in self._dogs.values():
-            if dog.row < 0 or self._pack is None or not self._schedule.present(dog.id, self.clock.time_s):
+            if dog.row < 0 or self._model is None or not self._schedule.present(dog.id, self.clock.time_s):
                 entity = self._entities[dog.id]
                 yield BodyState(
                     id=dog.id,
@@ -102,7 +102,7 @@ class QuadrupedEngine(FleetEngine):
                     resources=dog.resources,
                 )
             else:
-                yield dog.state(self._senses[dog.row], self._pack.model_angles(dog.row), self.clock.remainder_s)
+                yield dog.state(self._senses[dog.row], self._model.model_angles(dog.row), self.clock.remainder_s)
 
     def progress(self) -> Mapping[str, float]:
         """How far each dog's request has come."""
@@ -110,21 +110,21 @@ class QuadrupedEngine(FleetEngine):
 
     def close(self) -> None:
         """Let go of the dogs and their model."""
-        self._dogs, self._pack = {}, None
+        self._dogs, self._model = {}, None
 
-    def _decide(self, pack: Pack, members: Sequence[Dog]) -> None:
+    def _decide(self, model: DogModel, members: Sequence[Dog]) -> None:
         touched: dict[int, list[Touch]] = {}
-        for touch in pack.touches():
+        for touch in model.touches():
             touched.setdefault(touch.dog, []).append(touch)
         speeds: dict[str, Vector] = {mover.thing: mover.velocity for mover in self._movers}
         speeds.update((dog.id, self._senses[dog.row].velocity) for dog in members if touched)
         for dog in members:
             here = self._senses[dog.row]
-            for notice in dog.step(here, touched.get(dog.row, ()), speeds, pack, self._footing):
+            for notice in dog.step(here, touched.get(dog.row, ()), speeds, model, self._ground):
                 self._tell(dog, notice)
-            if dog.rested and pack.clearances()[dog.row] > _CLEAR_M:
-                dog.rise(here, pack)
-                self._senses[dog.row] = pack.senses()[dog.row]
+            if dog.rested and model.clearances()[dog.row] > _CLEAR_M:
+                dog.rise(here, model)
+                self._senses[dog.row] = model.senses()[dog.row]
 
     def _tell(self, dog: Dog, notice: DogNotice | None) -> None:
         if notice is None:
@@ -147,12 +147,12 @@ class QuadrupedEngine(FleetEngine):
             self.emit(notice.kind, dog.id)
 
     def _gather(self, time_s: float) -> None:
-        """Let the pack be those who are there at a time."""
+        """Let the model hold those who are there at a time."""
         there = [name for name in self._dogs if self._schedule.present(name, time_s)]
-        pack = self._pack
-        if (pack is not None and list(pack.ids) == there) or (pack is None and not there):
+        model = self._model
+        if (model is not None and list(model.ids) == there) or (model is None and not there):
             return
-        old = {name: pack.remember(row) for row, name in enumerate(pack.ids)} if pack is not None else {}
+        old = {name: model.remember(row) for row, name in enumerate(model.ids)} if model is not None else {}
         self._renew([(name, old.get(name) or self._spot(name)) for name in there])
 
     def _renew(self, members: Sequence[tuple[str, DogMemory | StandingPlace]]) -> None:
@@ -160,21 +160,21 @@ class QuadrupedEngine(FleetEngine):
         for dog in self._dogs.values():
             dog.row = -1
         if not members:
-            self._pack, self._senses, self._movers = None, [], ()
+            self._model, self._senses, self._movers = None, [], ()
             return
-        elapsed_s = self._pack.driven_s if self._pack is not None else 0.0
+        elapsed_s = self._model.driven_s if self._model is not None else 0.0
         places = [state.place if isinstance(state, DogMemory) else state.position for _, state in members]
-        self._pack = Pack(self._assets, members, self._around.load(places), self._around.ground_m, POOL)
-        self._footing = GroundAhead(self._terrain, self._pack)
-        self._pack.drive(self._movers, elapsed_s)
-        self._senses = self._pack.senses()
+        self._model = DogModel(self._assets, members, self._around.load(places), self._around.ground_m, POOL)
+        self._ground = GroundAhead(self._terrain, self._model)
+        self._model.drive(self._movers, elapsed_s)
+        self._senses = self._model.senses()
         for row, (name, _) in enumerate(members):
             self._dogs[name].row = row
-        self._burden(self._pack)
+        self._burden(self._model)
 
-    def _burden(self, pack: Pack) -> None:
-        for row, name in enumerate(pack.ids):
-            pack.burden(row, self._dogs[name].stock.load_kg)
+    def _burden(self, model: DogModel) -> None:
+        for row, name in enumerate(model.ids):
+            model.burden(row, self._dogs[name].stock.load_kg)
 
     def _spot(self, name: str) -> StandingPlace:
         entity = self._entities[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lingjing.engines.quadruped.pack import DogState, Pack
+from lingjing.engines.quadruped.dog_model import DogModel, DogState
 from lingjing.engines.quadruped.physics import Floor
 from lingjing.mission.instance import Vector
 from lingjing.scene.terrain import Terrain
@@ -31,11 +31,11 @@ class WayAhead:
 
 
 class GroundAhead:
-    """Looks at the ground of one pack's surroundings."""
+    """Looks at the ground around the dogs of one model."""
 
-    def __init__(self, terrain: Terrain, pack: Pack) -> None:
+    def __init__(self, terrain: Terrain, model: DogModel) -> None:
         self._terrain = terrain
-        self._pack = pack
+        self._model = model
 
     def look(self, here: DogState, yaw: float, remaining_m: float) -> WayAhead:
         """What a dog that goes on along `yaw` comes to before it could stop: every edge of the way there."""
@@ -47,7 +47,7 @@ class GroundAhead:
         before, step_m = math.inf, -math.inf
         for ahead in (far - _EDGE_M * (count - number) for number in range(count + 1)):
             point = x + ahead * east, y + ahead * north
-            floor = self._pack.floor(*point, z + _ABOVE_M)
+            floor = self._model.floor(*point, z + _ABOVE_M)
             if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
                 break
             if self._wet(*point, floor):
@@ -62,14 +62,14 @@ class GroundAhead:
 
     def height(self, at: Vector) -> float:
         """How high a trunk is over what is below it."""
-        return at[2] - self._pack.floor(*at).z
+        return at[2] - self._model.floor(*at).z
 
     def drowns(self, at: Vector) -> bool:
         """Whether a dog at a place is in the water."""
         x, y, z = at
         if self._terrain.water_level(x, y) is None:
             return False
-        floor = self._pack.floor(x, y, z)
+        floor = self._model.floor(x, y, z)
         return z < floor.z + _STANDING_M and self._wet(x, y, floor)
 
     def _wet(self, x: float, y: float, floor: Floor) -> bool:

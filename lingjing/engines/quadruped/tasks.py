@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from lingjing.engines.quadruped.dog_model import DogState
 from lingjing.engines.quadruped.gait import PERIOD_S
-from lingjing.engines.quadruped.pack import DogState
 from lingjing.scene.outlines import wrapped
 
 PATIENCE_S = 4.0

@@ -18,7 +18,7 @@ _JUMP_M = (2.0, 5.0)
 _LONGEST_S = 0.6
 
 
-class Sideways:
+class LateralOffsets:
     """The offsets of vehicles, by id: metres to the right of where SUMO has them."""
 
     def __init__(self) -> None:

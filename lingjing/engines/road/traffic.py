@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from lingjing.engines.road.graph import Graph
 from lingjing.engines.road.kinds import VEHICLE_KINDS, declare
-from lingjing.engines.road.lateral_motion import Sideways, shifted
+from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
 from lingjing.engines.road.simulation import Simulation, SumoError
 from lingjing.engines.road.vehicle import NOWHERE_M, body_state
 from lingjing.mission.seeding import Stream
@@ -74,7 +74,7 @@ class Traffic:
         self._movers: list[BackgroundVehicle] = []
         self._blocked: frozenset[str] = frozenset()
         self._turn = 0
-        self._sideways = Sideways()
+        self._sideways = LateralOffsets()
         for name, _ in MIX:
             declare(sim, f"traffic/{name}", VEHICLE_KINDS[name], VEHICLE_KINDS[name].top_mps, reaction_s=REACTION_S)
 

@@ -21,7 +21,7 @@ import msgspec
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.kerb import REACH_M, Kerb, LaneVehicle, ParkingPlace
 from lingjing.engines.road.kinds import SPEED_MPS, declare, top_speed, vehicle_kind
-from lingjing.engines.road.lateral_motion import Sideways, shifted
+from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
 from lingjing.engines.road.routing import Avoided, DrivingWay, onward
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
 from lingjing.engines.stock import Stock
@@ -122,7 +122,7 @@ class Vehicle:
         self._bound: ParkingPlace | None = None
         self.held_by = ""
         """Who stands in its way, while it waits at the kerb."""
-        self._sideways = Sideways()
+        self._sideways = LateralOffsets()
         self._offset_m = 0.0
         declare(
             sim, f"type/{self.id}", self.kind, self._speed_mps, blue_light=bool(entity.properties.get("blue_light"))
@@ -164,7 +164,7 @@ class Vehicle:
             return "waiting" if self.task.kind != "halt" and self.speed_mps < STANDING_MPS else "driving"
         return "arrived" if self._arrived else "parked"
 
-    def footing(self) -> RouteStart:
+    def route_start(self) -> RouteStart:
         """From where a new route may start. Within a junction that is the edge being entered."""
         vehicles = self._sim.vehicle
         road, at_m = vehicles.getRoadID(self.id), vehicles.getLanePosition(self.id)
@@ -178,7 +178,7 @@ class Vehicle:
         return self.speed_mps**2 / (2.0 * BRAKING_MPS2)
 
     def drive(self, plan: DrivingPlan) -> None:
-        """Drive along a plan that begins at the footing, and stay at its goal."""
+        """Drive along a plan that begins at the route start, and stay at its goal."""
         self._begin(VehicleTask("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
         assert self.task is not None
         self.task.stays = self._is_at(plan.goal)
@@ -194,11 +194,11 @@ class Vehicle:
         return there or -1.0 <= self._room.at_m - self._front(goal) <= _SAME_PLACE_M
 
     def _set_out(self, plan: DrivingPlan) -> None:
-        footing, goal = self.footing(), plan.goal
+        start, goal = self.route_start(), plan.goal
         self._release()
-        self._follow(footing, plan.way.edges)
-        here = len(plan.way.edges) == 1 and not footing.before
-        least = footing.at_m + self.braking_m() if here else 0.0
+        self._follow(start, plan.way.edges)
+        here = len(plan.way.edges) == 1 and not start.before
+        least = start.at_m + self.braking_m() if here else 0.0
         room = self._kerb.promise(self.id, goal.lane.edge, self._front(goal), self.size.length_m, least)
         front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
         front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
@@ -213,24 +213,24 @@ class Vehicle:
             self._brake(0.0)
 
     def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
-        """Drive a distance along edges that begin at the footing's, and halt there; `onto`: not before that edge."""
+        """Drive a distance along edges from the route start's on, and halt there; `onto`: not before that edge."""
         self._begin(VehicleTask("distance", distance_m, self.odometer_m, None, onto, edges))
         if self._room is None:
             self._set_out_along(edges)
 
     def _set_out_along(self, edges: tuple[str, ...]) -> None:
-        footing = self.footing()
+        start = self.route_start()
         self._release()
-        self._follow(footing, edges)
+        self._follow(start, edges)
 
     def halt(self) -> None:
         """Brake comfortably to a standstill."""
         speed = self.speed_mps
         if not self._sim.vehicle.isStopped(self.id):
-            footing = self.footing()
+            start = self.route_start()
             route = self._sim.vehicle.getRoute(self.id)[self._sim.vehicle.getRouteIndex(self.id) :]
             self._release()
-            self._follow(footing, route[len(footing.before) :])
+            self._follow(start, route[len(start.before) :])
         self._begin(VehicleTask("halt", max(speed, STANDING_MPS)))
 
     @property
@@ -272,23 +272,23 @@ class Vehicle:
 
         Who is waited for also leaves its edge and stands aside where there is no kerb.
         """
-        footing = self.footing()
-        lane = self._graph.edges[footing.edge].lanes[0]
-        if not footing.before and self._sim.vehicle.getLaneIndex(self.id) != lane.index:
+        start = self.route_start()
+        lane = self._graph.edges[start.edge].lanes[0]
+        if not start.before and self._sim.vehicle.getLaneIndex(self.id) != lane.index:
             return  # others have a lane to pass on
         stops = self._sim.vehicle.getStops(self.id, 1)
-        at_m = stops[0].endPos if stops and stops[0].lane == lane.id else footing.at_m
-        ways = onward(self._graph, (footing.edge,), REACH_M) if waited_for else (footing.edge,)
+        at_m = stops[0].endPos if stops and stops[0].lane == lane.id else start.at_m
+        ways = onward(self._graph, (start.edge,), REACH_M) if waited_for else (start.edge,)
         found = self._room_ahead(ways, at_m)
         if found is None and waited_for:
             found = self._room_ahead(ways, at_m, bare=True)
         if found is None:
             return
         edges, room = found
-        if edges == (footing.edge,) and not footing.before and room.at_m - at_m < 0.1:
+        if edges == (start.edge,) and not start.before and room.at_m - at_m < 0.1:
             self._squeeze(room)
         else:
-            self._move_up(footing, edges, room)
+            self._move_up(start, edges, room)
 
     def _room_ahead(
         self, edges: tuple[str, ...], at_m: float, *, bare: bool = False
@@ -312,12 +312,12 @@ class Vehicle:
             return
         self._park(room)
 
-    def _move_up(self, footing: RouteStart, edges: tuple[str, ...], room: ParkingPlace) -> None:
+    def _move_up(self, start: RouteStart, edges: tuple[str, ...], room: ParkingPlace) -> None:
         arrived = self._arrived
         self._begin(VehicleTask("aside", REACH_M, self.odometer_m))
         self._arrived = arrived
         self._release()
-        self._follow(footing, edges)
+        self._follow(start, edges)
         self._kerb.promise(self.id, room.lane.edge, room.at_m, self.size.length_m, room.at_m, bare=True)
         self._stop_at(room, _PARKING)
 
@@ -447,9 +447,9 @@ class Vehicle:
     def _brake(self, speed_mps: float) -> None:
         self._sim.vehicle.setSpeed(self.id, speed_mps)
 
-    def _follow(self, footing: RouteStart, edges: Sequence[str]) -> None:
+    def _follow(self, start: RouteStart, edges: Sequence[str]) -> None:
         """Take a route. It goes on behind its end, for at the very end of one SUMO removes a vehicle."""
-        self._sim.vehicle.setRoute(self.id, [*footing.before, *onward(self._graph, edges, RESERVE_M)])
+        self._sim.vehicle.setRoute(self.id, [*start.before, *onward(self._graph, edges, RESERVE_M)])
 
     def _release(self) -> None:
         """Leave every stop and take the speed back."""

@@ -111,14 +111,14 @@ class Planner:
         near = self._graph.nearest(x, y, most_m=FARTHEST_M)
         if near is None:
             raise Refusal("unreachable", f"there is no road within {FARTHEST_M:g} m of ({x:.1f}, {y:.1f})")
-        footing = vehicle.footing()
-        start = (footing.edge, _middle(vehicle, footing))
-        vehicle.avoided = tuple(place for place in vehicle.avoided if not self._congestion.is_over(place.because))
+        start = vehicle.route_start()
+        place = (start.edge, _middle(vehicle, start))
+        vehicle.avoided = tuple(one for one in vehicle.avoided if not self._congestion.is_over(one.because))
         for goal in self._graph.places(x, y, near.off_m + _OTHER_SIDE_M):
-            avoid = {name for place in vehicle.avoided for name in edges_at(self._graph, place, goal)}
-            if footing.edge in avoid:  # it stands there: by one of these edges it must leave
-                avoid -= {link.edge for link in self._graph.edges[footing.edge].links}
-            way = find_way(self._graph, start, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
+            avoid = {name for one in vehicle.avoided for name in edges_at(self._graph, one, goal)}
+            if start.edge in avoid:  # it stands there: by one of these edges it must leave
+                avoid -= {link.edge for link in self._graph.edges[start.edge].links}
+            way = find_way(self._graph, place, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
             if way is not None:
                 return DrivingPlan(x, y, goal, way)
         around = " around the places to avoid" if vehicle.avoided else ""
@@ -126,21 +126,21 @@ class Planner:
 
     def _from_here(self, vehicle: Vehicle, planned: DrivingPlan) -> DrivingPlan | None:
         """The rest of a plan from where the vehicle is, or None if it has left it."""
-        footing, edges, goal = vehicle.footing(), planned.way.edges, planned.goal
-        if footing.edge not in edges:
+        start, edges, goal = vehicle.route_start(), planned.way.edges, planned.goal
+        if start.edge not in edges:
             return None
-        rest = edges[edges.index(footing.edge) :]
-        if len(rest) == 1 and goal.at_m < _middle(vehicle, footing) + vehicle.braking_m() - 1.0:
+        rest = edges[edges.index(start.edge) :]
+        if len(rest) == 1 and goal.at_m < _middle(vehicle, start) + vehicle.braking_m() - 1.0:
             return None
-        way = measure(self._graph, rest, _middle(vehicle, footing), goal.at_m)
+        way = measure(self._graph, rest, _middle(vehicle, start), goal.at_m)
         return DrivingPlan(planned.x, planned.y, goal, way)
 
     def _announce(self, vehicle: Vehicle, plan: DrivingPlan, request: str, time_s: float) -> None:
         vehicle.plan = plan
         vehicle.routes += 1
-        footing = vehicle.footing()
+        start = vehicle.route_start()
         points: tuple[Vector, ...] = waypoints(
-            self._sim, self._graph, plan.way, _middle(vehicle, footing), plan.goal.at_m
+            self._sim, self._graph, plan.way, _middle(vehicle, start), plan.goal.at_m
         )
         self._publish(
             Route(
@@ -158,8 +158,8 @@ class Planner:
         distance = number(command, "distance")
         if distance <= 0.0:
             raise Refusal("bad_argument", f"`distance` of `forward` must be positive, not {distance:g}")
-        footing = vehicle.footing()
-        edges, ahead = [footing.edge], self._graph.edges[footing.edge].length_m - footing.at_m
+        start = vehicle.route_start()
+        edges, ahead = [start.edge], self._graph.edges[start.edge].length_m - start.at_m
         while ahead < distance:
             link = straight_on(self._graph, edges[-1])
             if link is None:
@@ -171,8 +171,8 @@ class Planner:
         vehicle.cover(tuple(edges), distance)
 
     def _turn(self, vehicle: Vehicle, verb: str) -> None:
-        footing = vehicle.footing()
-        edges, ahead = [footing.edge], self._graph.edges[footing.edge].length_m - footing.at_m
+        start = vehicle.route_start()
+        edges, ahead = [start.edge], self._graph.edges[start.edge].length_m - start.at_m
         links = self._forward_links(edges[-1])
         while len(links) == 1 and links[0].direction == "s" and len(edges) <= _MOST_EDGES:
             edges.append(links[0].edge)
@@ -189,8 +189,8 @@ class Planner:
         return [link for link in self._graph.edges[edge].links if link.direction != "t"]
 
 
-def _middle(vehicle: Vehicle, footing: RouteStart) -> float:
-    return max(0.0, footing.at_m - vehicle.size.length_m / 2.0)
+def _middle(vehicle: Vehicle, start: RouteStart) -> float:
+    return max(0.0, start.at_m - vehicle.size.length_m / 2.0)
 
 
 def _possible(links: list[RoadLink]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.motion import IDLE_VERBS
-from lingjing.mission.feasibility.needs import AtLeast, Leaf, Need, PictureNeed, ReportNeed, VisitNeed
+from lingjing.mission.feasibility.needs import AtLeast, Need, NeedLeaf, PictureNeed, ReportNeed, VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
 from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
@@ -34,7 +34,7 @@ def refute_ticks(need: Need, limit: TimeLimit, outline: Outline, at: str) -> Pro
     )
 
 
-def refute_counts(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
+def refute_counts(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Counted budgets of the episode, and its budget of messages, below what is needed."""
     reports = _reports(leaves)
     found = [_messages(counted, reports) for counted in outline.instance.limits if not counted.stage]
@@ -63,7 +63,7 @@ def _ticks(need: Need, picture: int) -> int:
     return 0
 
 
-def _reports(leaves: Sequence[Leaf]) -> dict[str, int]:
+def _reports(leaves: Sequence[NeedLeaf]) -> dict[str, int]:
     """Messages of each kind that are needed at least: one for each entity where they are matched one to one."""
     about: dict[str, set[str]] = {}
     for leaf in leaves:
@@ -90,7 +90,7 @@ def _spelled(reports: dict[str, int]) -> str:
     return ", ".join(f"{count} `{kind}`" for kind, count in reports.items())
 
 
-def _commands(counted: LimitSpec, leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> Proof | None:
+def _commands(counted: LimitSpec, leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> Proof | None:
     """A way that takes more steps than the limit allows, if every command that moves the vehicle counts."""
     for body in outline.bodies.values():
         step = _longest_step(body, counted)

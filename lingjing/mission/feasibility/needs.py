@@ -62,7 +62,7 @@ class Performed(msgspec.Struct, frozen=True):
     at: str
 
 
-class Never(msgspec.Struct, frozen=True):
+class Impossible(msgspec.Struct, frozen=True):
     """What cannot happen."""
 
     message: str
@@ -76,14 +76,14 @@ class AtLeast(msgspec.Struct, frozen=True):
     parts: tuple[Need, ...]
 
 
-Leaf = VisitNeed | ReportNeed | PictureNeed | Handover | Supply | Performed | Never
-Need = Leaf | AtLeast
+NeedLeaf = VisitNeed | ReportNeed | PictureNeed | Handover | Supply | Performed | Impossible
+Need = NeedLeaf | AtLeast
 
 NOTHING = AtLeast(0, ())
 """No requirement, or none that is understood."""
 
 
-def mandatory(need: Need) -> list[Leaf]:
+def mandatory(need: Need) -> list[NeedLeaf]:
     """The leaves that every way of meeting the need goes through."""
     if not isinstance(need, AtLeast):
         return [need]
@@ -92,7 +92,7 @@ def mandatory(need: Need) -> list[Leaf]:
     return [leaf for part in need.parts for leaf in mandatory(part)]
 
 
-def leaves(need: Need) -> Iterator[Leaf]:
+def leaves(need: Need) -> Iterator[NeedLeaf]:
     """All leaves, needed or not."""
     if isinstance(need, AtLeast):
         for part in need.parts:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.needs import Leaf, Supply
+from lingjing.mission.feasibility.needs import NeedLeaf, Supply
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import gap
@@ -33,7 +33,7 @@ class _Goods(NamedTuple):
     stores: list[tuple[Body, InteractionSpec]]
 
 
-def refute_supplies(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
+def refute_supplies(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Why the supplies that are all needed cannot be brought within the limit, if that is so."""
     supplies = list({leaf.target.id: leaf for leaf in leaves if isinstance(leaf, Supply)}.values())
     proofs = []

@@ -7,8 +7,8 @@ from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.needs import (
     AtLeast,
     Handover,
+    Impossible,
     Need,
-    Never,
     Performed,
     PictureNeed,
     ReportNeed,
@@ -64,7 +64,7 @@ def _leaf(leaf: Need, limit: TimeLimit, outline: Outline) -> Proof | None:
             return refute_picture(leaf, outline)
         case Handover():
             return refute_handover(leaf, outline)
-        case Never(message=message, at=at):
+        case Impossible(message=message, at=at):
             return Proof("LJ0612", at, message, "declare what is asked for, or do not ask for it")
         case Supply() | Performed() | AtLeast():
             return None

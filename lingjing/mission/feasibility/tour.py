@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.needs import Leaf, VisitNeed
+from lingjing.mission.feasibility.needs import NeedLeaf, VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import gap
@@ -29,7 +29,7 @@ class Tour(msgspec.Struct, frozen=True):
     metres: float
 
 
-def tours(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Tour]:
+def tours(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Tour]:
     """One for every set of movers that must share two or more visits."""
     visits = [leaf for leaf in leaves if isinstance(leaf, VisitNeed)]
     sets = {frozenset(mover.id for mover in visit.movers): visit.movers for visit in visits}
@@ -41,7 +41,7 @@ def tours(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[To
     return found
 
 
-def refute_tours(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
+def refute_tours(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Why no schedule of the visits fits into the limit or the batteries, for each tour of which that is so."""
     proofs = []
     for tour in tours(leaves, limit, outline):

@@ -23,9 +23,9 @@ from lingjing.mission.feasibility.needs import (
     NOTHING,
     AtLeast,
     Handover,
-    Leaf,
+    Impossible,
     Need,
-    Never,
+    NeedLeaf,
     Performed,
     PictureNeed,
     ReportNeed,
@@ -70,7 +70,7 @@ def of_groups(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None
     return unfolding.need(expr, names, "")
 
 
-def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> tuple[Leaf, ...]:
+def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> tuple[NeedLeaf, ...]:
     """Who does what to whom in a condition, needed or not, in its order; what it says itself is `at` no path."""
     return tuple(leaves(of_groups(expr, outline, domains)))
 
@@ -214,7 +214,7 @@ def _mentioned(parts: tuple[Need, ...]) -> Need:
 class _Needs:
     def literal(self, node: Literal) -> Meaning:
         if isinstance(node, ex.Flag):
-            return lambda names, on: NOTHING if node.value else Never("the condition is `false`", on.at)
+            return lambda names, on: NOTHING if node.value else Impossible("the condition is `false`", on.at)
         constant = node.name if isinstance(node, ex.Symbol) else node.value
         return lambda names, on: known(constant)
 
@@ -326,7 +326,7 @@ def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], 
     parts = tuple(as_need(body({**names, node.variable: member}, on)) for member in on.members(node.domain))
     if node.quantifier == "forall":
         return _all(parts)
-    return _any(parts) if parts else Never(f"there is no `{node.domain}` in this mission", on.at)
+    return _any(parts) if parts else Impossible(f"there is no `{node.domain}` in this mission", on.at)
 
 
 def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], on: Unfolding) -> Value:
@@ -393,7 +393,7 @@ def _visit(one: InteractionSpec, target: Body, on: Unfolding) -> Need:
     movers = on.outline.actors(one)
     if not movers:
         what = f"`{one.name}` of `{target.id}` takes an asset of the engine or role `{one.by}`"
-        return Never(f"{what}, and there is none", on.at)
+        return Impossible(f"{what}, and there is none", on.at)
     return VisitNeed(movers, target, one.within_m, on.at)
 
 
@@ -483,5 +483,5 @@ def _counted(count: _Count, least: float, on: Unfolding) -> Need:
         return _mentioned(count.parts)
     number = max(0, math.ceil(least - 1e-9))
     if number > len(count.parts):
-        return Never(f"{number} of `{count.of}` are asked for, there are {len(count.parts)}", on.at)
+        return Impossible(f"{number} of `{count.of}` are asked for, there are {len(count.parts)}", on.at)
     return AtLeast(number, count.parts)

@@ -31,7 +31,7 @@ from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Sum
 from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, whole, write_store
 
 TILE_M = 250.0
-Say = Callable[[str], None]
+PhaseListener = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Built:
     cached: bool
 
 
-def build(path: Path, options: Options, folder: Path | None = None, say: Say = lambda phase: None) -> Built:
+def build(path: Path, options: Options, folder: Path | None = None, say: PhaseListener = lambda phase: None) -> Built:
     """The city of a map file, in `folder` or in the cache. `say` hears of each phase.
 
     `UsageError` for a file that is no map or gives no city, and for a folder that cannot be written;
@@ -113,7 +113,7 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
 
 
 def _assemble(
-    path: Path, data: MapData, frame: MapFrame, options: Options, say: Say
+    path: Path, data: MapData, frame: MapFrame, options: Options, say: PhaseListener
 ) -> tuple[Pieces, City, dict[str, int], list[str]]:
     say("finding shapes")
     features = collect(data, frame)

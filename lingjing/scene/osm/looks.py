@@ -27,7 +27,7 @@ class BuildingKind:
 
 
 @dataclass(frozen=True, slots=True)
-class Near:
+class NearbyStoreys:
     """Median storeys of tagged buildings near a place: those of the same use, and all. None where too few are.
 
     `footprint_m2` is the median footprint of all buildings there, tagged or not.
@@ -147,7 +147,7 @@ def use_of(tags: Mapping[str, str], around: str) -> str:
 
 
 def storeys_of(
-    tags: Mapping[str, str], use: str, area_m2: float, chance: Random, near: Near, deep_m: float = 0.0
+    tags: Mapping[str, str], use: str, area_m2: float, chance: Random, near: NearbyStoreys, deep_m: float = 0.0
 ) -> int:
     """Storeys of a building that does not say: like those near it, else by its use; fewer on a small footprint.
 
@@ -162,7 +162,7 @@ def storeys_of(
     return min(drawn, 1 + int(area_m2 / 40.0)) if area_m2 < 160.0 else drawn
 
 
-def _spread(use: str, said: str, near: Near) -> tuple[float, float, float]:
+def _spread(use: str, said: str, near: NearbyStoreys) -> tuple[float, float, float]:
     """(Fewest, usual, most) storeys to draw from."""
     fewest, usual, most = _by_form(use, said, near)
     middle = min(near.alike, most) if near.alike is not None else near.all
@@ -171,7 +171,7 @@ def _spread(use: str, said: str, near: Near) -> tuple[float, float, float]:
     return 0.75 * middle, middle, 1.3 * middle
 
 
-def _by_form(use: str, said: str, near: Near) -> tuple[float, float, float]:
+def _by_form(use: str, said: str, near: NearbyStoreys) -> tuple[float, float, float]:
     """The storeys of a use among blocks, those of a town of houses among houses, and between the two in between."""
     high = KINDS[use].storeys
     if said in _TOWERS:
@@ -182,7 +182,7 @@ def _by_form(use: str, said: str, near: Near) -> tuple[float, float, float]:
     return fewest, usual, most
 
 
-def kind_of(use: str, top_m: float, near: Near) -> BuildingKind:
+def kind_of(use: str, top_m: float, near: NearbyStoreys) -> BuildingKind:
     """What a building of a use is drawn like: its kind, but that of an old office for a low one among low blocks."""
     old = use == "office" and top_m <= _OLD_TOP_M and near.all is not None and near.all <= _LOW_TOWN
     return _OLD_OFFICE if old else KINDS[use]

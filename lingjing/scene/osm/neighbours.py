@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from statistics import median
 from typing import Any
 
-from lingjing.scene.osm.looks import LOW, Near
+from lingjing.scene.osm.looks import LOW, NearbyStoreys
 from lingjing.scene.osm.tags import metres, number
 
 NEAR_M = 300.0
@@ -45,12 +45,12 @@ class NearbyBuildings:
         self._around = shapely.STRtree([shape.representative_point() for shape in self._grounds])
         self._areas = np.array([shape.area for shape in self._grounds])
 
-    def near(self, use: str, shape: Any) -> Near:
+    def near(self, use: str, shape: Any) -> NearbyStoreys:
         """What stands within `NEAR_M` of a building of that use."""
         place = shape.representative_point()
         found = [self._tagged[int(k)] for k in self._tree.query(place, predicate="dwithin", distance=NEAR_M)]
         alike = _median([n for other, n in found if other == use])
-        return Near(alike, _median([n for _, n in found]), self._footprint(shape, place))
+        return NearbyStoreys(alike, _median([n for _, n in found]), self._footprint(shape, place))
 
     def _footprint(self, shape: Any, place: Any) -> float:
         """The median footprint around a place, square metres; a building's own where it stands all but alone."""

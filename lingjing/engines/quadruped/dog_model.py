@@ -1,6 +1,6 @@
-"""A pack: the dogs that are there now, walking among what is near them, one period at a time.
+"""The dogs that are there now in one MuJoCo model, walking among what is near them, one period at a time.
 
-It joins bodies (`physics`), policy (`gait`) and pace. A pack lasts as long as its surroundings and its members do; the
+It joins bodies (`physics`), policy (`gait`) and pace. A model lasts as long as its surroundings and its members do; the
 next one takes over what each dog remembers (`DogMemory`).
 """
 
@@ -82,8 +82,8 @@ class Motion(NamedTuple):
     measured: Vector
 
 
-class Pack(DogBodies):
-    """Dogs in a model of their own, moved by the policy where they walk."""
+class DogModel(DogBodies):
+    """The dogs of one place, moved by the policy where they walk."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class Pack(DogBodies):
                 self.put(dog, *state.position, state.yaw)
 
     def remember(self, dog: int) -> DogMemory:
-        """What the next pack needs to let this dog go on."""
+        """What the next model needs to let this dog go on."""
         pace = self._pace
         parts = (row[dog].copy() for row in (self._gait.answer, pace.wish, pace.trim, pace.seen))
         return DogMemory(self.carry(dog), bool(self._walking[dog]), *parts)
