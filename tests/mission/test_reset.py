@@ -237,7 +237,7 @@ FAULTS: list[tuple[Edit, str]] = [
     ),
     (
         lambda s: (s.update(taskType="ssr"), s["equipmentList"].pop("droneEntityList")),
-        f"{LISTS}.droneEntityList: holds 0, mission 'ssr' takes 1 and more",
+        f"{LISTS}.droneEntityList: is missing or empty, mission 'ssr' needs a uav",
     ),
     (
         lambda s: s["equipmentList"]["droneEntityList"][1]["data"].update(X="31000"),

@@ -141,9 +141,10 @@ def test_a_template_of_ones_own_plays_the_range_and_the_scale_of_a_fire(tmp_path
         ("uavdog", "equipmentList.droneEntityList", "holds 3, mission 'upr' has one uav"),
     ],
 )
-def test_several_where_the_template_has_one_are_an_error(name: str, path: str, said: str) -> None:
+def test_several_where_the_named_template_has_one_are_an_error(name: str, path: str, said: str) -> None:
     whole = json.loads(text_of(name))
     holder = whole["scenario"]
+    holder["lingjing"] = {"mission": MISSIONS[name]}
     *way, last = path.replace("[0]", ".0").split(".")
     for key in way:
         holder = holder[int(key) if key == "0" else key]
@@ -159,7 +160,7 @@ def test_several_where_the_template_has_one_are_an_error(name: str, path: str, s
     [
         ("fire_rescue", {"drone": 1}, "goalFirePosition", "fire_search"),
         ("fire_rescue", {"drone": 1, "autoVehicle": 1}, "goalFirePosition", "ufr"),
-        ("fire_rescue", {"drone": 1, "unmannedDog": 2}, "goalFirePosition", "idf"),
+        ("fire_rescue", {"drone": 1, "unmannedDog": 2}, "goalFirePosition", "idf_air"),
         ("", {"drone": 3}, "goalFirePosition", "fire_search"),
         ("", {"drone": 3}, "goalDelPosition", "air_delivery"),
         ("", {"drone": 3}, "warehousePosition", "air_delivery"),
