@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, TypeGuard
 
 import msgspec
@@ -18,7 +17,7 @@ from lingjing.mission.kinds import engine_kind
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.frame import FAR_M, GROUND_HIGH_M, HIDDEN_HIGH_M, LOW_M, ON_THE_GROUND, DocumentFrame
-from lingjing.mission.reset.shapes import Coordinates
+from lingjing.mission.reset.shapes import Locating, Satellite
 from lingjing.mission.reset.template import fleet_of
 
 _MOST = 1e9
@@ -54,31 +53,20 @@ AGREE_M = 1.0
 """Two spellings of one place may differ by this without a note: documents round degrees."""
 
 
-@dataclass(frozen=True, slots=True)
-class DocumentEntry:
-    """One thing the document places: coordinates, their JSON path, its code, compass heading, measures by field.
+AGREE_DEG = 1.0
+"""Two spellings of one direction may differ by this without a note."""
 
-    What orbits has its two `lines` of elements; it alone may lack coordinates (`data` without any).
-    """
 
-    data: Coordinates
+class Spot(NamedTuple):
+    """One thing that the document places, and the JSON path of its place."""
+
+    part: Locating
     path: str
-    code: str
-    heading_deg: float | None = None
-    measures: Mapping[str, object] = field(default_factory=dict)
-    lines: tuple[str, ...] = ()
-    orbits: bool = False
-
-    @property
-    def placed(self) -> bool:
-        """Whether there are coordinates, or ought to be: what orbits needs none."""
-        data = self.data
-        return not self.orbits or any(value is not None for value in (data.x, data.y, data.lon, data.lat))
 
 
-def world(spot: DocumentEntry, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
+def world(spot: Spot, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
     """East, north and, if given, elevation in metres; what lies beyond every scene is reported."""
-    place = frame.place(spot.data)
+    place = frame.place(spot.part.place)
     if place is None:
         parsed.report(spot.path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
         return (0.0, 0.0)
@@ -90,47 +78,48 @@ def world(spot: DocumentEntry, frame: DocumentFrame, parsed: Parsed) -> tuple[fl
     return place
 
 
-def far_off(spot: DocumentEntry, frame: DocumentFrame, parsed: Parsed) -> str:
-    """What to note of a place that lies farther from the scene's origin than a scene is wide, or ""."""
-    distance = math.hypot(*world(spot, frame, parsed)[:2])
-    if distance <= FAR_M:
-        return ""
-    latitude, longitude = frame.origin
-    return f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
-
-
-def high_up(spot: DocumentEntry, group: model.Group, frame: DocumentFrame, parsed: Parsed) -> str:
-    """What to note of a height that cannot be one over the scene for such an entity, or ""."""
-    _, _, *above = world(spot, frame, parsed)
+def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: Parsed) -> Iterator[str]:
+    """What to note of a place: two spellings of it, or of its height, that differ; that it lies farther from the
+    scene's origin than a scene is wide; a height that cannot be one over the scene for such an entity."""
+    data = spot.part.place
+    east, north, *above = world(spot, frame, parsed)
+    if None not in (data.x, data.y, data.lon, data.lat):
+        other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, frame.origin)
+        apart = max(abs(east - other[0]), abs(north - other[1]))
+        if apart > AGREE_M:
+            yield f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y count"
+    if data.z is not None and data.alt is not None:
+        z_m = frames.from_unreal(0.0, 0.0, data.z)[2]
+        if abs(z_m - data.alt) > AGREE_M:
+            counts = "alt" if None in (data.x, data.y) else "Z"
+            yield f"{spot.path}: alt says {data.alt:g} m and Z {z_m:g} m: {counts} counts"
+    distance = math.hypot(east, north)
+    if distance > FAR_M:
+        latitude, longitude = frame.origin
+        yield f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
     high_m = GROUND_HIGH_M if group.engine in ON_THE_GROUND else HIDDEN_HIGH_M
-    if not above or LOW_M <= above[0] <= high_m or engine_kind(group.engine).anywhere:
-        return ""
-    return (
-        f"{spot.path}: its height is {above[0]:g} m over the scene, which is played so; if heights are measured from "
-        'elsewhere, "lingjing": {"datum_m": metres} would say from where'
-    )
+    if above and not LOW_M <= above[0] <= high_m and not engine_kind(group.engine).anywhere:
+        yield (
+            f"{spot.path}: its height is {above[0]:g} m over the scene, which is played so; if heights are measured "
+            'from elsewhere, "lingjing": {"datum_m": metres} would say from where'
+        )
 
 
-def two_heights(spot: DocumentEntry) -> str:
-    """What to note if the two spellings of a height name different ones, or ""."""
-    data = spot.data
-    if data.z is None or data.alt is None:
-        return ""
-    above = frames.from_unreal(0.0, 0.0, data.z)[2]
-    counts = "alt" if None in (data.x, data.y) else "Z"
-    apart = abs(above - data.alt) > AGREE_M
-    return f"{spot.path}: alt says {data.alt:g} m and Z {above:g} m: {counts} counts" if apart else ""
-
-
-def contradiction(spot: DocumentEntry, frame: DocumentFrame) -> str:
-    """What to note if the two spellings of a place name different ones, or ""."""
-    data = spot.data
-    if None in (data.x, data.y, data.lon, data.lat):
-        return ""
-    east, north, _ = frames.from_unreal(data.x or 0.0, data.y or 0.0, 0.0)
-    other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, frame.origin)
-    apart = max(abs(east - other[0]), abs(north - other[1]))
-    return f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y count" if apart > AGREE_M else ""
+def _headings(group: model.Group, spots: Sequence[Spot], parsed: Parsed) -> tuple[float, ...]:
+    """The compass headings of all; none where nobody has one. Spellings that disagree are noted."""
+    found: list[float] = []
+    for spot in spots:
+        given = spot.part.headings
+        first = next(iter(given.values()), None)
+        if first is None:
+            if any(other.part.headings for other in spots):
+                parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
+            continue
+        if any(abs((one - first + 180.0) % 360.0 - 180.0) > AGREE_DEG for one in given.values()):
+            where = spot.path.removesuffix(".data")
+            parsed.notes.append(f"{where}: {', '.join(given)} disagree; {next(iter(given))} counts")
+        found.append(first)
+    return tuple(found)
 
 
 def origin_of(mission: model.Mission) -> tuple[float, float]:
@@ -154,7 +143,7 @@ def _scope(mission: model.Mission) -> Scope:
 def filled(
     mission: model.Mission,
     group: model.Group,
-    spots: Sequence[DocumentEntry],
+    spots: Sequence[Spot],
     frame: DocumentFrame,
     parsed: Parsed,
     where: str,
@@ -177,14 +166,13 @@ def filled(
         return mission
     parsed.placed.update((member_id(group, k), spot.path) for k, spot in enumerate(spots, start=1))
     properties = _positioned(group, spots, frame, parsed, where)
-    if any(spot.heading_deg is not None for spot in spots):
-        for spot in spots:
-            if spot.heading_deg is None:
-                parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
-        headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
-        properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"), unit="deg")
+    headings = _headings(group, spots, parsed)
+    if len(headings) == len(spots):
+        values = tuple(ex.Number(one, "deg") for one in headings)
+        properties = _set(properties, "heading_deg", _indexed(group, values, "heading_deg"), unit="deg")
     properties = _measured(group, _orbiting(group, properties, spots, where, parsed), spots, parsed, where)
-    labels = tuple("" if spot.code == member_id(group, k) else spot.code for k, spot in enumerate(spots, start=1))
+    codes = (spot.part.code for spot in spots)
+    labels = tuple("" if code == member_id(group, k) else code for k, code in enumerate(codes, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
     groups = tuple(changed if g.name == group.name else g for g in mission.groups)
     return msgspec.structs.replace(mission, groups=groups)
@@ -202,16 +190,14 @@ def allows_none(mission: model.Mission, group: model.Group) -> bool:
 
 
 def _positioned(
-    group: model.Group, spots: Sequence[DocumentEntry], frame: DocumentFrame, parsed: Parsed, where: str
+    group: model.Group, spots: Sequence[Spot], frame: DocumentFrame, parsed: Parsed, where: str
 ) -> tuple[model.Property, ...]:
-    if not any(spot.placed for spot in spots):
+    # What orbits may have elements and no coordinates; everything else has a pair of them.
+    if not any(any(one is not None for one in spot.part.place.pairs) for spot in spots):
         said = f"gives elements and no coordinates; the places of '{group.name}' are the template's"
         parsed.notes.append(f"{where}: {said}")
         return group.properties
-    parsed.notes.extend(note for note in (contradiction(spot, frame) for spot in spots) if note)
-    parsed.notes.extend(note for note in map(two_heights, spots) if note)
-    parsed.notes.extend(note for note in (far_off(spot, frame, parsed) for spot in spots) if note)
-    parsed.notes.extend(note for note in (high_up(spot, group, frame, parsed) for spot in spots) if note)
+    parsed.notes.extend(note for spot in spots for note in _place_notes(spot, group, frame, parsed))
     given = tuple(world(spot, frame, parsed) for spot in spots)
     for spot, place in zip(spots, given, strict=True):
         fault = place_fault(place, group.engine)
@@ -224,34 +210,39 @@ def _positioned(
 def _orbiting(
     group: model.Group,
     properties: tuple[model.Property, ...],
-    spots: Sequence[DocumentEntry],
+    spots: Sequence[Spot],
     where: str,
     parsed: Parsed,
 ) -> tuple[model.Property, ...]:
     """The properties with the two-line elements; lines that are no elements are kept and noted."""
-    if not any(spot.lines for spot in spots):
+    lines = [spot.part.lines if isinstance(spot.part, Satellite) else () for spot in spots]
+    if not any(lines):
         return properties
-    faults = [f"{spot.path.removesuffix('.data')}: {elements_fault(spot.lines)}" for spot in spots if spot.lines]
-    faults = [fault for fault in faults if not fault.endswith(": ")]
-    if faults or not all(spot.lines for spot in spots) or _property(properties, "tle1") is None:
-        told = faults or [f"{where}: not all have two-line elements, or '{group.name}' takes none"]
-        parsed.notes.extend(f"{fault}; kept, and the template's elements stand" for fault in told)
+    wrong = [
+        f"{spot.path.removesuffix('.data')}: {fault}"
+        for spot, pair in zip(spots, lines, strict=True)
+        if pair and (fault := elements_fault(pair))
+    ]
+    if not wrong and (not all(lines) or _property(properties, "tle1") is None):
+        wrong = [f"{where}: not all have two-line elements, or '{group.name}' takes none"]
+    if wrong:
+        parsed.notes.extend(f"{fault}; kept, and the template's elements stand" for fault in wrong)
         return properties
     for k, name in enumerate(("tle1", "tle2")):
-        properties = _set(properties, name, _indexed(group, tuple(ex.Text(spot.lines[k]) for spot in spots), name))
+        properties = _set(properties, name, _indexed(group, tuple(ex.Text(pair[k]) for pair in lines), name))
     return properties
 
 
 def _measured(
     group: model.Group,
     properties: tuple[model.Property, ...],
-    entries: Sequence[DocumentEntry],
+    entries: Sequence[Spot],
     parsed: Parsed,
     where: str,
 ) -> tuple[model.Property, ...]:
     """The properties with the document's measures of those that the group has; the others are kept and noted."""
     for one in MEASURES:
-        given = tuple(entry.measures.get(one.field) for entry in entries)
+        given = tuple(entry.part.measures.get(one.field) for entry in entries)
         if all(value is None for value in given):
             continue
         if _property(properties, one.property) is None:

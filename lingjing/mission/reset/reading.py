@@ -17,17 +17,17 @@ import msgspec
 
 from lingjing.errors import UsageError
 from lingjing.mission import expression as ex
-from lingjing.mission import frames, geometry2d, model
+from lingjing.mission import geometry2d, model
 from lingjing.mission.instance import Weather
 from lingjing.mission.instantiate import choose_settings
 from lingjing.mission.reset.document import Parsed, parse
 from lingjing.mission.reset.faults import document_error
 from lingjing.mission.reset.fields import Found, hidden_fields
 from lingjing.mission.reset.frame import DocumentFrame, frame_of
-from lingjing.mission.reset.groups import DocumentEntry, draw_of, filled, number_like, origin_of, plays, point, world
+from lingjing.mission.reset.groups import Spot, draw_of, filled, number_like, origin_of, plays, point, world
 from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.repair import followed
-from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
+from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
 from lingjing.mission.reset.template import fleet_of, template_name
 from lingjing.mission.vocabulary import MODES
@@ -248,7 +248,7 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: Do
                 f"{where}: mission '{mission.name}' has no {one.engine}; {len(listed)} kept, not played"
             )
         return mission
-    spots = tuple(_spot(item, f"{where}[{k}]", parsed) for k, item in enumerate(listed))
+    spots = tuple(Spot(item, f"{where}[{k}].data") for k, item in enumerate(listed))
     # With several groups of one engine the name tells whose an entity is; without such a name it goes to the first.
     own = {group.name for group in driven}
     stems = [item.name.partition("[")[0] for item in listed]
@@ -261,19 +261,6 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: Do
     for group, share in zip(driven, shares, strict=True):
         mission = filled(mission, group, [spots[k] for k in share], frame, parsed, where)
     return mission
-
-
-def _spot(item: Equipment, where: str, parsed: Parsed) -> DocumentEntry:
-    given = {"heading": item.heading, "raw": item.raw}
-    yaw = item.data.yaw if item.yaw is None else item.yaw
-    given["yaw"] = None if yaw is None else frames.compass_from_yaw(yaw)
-    headings = {name: value for name, value in given.items() if value is not None}
-    if len({round(value % 360.0, 6) for value in headings.values()}) > 1:
-        parsed.notes.append(f"{where}: {', '.join(headings)} disagree; {next(iter(headings))} counts")
-    compass = next(iter(headings.values()), None)
-    lines = item.lines if isinstance(item, Satellite) else ()
-    orbits = isinstance(item, Satellite)
-    return DocumentEntry(item.data, f"{where}.data", str(item.equipment_code), compass, lines=lines, orbits=orbits)
 
 
 # -- the region -----------------------------------------------------------------------------------------------------
@@ -290,7 +277,7 @@ def _outline(mission: model.Mission, parsed: Parsed, frame: DocumentFrame) -> ge
     if not region:
         parsed.notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
         return None
-    spots = tuple(DocumentEntry(corner, f"{where}[{k}]", str(corner.range_id)) for k, corner in enumerate(corners))
+    spots = tuple(Spot(corner, f"{where}[{k}]") for k, corner in enumerate(corners))
     places = tuple(world(spot, frame, parsed) for spot in spots)
     outline = tuple((place[0], place[1]) for place in places)
     fault = geometry2d.fault(outline)

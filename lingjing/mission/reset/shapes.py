@@ -106,12 +106,41 @@ class Coordinates(DocumentPart):
     @property
     def spot(self) -> tuple[float | None, ...]:
         """The coordinates as they are given."""
-        return self.x, self.y, self.z, self.lon, self.lat, self.alt
+        return *self.pairs, self.z, self.alt
+
+    @property
+    def pairs(self) -> tuple[float | None, ...]:
+        """The coordinates without heights."""
+        return self.x, self.y, self.lon, self.lat
 
     @property
     def is_place(self) -> bool:
         """Whether a pair of coordinates is there."""
-        return None not in (self.x, self.y) or None not in (self.lon, self.lat)
+        return None not in self.pairs[:2] or None not in self.pairs[2:]
+
+
+class Locating(DocumentPart):
+    """What stands for something that has a place."""
+
+    @property
+    def place(self) -> Coordinates:
+        """Where it is."""
+        raise NotImplementedError
+
+    @property
+    def code(self) -> str:
+        """The document's own name for it."""
+        return ""
+
+    @property
+    def headings(self) -> Mapping[str, float]:
+        """Its headings in compass degrees by the keys they stand under; the first counts."""
+        return {}
+
+    @property
+    def measures(self) -> Mapping[str, object]:
+        """What is measured of it, by field."""
+        return {}
 
 
 class Data(Coordinates):
@@ -124,13 +153,18 @@ class Data(Coordinates):
         return _placed(self, self)
 
 
-class Corner(Data):
+class Corner(Data, Locating):
     """One corner of the search area; the corners go around it in order."""
 
     range_id: Code = ""
 
+    @property
+    def place(self) -> Coordinates:
+        """Itself."""
+        return self
 
-class HiddenPlace(Coordinates):
+
+class HiddenPlace(Coordinates, Locating):
     """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg;
     `spacing` is that of a queue and `range` that of a fire, in centimetres."""
 
@@ -166,10 +200,9 @@ class HiddenPlace(Coordinates):
         return next((one for one in (*given, self) if one.is_place), self)
 
     @property
-    def compass(self) -> float | None:
-        """Its heading in compass degrees, else what its `yaw` or that of its place is; None without."""
-        yaw = self.place.yaw if self.yaw is None else self.yaw
-        return compass_from_yaw(yaw) if self.heading is None and yaw is not None else self.heading
+    def headings(self) -> Mapping[str, float]:
+        """Its `heading`, and what its `yaw` or that of its place is."""
+        return _headings({"heading": self.heading}, self.yaw, self.place)
 
     @property
     def measures(self) -> Mapping[str, object]:
@@ -209,7 +242,13 @@ def _placed(part: P, place: Coordinates) -> P:
     return part
 
 
-class Equipment(DocumentPart):
+def _headings(given: Mapping[str, float | None], yaw: float | None, place: Coordinates) -> Mapping[str, float]:
+    turned = place.yaw if yaw is None else yaw
+    every = {**given, "yaw": None if turned is None else compass_from_yaw(turned)}
+    return {name: value for name, value in every.items() if value is not None}
+
+
+class Equipment(Locating):
     """One entity. `heading` and `raw` are compass degrees, `yaw` is Unreal's, here or in `data`."""
 
     equipment_code: Code = ""
@@ -220,6 +259,21 @@ class Equipment(DocumentPart):
     raw: Degrees | None = None
     yaw: Degrees | None = None
     sensor_type: Free = ""
+
+    @property
+    def place(self) -> Coordinates:
+        """Its `data`."""
+        return self.data
+
+    @property
+    def code(self) -> str:
+        """Its `equipmentCode`."""
+        return str(self.equipment_code)
+
+    @property
+    def headings(self) -> Mapping[str, float]:
+        """Its `heading`, its `raw`, and what its `yaw` or that of its `data` is."""
+        return _headings({"heading": self.heading, "raw": self.raw}, self.yaw, self.data)
 
 
 class Satellite(Equipment):

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lingjing.mission import geometry2d, model
-from lingjing.mission.frames import compass_from_yaw
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.frame import DocumentFrame
-from lingjing.mission.reset.groups import DocumentEntry, allows_none, draw_of, filled, is_hidden, plays, world
+from lingjing.mission.reset.groups import Spot, allows_none, draw_of, filled, is_hidden, plays, world
 from lingjing.mission.reset.shapes import HiddenPlace
 from lingjing.mission.reset.template import signatures
 
 PERSONS = "person_in_water"
-
-AGREE_DEG = 1.0
-"""Two spellings of one direction may differ by this without a note."""
 
 
 def targeted(
@@ -36,7 +32,7 @@ def targeted(
             continue
         paths = [f"{where}[{k}]" for k in range(len(targets))]
         _told_apart(parsed, targets, paths)
-        mission = filled(mission, group, _spots(targets, paths), frame, parsed, where)
+        mission = filled(mission, group, tuple(map(Spot, targets, paths)), frame, parsed, where)
         claimed[name] = where
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
     for one in sorted(found, key=lambda one: not one.targets):
@@ -84,8 +80,7 @@ def _claimed(
         return mission
     paths = [one.at(k) for k in range(len(one.targets))]
     _told_apart(parsed, one.targets, paths)
-    _noted_headings(parsed, one.targets, paths)
-    spots = _spots(one.targets, paths)
+    spots = tuple(map(Spot, one.targets, paths))
     if group.type == PERSONS and outline is not None:
         outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, frame, parsed)[:2]))
         parsed.notes.extend(
@@ -102,16 +97,6 @@ def _told_apart(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[
             parsed.report(path, f"has the id '{target.key}' of {first[target.key]}", "give it one of its own")
 
 
-def _noted_headings(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[str]) -> None:
-    """Note where an entry's `heading` and `yaw` are not one direction."""
-    for target, path in zip(targets, paths, strict=True):
-        yaw = target.place.yaw if target.yaw is None else target.yaw
-        if target.heading is None or yaw is None:
-            continue
-        if abs((compass_from_yaw(yaw) - target.heading + 180.0) % 360.0 - 180.0) > AGREE_DEG:
-            parsed.notes.append(f"{path}: heading, yaw disagree; heading counts")
-
-
 def _nothing(mission: model.Mission, one: Found) -> str:
     return f"mission '{mission.name}' has no {' or '.join(one.field.types)}"
 
@@ -119,16 +104,3 @@ def _nothing(mission: model.Mission, one: Found) -> str:
 def _only_hidden(mission: model.Mission, claimed: dict[str, str]) -> model.Group | None:
     hidden = [g for g in mission.groups if g.role == "target" and is_hidden(g) and plays(mission, g)]
     return hidden[0] if len(hidden) == 1 and hidden[0].name not in claimed else None
-
-
-def _spots(targets: Sequence[HiddenPlace], paths: Sequence[str]) -> tuple[DocumentEntry, ...]:
-    return tuple(
-        DocumentEntry(
-            target.place,
-            path,
-            target.code,
-            target.compass,
-            measures=target.measures,
-        )
-        for target, path in zip(targets, paths, strict=True)
-    )
