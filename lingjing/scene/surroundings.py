@@ -15,9 +15,9 @@ import mapbox_earcut
 import numpy as np
 
 from lingjing.mission.geometry2d import Extent, Vector2
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Instance, Vector
 from lingjing.scene.camera_geometry import mounted_camera_pose
-from lingjing.scene.city import City
+from lingjing.scene.city import City, Pieces
 from lingjing.scene.plan import PLAN, Layer, PlanShape, ground_plan
 from lingjing.trace.surroundings import CityMesh, Surroundings
 
@@ -108,18 +108,29 @@ def city_meshes(shapes: Iterable[PlanShape]) -> tuple[CityMesh, ...]:
 
 # -- private
 
-_known: dict[tuple[int, Extent], tuple[City, tuple[CityMesh, ...]]] = {}
+_Standing = tuple[tuple[int, ...], tuple[Vector, ...]]
+
+_known: dict[tuple[_Standing, Extent], tuple[City, tuple[CityMesh, ...]]] = {}
 
 
 def _meshes_around(city: City, played: Extent) -> tuple[CityMesh, ...]:
-    """`city_meshes` of the shapes in and around an extent; those of the latest cities are kept."""
-    key = id(city), _within(_grown(played), city.bounds)
+    """`city_meshes` of the shapes in and around an extent; those of the latest cities are kept. Cities that differ in
+    what floats share them: of all props a plan shows trees alone."""
+    key = _standing(city), _within(_grown(played), city.bounds)
     if key not in _known:
         shapes, _ = shapes_around(city, played, MOST_POINTS)
-        _known[key] = city, city_meshes(shapes)  # the city with them, so that nothing else gets its id
+        _known[key] = city, city_meshes(shapes)  # the city with them, so that nothing else gets its pieces' ids
         while len(_known) > KEPT:
             del _known[next(iter(_known))]
     return _known[key][1]
+
+
+def _standing(city: City) -> _Standing:
+    """What of a city is on its plan: its pieces by identity, its trees by their places."""
+    if city.store:
+        return (id(city),), ()
+    pieces = tuple(id(getattr(city, name)) for name in Pieces.__struct_fields__ if name != "props")
+    return pieces, tuple(prop.position for prop in city.props if prop.cls == "tree")
 
 
 @dataclass(slots=True)

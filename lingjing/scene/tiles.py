@@ -12,7 +12,7 @@ of one city that are in use at a time share what was divided or read: an episode
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import floor, hypot
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -75,6 +75,10 @@ class Tiles:
         """The tile of a square in `keys`; `KeyError` for another."""
         return self._source.load(key)
 
+    def extent(self, key: TileKey) -> Extent:
+        """What a tile covers, without reading it; `KeyError` for another."""
+        return self._source.extents[key]
+
     def near(self, x: float, y: float, radius_m: float) -> tuple[Tile, ...]:
         """Every tile that holds something within `radius_m` of a point, or whose square is, in key order."""
         return tuple(self._source.load(key) for key in self.keys_near(x, y, radius_m))
@@ -107,34 +111,32 @@ def partition(pieces: Pieces, tile_m: float) -> dict[TileKey, Tile]:
 
 def key_of(piece: Piece, tile_m: float) -> TileKey:
     """The square that holds a piece's first point; the one at the origin for a piece without any."""
-    point = next(points_of(piece), (0.0, 0.0))
+    points = points_of(piece)
+    point = points[0] if points else (0.0, 0.0)
     return floor(point[0] / tile_m), floor(point[1] / tile_m)
 
 
-def points_of(piece: Piece) -> Iterator[tuple[float, ...]]:
+def points_of(piece: Piece) -> Sequence[tuple[float, ...]]:
     """The points that outline a piece, east and north first, beginning with the one that decides its tile."""
     if isinstance(piece, Prop):
-        yield piece.position
-    elif isinstance(piece, Road):
-        for lane in piece.lanes:
-            yield from lane.shape
-    elif isinstance(piece, Slope):
-        yield from piece.top
-    elif isinstance(piece, Bridge | Pipe):
-        yield from piece.path
-    else:
-        yield from piece.polygon
+        return (piece.position,)
+    if isinstance(piece, Road):
+        return [point for lane in piece.lanes for point in lane.shape]
+    if isinstance(piece, Slope):
+        return piece.top
+    if isinstance(piece, Bridge | Pipe):
+        return piece.path
+    return piece.polygon
 
 
 def extent(tile: Tile, tile_m: float) -> Extent:
     """The bounds of a tile's square and of all its pieces' points."""
     column, row = tile.key
-    xs, ys = [column * tile_m, (column + 1) * tile_m], [row * tile_m, (row + 1) * tile_m]
+    points: list[tuple[float, ...]] = [(column * tile_m, row * tile_m), ((column + 1) * tile_m, (row + 1) * tile_m)]
     for field in TILED:
         for piece in getattr(tile, field):
-            for point in points_of(piece):
-                xs.append(point[0])
-                ys.append(point[1])
+            points += points_of(piece)
+    xs, ys = [point[0] for point in points], [point[1] for point in points]
     return min(xs), min(ys), max(xs), max(ys)
 
 

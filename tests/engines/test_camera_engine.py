@@ -13,6 +13,7 @@ import pytest
 
 from lingjing.engines.camera import context
 from lingjing.engines.camera.classes import CLASSES, semantic_table
+from lingjing.engines.camera.draw import Renderer
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import (
@@ -122,6 +123,19 @@ def test_frame_has_the_declared_channels_and_shapes(engine: CameraEngine) -> Non
     assert front.depth is None and front.semantic is None
     assert nadir.info.id == "f1-uav[1]-nadir" and nadir.info.pose.tilt_deg == 90.0
     assert nadir.info.renderer == engine.fingerprint()["gl"]
+
+
+def test_a_reset_draws_a_small_picture_once_for_each_kind_of_weather(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[int] = []
+    render = Renderer._render
+    monkeypatch.setattr(Renderer, "_render", lambda *given: drawn.append(1) or render(*given))
+    new = CameraEngine()
+    try:
+        for weather, times in (({}, 2), ({"wind_mps": 9.0}, 2), ({"rain": 0.5}, 4), ({"rain": 0.9}, 4), ({}, 4)):
+            ready(new, instance(Weather(**weather)))
+            assert len(drawn) == times
+    finally:
+        new.close()
 
 
 def test_boxes_enclose_the_drawn_pixels_exactly(engine: CameraEngine) -> None:

@@ -12,10 +12,12 @@ import pytest
 
 from lingjing.data import CACHE_OFF
 from lingjing.engines.camera import cityscape, mesh_cache
+from lingjing.engines.camera.building_meshes import building
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
 from lingjing.engines.camera.mesh_cache import MeshCache, Texture, kept_texture
 from lingjing.engines.camera.noise import grain_texture
+from lingjing.engines.camera.structure_meshes import solid
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
 from lingjing.scene.city import City, Prop
 from tests.engines.camera_town import WHY_NOT, look, pieces, ready
@@ -47,6 +49,15 @@ def counted() -> tuple[Callable[[], TileMesh], list[int]]:
 def bytes_of(given: TileMesh) -> tuple[object, ...]:
     parts = tuple((name, p.vertices.tobytes(), p.index.tobytes()) for name, p in given.parts.items())
     return parts, given.coarse, given.boxes.tobytes(), given.low.tobytes(), given.high.tobytes()
+
+
+def test_a_tile_that_is_made_again_is_made_of_the_meshes_that_the_process_holds() -> None:
+    first = bytes_of(mesh())
+    known = building.cache_info().hits
+    assert bytes_of(mesh()) == first and building.cache_info().hits >= known + len(pieces().buildings)
+    building.cache_clear()
+    solid.cache_clear()
+    assert bytes_of(mesh()) == first
 
 
 def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: Path) -> None:

@@ -16,7 +16,9 @@ from lingjing.mission.instance import SceneSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.scene.city import City
 from lingjing.scene.districts import build
+from lingjing.scene.districts.district import build_district
 from lingjing.scene.districts.draft import KERB_M
+from lingjing.scene.districts.options import plan
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import point_at, project
 from lingjing.scene.tiles import Tiles
@@ -65,6 +67,16 @@ def test_every_kind_builds_and_is_the_same_again(kind: str) -> None:
         assert {"tree", "lamp"} <= {prop.cls for prop in city.props}
         assert len({building.id for building in city.buildings}) == len(city.buildings)
         assert Path(city.network).is_file()
+
+
+def test_an_episode_by_the_sea_changes_what_floats_and_is_given_the_rest() -> None:
+    options = {"extent_m": 600.0, "bridge": ((-60.0, 0.0), (150.0, 10.0), (280.0, 5.0))}
+    first, second = (district("coastal", 3, seed=seed, **options) for seed in (11, 12))
+    assert first.buildings is second.buildings and first.roads is second.roads
+    assert first.props != second.props and first.sha256 != second.sha256
+    for city, seed in ((first, 11), (second, 12)):
+        spec = SceneSpec(kind="coastal", layout=3, seed=seed, datum_m=-3.0, options=options)
+        assert build_district(plan(spec)) == city  # laid out from nothing
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -74,5 +74,8 @@ def test_episodes_in_one_city_share_its_meshes() -> None:
     shown = surroundings(city, bare_instance(())).meshes
     assert len(shown) == 2 and surroundings(city, bare_instance(())).meshes is shown
     assert surroundings(city, far).meshes == ()  # another part of it
-    again = surroundings(msgspec.structs.replace(city), bare_instance(())).meshes
-    assert again is not shown and [mesh.points.tolist() for mesh in again] == [mesh.points.tolist() for mesh in shown]
+    buoy = Prop(id="p", cls="buoy", model="buoy_red", position=(5.0, 50.0, 0.0), floating=True)
+    tree = msgspec.structs.replace(buoy, cls="tree", model="tree", floating=False)
+    assert surroundings(msgspec.structs.replace(city, props=(buoy,)), bare_instance(())).meshes is shown
+    for other in ({"props": (tree,)}, {"buildings": (house, house)}):
+        assert surroundings(msgspec.structs.replace(city, **other), bare_instance(())).meshes is not shown

@@ -8,6 +8,7 @@ is its gloss; the seed of a building rides in `layer`, which walls do not need.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import atan2, cos, radians, sin
 
@@ -15,7 +16,18 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from lingjing.engines.camera.mesh_rows import Floats, MeshPart, Style, faces, joined, oriented, prism, sheet, walls
+from lingjing.engines.camera.mesh_rows import (
+    KEPT_MESHES,
+    Floats,
+    MeshPart,
+    Style,
+    faces,
+    joined,
+    oriented,
+    prism,
+    sheet,
+    walls,
+)
 from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Building
 
@@ -37,9 +49,9 @@ FACADES: dict[str, Facade] = {
     "industrial": Facade(5.0, 0.62, 0.20),
 }
 PARAPET_M = 0.7
-TALL_M = 20.0
 
 
+@lru_cache(KEPT_MESHES)
 def building(given: Building, number: int) -> tuple[MeshPart, MeshPart, MeshPart]:
     """(walls, roof, small details) of a building, all with the id `number`."""
     eaves = given.top_m - (given.roof_m if given.roof != "flat" else 0.0)

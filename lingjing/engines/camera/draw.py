@@ -9,7 +9,7 @@ have a shadow map (`cityscape`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import moderngl
@@ -130,6 +130,7 @@ class Renderer:
         self._far_lakes: list[Lake] = []
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
         self._standing = MergedProps()
+        self._warmed: set[tuple[bool, bool, bool]] = set()
         self._surfaces: list[tuple[LandSurface, Model]] = []
         self._solids: list[Model] = []
         self._models: dict[str, Model] = {}
@@ -210,14 +211,22 @@ class Renderer:
         self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
         self._far_lakes = []
         self._standing = MergedProps()
+        self._warmed.clear()
         self._town = None
 
-    def warm(self, places: Sequence[Vector], scenery: Scenery, depth: bool) -> None:
-        """Make ready what pictures near some places need: tiles, programs for this weather, their machine code. A small
-        picture is drawn and thrown away: pictures do not depend on the ones before."""
+    def warm(self, places: Sequence[Vector], weather: Weather, staged: Callable[[], Scenery], depth: bool) -> None:
+        """Make ready what pictures near some places need: tiles, and once for each kind of weather programs and their
+        machine code. A small picture of what is `staged` is drawn and thrown away: pictures do not depend on the ones
+        before."""
         with self.context:
             if self._town is not None:
                 self._town.warm(places)
+            light = light_of(weather, places[0][2] - self._level)
+            kind = light.rain > 0.0, light.lamps, depth
+            if kind in self._warmed:
+                return
+            self._warmed.add(kind)
+            scenery = staged()
             for tilt in (90.0, 10.0):
                 east, north, up = places[0]
                 pose = CameraPose(position=(east, north, up + WARM_UP_M), heading_deg=0.0, tilt_deg=tilt, roll_deg=0.0,

@@ -25,7 +25,7 @@ from lingjing.engines.camera.ocean import Ocean
 from lingjing.engines.camera.options import CameraOptions
 from lingjing.engines.camera.withheld import ALL, Shot, Withheld
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
+from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.mission.instance_entities import DRAWN_MOST
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
@@ -65,7 +65,6 @@ class CameraEngine:
         self._ambient: tuple[BodyState, ...] = ()
         self._time_s = 0.0
         self._level = 0.0
-        self._warmed: tuple[tuple[Vector, ...], Weather, bool] | None = None
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Open the context if need be, build the city's meshes if it changed, forget the last episode."""
@@ -115,7 +114,7 @@ class CameraEngine:
         """Free everything; the engine may be reset again."""
         renderer, self._renderer = self._renderer, None
         self._city, self._props, self._spec, self._oceans, self._states = None, (), None, {}, {}
-        self._terrain, self._schedule, self._ambient, self._warmed = None, None, (), None
+        self._terrain, self._schedule, self._ambient = None, None, ()
         if renderer is not None:
             renderer.close()
 
@@ -126,11 +125,8 @@ class CameraEngine:
             return
         places = tuple(dict.fromkeys(e.position for e in looking))[:WARM_PLACES]
         depth = any("depth" in camera.channels for entity in looking for camera in entity.cameras)
-        scenery = self._scenery(None)
-        told = places, scenery.weather, depth
-        if told != self._warmed:
-            renderer.warm(places, scenery, depth)
-            self._warmed = told
+        assert self._schedule is not None
+        renderer.warm(places, self._schedule.weather(self._time_s), partial(self._scenery, None), depth)
 
     def _change_town(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
         """What the entities do to the town, with all of them, without what is hidden and without any target."""
@@ -204,7 +200,7 @@ class CameraEngine:
 
     def _build(self, renderer: Renderer, city: City) -> None:
         """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""
-        self._city, self._level, self._terrain, self._warmed = None, water_level(city), None, None
+        self._city, self._level, self._terrain = None, water_level(city), None
         noise = noise_texture()[::4, ::4, 0]
         if city.store or any(getattr(city, kind) for kind in TOWN):
             terrain = self._terrain = Terrain(city)

@@ -47,6 +47,10 @@ Style = tuple[float, float, float, float]
 
 PLAIN: Style = (0.0, 0.0, 0.0, 0.0)
 
+KEPT_MESHES = 512
+"""Meshes of one kind of pieces that a process holds: a tile that a mission changes is made anew, and most of what
+stands in it is as it was. Whoever is given one does not write into it."""
+
 
 @dataclass(frozen=True, slots=True)
 class MeshPart:

@@ -17,9 +17,10 @@ from lingjing.engines.camera.building_meshes import FACADES
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.mesh_rows import MeshPart, empty, joined, oriented, sheet, walls
 from lingjing.engines.camera.road_meshes import SURFACES
+from lingjing.mission.geometry2d import Extent
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Building, City, Tile
-from lingjing.scene.tiles import Tiles, extent
+from lingjing.scene.tiles import Tiles
 
 SIZE = 1024
 TALL_M, WIDE_M2 = 22.0, 2500.0
@@ -48,7 +49,7 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
     for tile in tiles:
         canvas.paint(tile)
         tops.append([b.top_m for b in tile.buildings if _seen_from_afar(b)])
-        boxes.append(_box(tile, city.tile_m))
+        boxes.append(_box(tile, tiles.extent(tile.key)))
     least = _least([top for some in tops for top in some])
     tall = [key for key, some in zip(tiles.keys, tops, strict=True) if max(some, default=-1.0) >= least]
     made = {key: _blocks(tiles.load(key), least) for key in tall}  # read again: all at once they take much room
@@ -68,12 +69,12 @@ def with_tiles(sky: Skyline, city: City, tiles: Tiles) -> Skyline:
     for k, key in enumerate(tiles.keys):
         if key in number:
             ranges[:, k] = sky.ranges[:, number[key]]
-    boxes = np.array([_box(tile, city.tile_m) for tile in tiles]).reshape(-1, 6)
+    boxes = np.array([_box(tile, tiles.extent(tile.key)) for tile in tiles]).reshape(-1, 6)
     return replace(sky, keys=tiles.keys, boxes=boxes, ranges=ranges)
 
 
-def _box(tile: Tile, tile_m: float) -> tuple[float, ...]:
-    west, south, east, north = extent(tile, tile_m)
+def _box(tile: Tile, extent: Extent) -> tuple[float, ...]:
+    west, south, east, north = extent
     return west, south, -3.0, east, north, _top(tile)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,17 @@ import shapely
 
 from lingjing.engines.camera.ground import MATERIALS
 from lingjing.engines.camera.ground import SURFACES as GROUND
-from lingjing.engines.camera.mesh_rows import Floats, MeshPart, faces, joined, oriented, prism, sheet, walls
+from lingjing.engines.camera.mesh_rows import (
+    KEPT_MESHES,
+    Floats,
+    MeshPart,
+    faces,
+    joined,
+    oriented,
+    prism,
+    sheet,
+    walls,
+)
 from lingjing.engines.camera.meshes import cylinder, vector_of
 from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Bridge, Pipe, Slope, Solid
@@ -94,6 +105,7 @@ def _block(centre: npt.ArrayLike, ahead: Floats, across: Floats, deep: float, wi
     return prism(oriented(ring), base, top, CONCRETE, number)
 
 
+@lru_cache(KEPT_MESHES)
 def solid(given: Solid, number: int) -> MeshPart:
     """A prism of its material."""
     colour = MATERIALS.get(given.material, GROUND["concrete"][0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import hypot
 from pathlib import Path
@@ -40,19 +41,47 @@ def built_district(plan: DistrictPlan) -> City:
     """The district, the same value as before where this process has built it lately."""
     kept = _kept(plan, network_folder())
     if not Path(kept.network).is_file():  # the cache folder was emptied meanwhile
-        _kept.cache_clear()
+        for cache in (_kept, _laid_out):
+            cache.cache_clear()
         kept = _kept(plan, network_folder())
     return kept
 
 
 @lru_cache(KEPT)
 def _kept(plan: DistrictPlan, networks: Path) -> City:
-    return build_district(plan)
+    """What an episode's seed changes is what was put down first, with the ground: the rest is taken from the district
+    of seed 0."""
+    laid = _laid_out(replace(plan, seed=0), networks)
+    if not plan.seed:
+        return _city(plan, laid.pieces, laid.net)
+    draft = Draft()
+    _ground(draft, plan)
+    props = (*draft.props, *laid.pieces.props[laid.first_props :])
+    return _city(plan, msgspec.structs.replace(laid.pieces, props=props), laid.net)
+
+
+@dataclass(frozen=True, slots=True)
+class _LaidOut:
+    """A district that is laid out, and how many of its props came with the ground."""
+
+    pieces: Pieces
+    net: Network
+    first_props: int
+
+
+@lru_cache(KEPT)
+def _laid_out(plan: DistrictPlan, networks: Path) -> _LaidOut:
+    draft = Draft()
+    _ground(draft, plan)
+    return _LaidOut(*lay_out(plan, grid(plan.half_m, plan.spacing), lambda block: plan.kind), len(draft.props))
 
 
 def build_district(plan: DistrictPlan) -> City:
     """The district, its pieces held by the city itself."""
-    pieces, net = lay_out(plan, grid(plan.half_m, plan.spacing), lambda block: plan.kind)
+    return _city(plan, *lay_out(plan, grid(plan.half_m, plan.spacing), lambda block: plan.kind))
+
+
+def _city(plan: DistrictPlan, pieces: Pieces, net: Network) -> City:
     digest = hashlib.sha256(msgspec.msgpack.encode(pieces) + net.sha256.encode()).hexdigest()
     light = frame(plan, net)
     return msgspec.structs.replace(
