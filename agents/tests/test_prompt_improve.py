@@ -4,12 +4,14 @@ import re
 from pathlib import Path
 
 import pytest
-from lingjing_agents.react.prompt_reviser import make_reviser
+from lingjing_agents.llm.chat import ModelCompletion
+from lingjing_agents.react.prompt_reviser import ModelReviser, make_reviser, revised_prompt
 
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError
 from lingjing.plugins.calls import UnrecordedCalls
+from lingjing.plugins.prompts import TriedPrompt
 from lingjing.trace.reader import read_trace
 
 MISSION = """
@@ -64,12 +66,72 @@ def test_a_prompt_is_improved_from_failed_traces(tmp_path: Path, capsys: pytest.
     assert (tmp_path / "P2.txt").read_text().startswith("You are `$agent`, $role: $goal")  # the first of two equals
 
 
-def test_a_second_model_that_gives_no_prompt_is_asked_once_more_and_then_an_abort():
-    with serve([Reply("no"), Reply("<prompt>Hello $stranger</prompt>")]) as server:
-        reviser = make_reviser({"model": "second", "base_url": server.url}, UnrecordedCalls())
-        with pytest.raises(InfrastructureError, match="nothing fills: stranger"):
-            reviser.revise("You are $agent", "TSR 0%", [])
+def reviser(url: str, **options: str) -> ModelReviser:
+    return make_reviser({"model": "second", "base_url": url, **options}, UnrecordedCalls())
+
+
+LONGER = "You are $agent. Look twice and then act."
+
+
+def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
+    with serve([Reply("no"), Reply("<prompt>Hello $stranger, look twice and act</prompt>")]) as server:
+        revision = reviser(server.url).revise("You are $agent", "TSR 0%", [], [])
+    assert revision.text == ""
+    assert "nothing fills: stranger" in revision.fault
     assert "no text between <prompt> and </prompt>" in server.requests[1]["messages"][-1]["content"]
-    with serve([Reply("no"), Reply("<think><prompt>x $y</prompt></think><prompt>\nHello $agent\n</prompt>")]) as server:
-        revision = make_reviser({"model": "second", "base_url": server.url}, UnrecordedCalls()).revise("p", "r", ["f"])
-    assert revision.text == "Hello $agent\n"
+    with serve([Reply("no"), Reply(f"<prompt>\n{LONGER}\n</prompt>")]) as server:
+        revision = reviser(server.url).revise("p", "r", ["f"], [])
+    assert (revision.text, revision.fault) == (f"{LONGER}\n", "")
+    with serve([Reply("", status=500)] * 9) as server, pytest.raises(InfrastructureError, match="gave no revision"):
+        reviser(server.url, tries="1").revise("p", "r", [], [])
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        f"<think>first <prompt>a draft of some five words</prompt> no</think>\n<prompt>{LONGER}</prompt>",
+        f"Between <prompt> and </prompt>:\n<Prompt>\n{LONGER}\n</PROMPT>\nIt is between <prompt> and </prompt>",
+        f"<prompt>\n```text\n{LONGER}\n```\n</prompt>",
+        f"```\n<prompt>\n{LONGER}\n</prompt>\n```",
+        f"<prompt>\n<prompt>{LONGER}</prompt>\n</prompt>",
+        f"<prompt>a first try of some words</prompt> Better: <prompt>{LONGER}</prompt>",
+    ],
+)
+def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
+    assert revised_prompt(ModelCompletion(answer, "stop"), ["another"]) == f"{LONGER}\n"
+
+
+@pytest.mark.parametrize(
+    ("answer", "finish", "fault"),
+    [
+        ("", "stop", "has no text between"),
+        ("I cannot help with robots.", "stop", "has no text between"),
+        ("<prompt></prompt>", "stop", "has no text of at least 5 words"),
+        ("I answer between <prompt> and </prompt>.", "stop", "has no text of at least 5 words"),
+        ("<think><prompt>You are one of five scouts</prompt>", "length", "ends within its reasoning and was cut off"),
+        ("<prompt>You are the scout the scout the scout", "length", "was cut off before </prompt>"),
+        ("<prompt>You are $agent. That costs $5 a call</prompt>", "stop", "`$` that begins no name"),
+        ("<prompt>" + "so it goes on " * 6000 + "</prompt>", "stop", "a prompt has at most 65,536"),
+        (f"<prompt> {LONGER}\n\n</prompt>", "stop", "was tried before, word for word"),
+    ],
+)
+def test_an_answer_without_a_new_prompt_is_told_why(answer: str, finish: str, fault: str):
+    with pytest.raises(ValueError, match=re.escape(fault)):
+        revised_prompt(ModelCompletion(answer, finish), ["another", f"{LONGER}\n"])
+
+
+def test_a_reviser_is_told_what_was_tried_and_no_more_than_its_context_takes(tmp_path: Path):
+    tried = [TriedPrompt("Fly low at first.", "TSR 10%"), TriedPrompt("", "no prompt: the answer was cut off")]
+    failures = ["scout said nothing. " * 40, "boat stood still. " * 40]
+    (tmp_path / "models.toml").write_text('[models.small]\nservice = "vllm"\nserved = "small"\ncontext = 2048\n')
+    for options, parts in (
+        ({}, ["FAILED EPISODE 1", "FAILED EPISODE 2", "DID NO BETTER: TSR 10%\nFly low", "the answer was cut off"]),
+        ({"model": "small", "models": str(tmp_path / "models.toml"), "max_tokens": "700"}, ["FAILED EPISODE 1"]),
+    ):
+        with serve([Reply(f"<prompt>{LONGER}</prompt>")]) as server:
+            reviser(server.url, **options).revise("You are $agent", "TSR 0%", failures, tried)
+        asked = server.requests[0]["messages"][1]["content"]
+        every = ("FAILED EPISODE 1", "FAILED EPISODE 2", "DID NO BETTER: TSR 10%\nFly low", "the answer was cut off")
+        assert [part for part in every if part in asked] == parts
+        told = sum(len(one["content"]) for one in server.requests[0]["messages"])
+        assert not options or told / 3.0 + 700 <= 2048

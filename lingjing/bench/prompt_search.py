@@ -25,7 +25,7 @@ from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
-from lingjing.plugins.prompts import PromptReviser
+from lingjing.plugins.prompts import PromptReviser, TriedPrompt
 from lingjing.trace.reader import read_trace
 from lingjing.trace.writer import PART
 
@@ -53,11 +53,13 @@ class PromptEpisode(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
-    """A prompt with its results; `number` 0 is what the search began with."""
+    """A prompt with its results; `number` 0 is what the search began with. One with a `fault` was no prompt and is not
+    played: its round is over."""
 
     number: int
     text: str
     episodes: tuple[PromptEpisode, ...] = ()
+    fault: str = ""
 
     @property
     def sha256(self) -> str:
@@ -87,6 +89,8 @@ class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def line(self) -> str:
         """The results in words."""
+        if self.fault:
+            return f"no prompt: the answer {self.fault}"
         done = f"TSR {self.tsr:.0%}, SCR {self.scr:.0%}, JSON compliance {self.compliance:.0%}"
         return f"{done} over {len(self.episodes)} episodes"
 
@@ -120,7 +124,7 @@ class PromptSearch:
         """The best of the prompt and its `rounds` revisions; fewer if one wins every episode.
 
         Raises `UsageError` if the folder holds another search, is in use or cannot be written, or the money is used
-        up; `InfrastructureError` if an episode cannot be played, or there is no revision.
+        up; `InfrastructureError` if an episode cannot be played, or the reviser does not answer.
         """
         reviser = self.reviser(CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
         with alone_in(self.folder, "search of prompts"), _named_limits():
@@ -131,8 +135,11 @@ class PromptSearch:
                 if candidate is None and best.tsr == 1.0:
                     break  # nothing has failed: there is nothing to learn from
                 if candidate is None:
-                    candidate = PromptCandidate(number=number, text=self._revised(reviser, best, number))
+                    candidate = self._revised(reviser, best, known, number)
                     self._keep(known, candidate)
+                if candidate.fault:
+                    self.tell(candidate)
+                    continue
                 candidate = self._played(known, candidate)
                 best = max(best, candidate, key=lambda one: one.rank)  # the earlier one of equals
             return best
@@ -219,18 +226,23 @@ class PromptSearch:
         kept = msgspec.structs.replace(self._described(known[0].text), candidates=tuple(known))
         write_whole(self.folder / RESULTS, msgspec.json.format(msgspec.json.encode(kept), indent=1))
 
-    def _revised(self, reviser: PromptReviser, best: PromptCandidate, number: int) -> str:
-        """The next candidate's text; what was asked and answered is kept beside it."""
+    def _revised(
+        self, reviser: PromptReviser, best: PromptCandidate, known: Sequence[PromptCandidate], number: int
+    ) -> PromptCandidate:
+        """The next candidate; what was asked and answered is kept beside it."""
         failed = [self._episode(best, one.seed) for one in best.episodes if not one.success]
         left = [found for folder in failed if (found := _trace_in(folder)) is not None][:FAILURES]
-        revision = reviser.revise(best.text, best.line, [failed_episode(read_trace(path)) for path in left])
-        try:
-            self.check(revision.text)
-        except ValueError as error:
-            raise InfrastructureError(f"the revision {error}", hint="run it again: another may be better") from error
+        tried = [TriedPrompt(one.text, one.line) for one in known if one.number not in (0, best.number)]
+        revision = reviser.revise(best.text, best.line, [failed_episode(read_trace(path)) for path in left], tried)
+        fault = revision.fault
+        if not fault:
+            try:
+                self.check(revision.text)
+            except ValueError as error:
+                fault = str(error)
         write_whole(self.folder / f"revision-{number}-asked.txt", revision.asked.encode())
         write_whole(self.folder / f"revision-{number}-answered.txt", revision.answered.encode("utf-8", "replace"))
-        return revision.text
+        return PromptCandidate(number=number, text="" if fault else revision.text, fault=fault)
 
 
 class CountedCalls:

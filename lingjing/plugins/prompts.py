@@ -15,20 +15,31 @@ from lingjing.plugins.calls import ModelCalls
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """A new prompt; `asked` and `answered` are the words that led to it, kept for whoever reads."""
+    """A new prompt; `asked` and `answered` are the words that led to it, kept for whoever reads. Of an answer that
+    nobody can use `fault` says what is wrong ("is empty"), and there is no text."""
 
     text: str
     asked: str = ""
     answered: str = ""
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TriedPrompt:
+    """An earlier candidate that did no better; `results` say how it did, or why it could not be used."""
+
+    text: str
+    results: str
 
 
 class PromptReviser(Protocol):
     """What writes the next candidate of a prompt."""
 
-    def revise(self, prompt: str, results: str, failures: Sequence[str]) -> Revision:
-        """A revision of a prompt that was played with these results and failed in these episodes.
+    def revise(self, prompt: str, results: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> Revision:
+        """A revision of a prompt that was played with these results and failed in these episodes, other than those
+        that were tried.
 
-        Raises `LingjingError` if there is none to be had.
+        Raises `LingjingError` if nobody answers.
         """
         ...
 
@@ -51,4 +62,4 @@ class PromptPlugin:
     summary: str = ""
 
 
-__all__ = ["PromptPlugin", "PromptReviser", "Revision"]
+__all__ = ["PromptPlugin", "PromptReviser", "Revision", "TriedPrompt"]

@@ -186,7 +186,8 @@ def _noted(what: Sequence[object], said: str) -> Iterator[str]:
 
 
 def _search(folder: Path) -> PromptTrial:
-    return PromptTrial(folder.name, _decoded(folder / RESULTS, KeptSearch).candidates)
+    found = _decoded(folder / RESULTS, KeptSearch).candidates
+    return PromptTrial(folder.name, tuple(one for one in found if not one.fault))
 
 
 def _probe(folder: Path) -> tuple[ProbeCell, ...]:

@@ -15,7 +15,7 @@ from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
-from lingjing.plugins.prompts import Revision
+from lingjing.plugins.prompts import Revision, TriedPrompt
 from tests.play.report_kit import blank_metrics
 
 WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3), "all": (1, 2, 3), "aborting": (), "dear": ()}
@@ -24,6 +24,8 @@ WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3), "all": (1, 2
 ABORTING = {("aborting", 2): "the camera ended", ("dear", 1): "money: the limit of $1 does not cover another call"}
 """Which episodes cannot be played, and why."""
 
+
+HOLES = "has holes that nothing fills: x"
 
 CRASHING = {("worse", 1)}
 """Which episodes' processes end by the policy's fault, which leaves a partial trace."""
@@ -36,16 +38,18 @@ class Reviser:
         self.texts = list(texts)
         self.asked: list[tuple[str, str, int]] = []
         self.told: list[str] = []
+        self.tried: list[TriedPrompt] = []
         self.calls: ModelCalls | None = None
 
     def __call__(self, calls: ModelCalls) -> "Reviser":
         self.calls = calls
         return self
 
-    def revise(self, prompt: str, results: str, failures: Sequence[str]) -> Revision:
+    def revise(self, prompt: str, results: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> Revision:
         self.asked.append((prompt, results, len(failures)))
-        self.told = list(failures)
-        return Revision(self.texts.pop(0), "asked", "answered")
+        self.told, self.tried = list(failures), list(tried)
+        text = self.texts.pop(0)
+        return Revision(text, "asked", "answered", fault="" if text else "is cut off")
 
 
 @pytest.fixture
@@ -170,11 +174,30 @@ def test_money_is_counted_over_episodes_and_revisions_and_ends_the_search(tmp_pa
 
 def test_a_revision_that_is_no_prompt_is_not_played(tmp_path: Path, played: list):
     def check(text: str) -> None:
-        raise ValueError("has holes that nothing fills: x")
+        raise ValueError(HOLES)
 
-    with pytest.raises(InfrastructureError, match="the revision has holes"):
-        search(tmp_path, Reviser("worse"), check=check).run("first", 1)
+    assert search(tmp_path, Reviser("worse"), check=check).run("first", 1).text == "first"
     assert {text for text, _ in played} == {"first"}
+    kept = msgspec.json.decode((tmp_path / RESULTS).read_bytes(), type=KeptSearch)
+    assert [(one.text, one.fault) for one in kept.candidates] == [
+        ("first", ""),
+        ("", "has holes that nothing fills: x"),
+    ]
+
+
+def test_a_round_whose_answer_is_no_prompt_is_over_and_the_next_one_is_told(tmp_path: Path, played: list):
+    told: list[str] = []
+    reviser = Reviser("worse", "", "better")
+    best = search(tmp_path, reviser, tell=lambda one: told.append(one.line)).run("first", 3)
+    assert best.text == "better"
+    assert [text for text, _ in played].count("first") == 4  # one aborted episode again, and none for the lost round
+    assert told[2] == "no prompt: the answer is cut off"
+    assert [one.text for one in reviser.tried] == ["worse", ""]
+    assert reviser.tried[0].results.startswith("TSR 0%") and reviser.tried[1].results == told[2]
+    assert (tmp_path / "revision-2-answered.txt").read_text() == "answered"
+    again: list[str] = []
+    assert search(tmp_path, Reviser(), tell=lambda one: again.append(one.line)).run("first", 3) == best
+    assert again == told
 
 
 def test_seeds_of_the_evaluation_are_refused(capsys: pytest.CaptureFixture[str]):

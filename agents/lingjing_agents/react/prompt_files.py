@@ -83,6 +83,8 @@ def checked(prompt: PromptText) -> PromptText:
     """The prompt itself. Raises `ValueError` for one that is empty or has a hole that nothing fills."""
     if not prompt.text.strip():
         raise ValueError("is empty")
+    if (size := len(prompt.text.encode("utf-8", "replace"))) > LONGEST_BYTES:
+        raise ValueError(f"has {size:,} bytes; a prompt has at most {LONGEST_BYTES:,}")
     template = Template(prompt.text)
     if not template.is_valid():
         raise ValueError("has a `$` that begins no name; write `$$` for a dollar sign")
