@@ -65,11 +65,10 @@ class NullFork(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
-    """One faculty of one agent that is to be blamed. `boundary` is where it began: the agent's first departure from
-    its reference, or, of an agent that never decides as its reference does, the last boundary from which the repair
-    still works. `first` to `last` is the smallest window of boundaries in which replacing it repairs; `replaced` counts
-    the records that are replaced in it. A `masked` one shows only where others are replaced: `boundary` is that of its
-    first departure there."""
+    """One faculty of one agent that is to be blamed. `first` to `last` is the smallest window of boundaries in which
+    replacing it repairs; `replaced` counts the records that are replaced in it. `boundary` is where it began: the
+    agent's first departure from its reference, or, of an agent that never decides as its reference does, `first`. A
+    `masked` one shows only where others are replaced: `boundary` is that of its first departure there."""
 
     agent: str
     faculty: Faculty
@@ -93,11 +92,11 @@ class Repair(msgspec.Struct, frozen=True, kw_only=True):
 class Blame(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be blamed for a lost episode.
 
-    `repairs` are all smallest repairing sets, those that replace the fewest records first; with `complete` all sets of
-    that size were tried. `departed` counts the pairs in which agents departed from their references in the trace.
-    `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is that of the branches, those
-    included that idle workers began ahead for nothing; `driven_s` that of running the episode again, `camera_s` that of
-    pictures, of which the branches needed `drawn` that the trace does not hold.
+    `repairs` are all smallest repairing sets, those that replace the fewest records first, of equals the later one;
+    with `complete` all sets of that size were tried. `departed` counts the pairs in which agents departed from their
+    references in the trace. `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is
+    that of the branches, those included that idle workers began ahead for nothing; `driven_s` that of running the
+    episode again, `camera_s` that of pictures, of which the branches needed `drawn` that the trace does not hold.
     """
 
     path: str
@@ -138,6 +137,13 @@ def blame(trace: Trace, options: BlameOptions | None = None, progress: HostProgr
     )  # fmt: skip
     with BranchHost(trace, branched, progress) as host:
         return _Search(host, options).run(told)
+
+
+def _least_and_latest(repair: Repair) -> tuple[bool, int, int]:
+    """The order of repairs: narrowed ones first, those that replace fewer records, those that begin later. Where a
+    later one suffices, nothing was lost yet at an earlier one: that only came before what lost the episode."""
+    replaced = sum(cause.replaced for cause in repair.causes)
+    return not repair.narrowed, replaced, -min(cause.first for cause in repair.causes)
 
 
 class _Search:
@@ -289,7 +295,7 @@ class _Search:
             self._repair(one, spans[number], narrowed=number < NARROWED and number not in cut)
             for number, one in enumerate(ranked)
         ]
-        return tuple(sorted(repairs, key=lambda one: (not one.narrowed, sum(cause.replaced for cause in one.causes))))
+        return tuple(sorted(repairs, key=_least_and_latest))
 
     def _spans(self, pairs: frozenset[AgentFaculty]) -> dict[AgentFaculty, Sequence[int]]:
         """The boundaries at which each pair of a repair was replaced."""

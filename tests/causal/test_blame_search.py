@@ -90,6 +90,24 @@ def test_faults_that_hide_each_other_in_a_row_are_found_one_after_the_other() ->
     assert host.asked.count("all at once") == 3
 
 
+def test_of_two_repairs_that_are_equally_small_the_later_one_comes_first() -> None:
+    class Either(MadeUp):
+        """Won where any of them is replaced."""
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            return {(faculty, agent): (tick,) for faculty, agent, tick in self.needed}
+
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            replaced = tuple(
+                ReplacedPart(tick, agent, faculty)
+                for faculty, agent, tick in self.needed
+                if (faculty, agent) in {(one.faculty, one.agent) for one in plan.substitutions}
+            )
+            return BranchResult(success=bool(replaced), reason="success" if replaced else "budget", replaced=replaced)
+
+    assert causes(searched(Either(WAY, ORDER))) == [[(*ORDER, False)], [(*WAY, False)]]
+
+
 def test_what_no_replacement_wins_is_said() -> None:
     class Lost(MadeUp):
         def _result(self, plan: BranchPlan) -> BranchResult:
