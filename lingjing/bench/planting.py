@@ -29,8 +29,8 @@ from lingjing.trace.records import CUT_SHORT, DecisionRecord
 OFF_M = {"localisation": 400.0, "waypoint": 200.0, "routing": 200.0}
 """How far to the north places are that a fault displaces."""
 
-HARMLESS = 2
-"""Episodes of a column that are won in spite of their fault."""
+DECOYS = 2
+"""So many episodes of a column that are won in spite of their fault, and so many with two faults."""
 
 
 class TriedPlay(msgspec.Struct, frozen=True, kw_only=True):
@@ -141,12 +141,14 @@ class Planting:
 class _Search:
     """The search in one column: seed after seed, fault after fault.
 
-    A way to fail that three plays were won in spite of, and none was lost by, is not tried again."""
+    A way to fail that three plays were won in spite of, and none was lost by, is not tried again. A seed that gives an
+    episode which another one gave (a mission may draw one of few instances) is passed over."""
 
     planting: Planting
     column: Column
     lost: dict[tuple[str, str], int] = field(default_factory=dict)
     won: dict[tuple[str, str], int] = field(default_factory=dict)
+    seen: set[str] = field(default_factory=set)
     count: dict[PlantedKind, int] = field(default_factory=lambda: {"one": 0, "two": 0, "harmless": 0, "none": 0})
 
     def episodes(self, found: list[PlantedEpisode]) -> Generator[PlayKey]:
@@ -155,13 +157,14 @@ class _Search:
             if self.count["one"] >= self.planting.plan.episodes:
                 return
             base = yield from self._played(seed, ())
-            if base is None or not base.success:
+            if base is None or not base.success or base.digest in self.seen:
                 continue
+            self.seen.add(base.digest)
             if not self.count["none"]:
                 self._found("none", base, base, found)
             losing = yield from self._one_by_one(seed, base, found)
             pair = _two(losing)
-            if pair and not self.count["two"]:
+            if pair and self.count["two"] < DECOYS:
                 both = yield from self._played(seed, pair)
                 if both is not None and not both.success:
                     self._found("two", both, base, found)
@@ -178,7 +181,7 @@ class _Search:
             if not play.success:
                 losing.append(play)
                 self._found("one", play, base, found)
-            elif self.count["harmless"] < HARMLESS:
+            elif self.count["harmless"] < DECOYS:
                 self._found("harmless", play, base, found)
             if len(losing) >= self.planting.plan.most:
                 break

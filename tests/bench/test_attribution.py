@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing.bench import planting
 from lingjing.bench.attribution import (
     METHODS,
     AttributionMethod,
@@ -252,6 +253,39 @@ def test_what_was_not_played_is_left_out(tmp_path: Path) -> None:
     plan = PlantingPlan("oracle", [1], plays=0)
     column = next(one for one in columns(shipped()) if one.name == "ssr-star")
     assert Planting(plan, tmp_path, LocalExecutor(), lambda line: None).run([column]) == []
+
+
+class Lost:
+    """Every episode with a fault is lost, every other one is won; all have the trace of the little harbour."""
+
+    jobs = 1
+
+    def __init__(self, report: EpisodeReport) -> None:
+        self.report = report
+        self.changed: tuple[int | None, tuple[str, ...]] = (None, ())
+
+    def play(self, tasks: Iterable[EpisodeTask]) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+        for task in tasks:
+            faults = task.options.policy_args["faults"]
+            self.changed = (min(one["boundary"] for one in faults), (faults[0]["agent"],)) if faults else (None, ())
+            task.folder.mkdir(parents=True)
+            (task.folder / "trace.mcap").write_bytes(Path(self.report.trace).read_bytes())
+            drawn = task.options.seed % 4  # one of four instances
+            yield task, msgspec.structs.replace(self.report, success=not faults, digest=f"{drawn} {faults}")
+
+
+def test_decoys_are_made_of_several_seeds_and_no_episode_twice(
+    report: EpisodeReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    executor = Lost(report)
+    monkeypatch.setattr(planting, "occasions", lambda trace: (FAULT, OTHER))
+    monkeypatch.setattr(planting, "first_change", lambda whole, given: executor.changed)
+    column = next(one for one in columns(shipped()) if one.name == "ssr-star")
+    plan = PlantingPlan("oracle", [1, 5, 2, 3])  # 5 gives the same episode as 1
+    found = Planting(plan, tmp_path, executor, lambda line: None).run([column])
+    assert [(one.kind, one.seed) for one in found if one.kind != "one"] == [("none", 1), ("two", 1), ("two", 2)]
+    assert [one.seed for one in found if one.kind == "one"] == [1, 1, 2, 2, 3, 3]
+    assert all({fault.agent for fault in one.faults} == {"scout[1]", "skipper"} for one in found if one.kind == "two")
 
 
 @pytest.mark.study
