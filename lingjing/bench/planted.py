@@ -5,7 +5,7 @@ One JSON object a line; the first says the format. `planting` makes the file, `a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -37,9 +37,10 @@ class FaultLabel(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     north_m: float = 0.0
 
 
-class PlantedEpisode(msgspec.Struct, frozen=True, kw_only=True):
+class PlantedEpisode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """An episode with its faults. `base` is the policy that they are planted in, `without` the digest of the won
-    episode without them, `digest`, `reason` and `ticks` are those with them."""
+    episode without them, `digest`, `reason` and `ticks` are those with them. `settings` are values of the mission's
+    parameters (SI) in place of its own."""
 
     kind: PlantedKind
     mission: str
@@ -51,27 +52,32 @@ class PlantedEpisode(msgspec.Struct, frozen=True, kw_only=True):
     digest: str
     reason: str
     ticks: int
+    settings: tuple[tuple[str, float], ...] = ()
 
     @property
     def name(self) -> str:
-        """`ssr-star-3 oracle: skipper execution at 12`."""
+        """`ssr-star-3 oracle: skipper execution at 12`, `idf-broadcast-dogs=1-2 oracle: no fault`."""
         faults = " + ".join(f"{one.agent} {one.faculty} at {one.boundary}" for one in self.faults) or "no fault"
-        return f"{self.mission}-{self.mode}-{self.seed} {self.base}: {faults}"
+        column = "-".join([self.mission, self.mode, *(f"{key}={value:g}" for key, value in self.settings)])
+        return f"{column}-{self.seed} {self.base}: {faults}"
 
     def options(self) -> PlayOptions:
         """How the episode is played."""
-        return faulty_options(self.mission, self.mode, self.seed, self.base, self.faults)
+        return faulty_options(self.mission, self.mode, self.seed, self.base, self.faults, dict(self.settings))
 
 
 class _Head(msgspec.Struct, frozen=True):
     format: str
 
 
-def faulty_options(mission: str, mode: str, seed: int, base: str, faults: Sequence[FaultLabel]) -> PlayOptions:
+def faulty_options(
+    mission: str, mode: str, seed: int, base: str, faults: Sequence[FaultLabel], settings: Mapping[str, float]
+) -> PlayOptions:
     """How an episode of the base policy with these faults is played."""
     return PlayOptions(
         mission=mission,
         mode=mode,
+        settings=dict(settings),
         seed=seed,
         policy=f"faulty-{base}",
         policy_args={"faults": [msgspec.to_builtins(one) for one in faults]},

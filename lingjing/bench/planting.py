@@ -110,7 +110,7 @@ class Planting:
         for column, (_, seed, base, faults) in zip(columns, keys, strict=True):
             place = self.folder / f"{column.name}-now" if faults else self.without(column, seed)
             rmtree(place, ignore_errors=True)
-            options = faulty_options(str(column.path), column.mode, seed, base, faults)
+            options = faulty_options(str(column.path), column.mode, seed, base, faults, column.settings)
             places[place] = (column, (column.name, seed, base, faults), EpisodeTask(options, place))
         for task, report in self.executor.play([task for _, _, task in places.values()]):
             column, key, _ = places[task.folder]
@@ -225,7 +225,8 @@ class _Search:
         self.count[kind] += 1
         found.append(PlantedEpisode(kind=kind, mission=self.column.mission, mode=self.column.mode, seed=play.seed,
                                     base=play.base, faults=play.faults, without=base.digest, digest=play.digest,
-                                    reason=play.reason, ticks=play.ticks))  # fmt: skip
+                                    reason=play.reason, ticks=play.ticks,
+                                    settings=tuple(self.column.settings.items())))  # fmt: skip
 
 
 def occasions(trace: Trace) -> tuple[FaultLabel, ...]:

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import parse_seeds
+from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.files import write_whole
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.bench.columns import Column
 
 
 def add_plant(plant: ArgumentParser) -> None:
     """Declare the options of `plant`."""
     plant.add_argument("-o", "--output", metavar="OUT.jsonl", type=Path, required=True, help="the file of episodes")
     plant.add_argument("--columns", metavar="NAME", nargs="+", help="missions in modes, as ssr-star (default: all)")
+    plant.add_argument("--set", metavar="PARAM=VALUE", action="append", default=[], help="a parameter of the missions")
     plant.add_argument("--policies", nargs="+", choices=("oracle", "heuristic"), default=["oracle", "heuristic"])
     plant.add_argument("--seeds", metavar="A-B", default="1-6", help="seeds in which faults are tried (default 1-6)")
     plant.add_argument("--most", metavar="N", type=int, default=3, help="episodes of one fault a seed (default 3)")
@@ -39,7 +45,7 @@ def plant_faults(args: argparse.Namespace) -> int:
     unknown = [name for name in args.columns or () if name not in known]
     if unknown:
         raise UsageError(f"--columns {unknown[0]}: no such column", hint=f"there are {', '.join(known)}")
-    wanted = [known[name] for name in args.columns or known]
+    wanted = [_set(known[name], parse_pairs("--set", args.set)) for name in args.columns or known]
     found = []
     for policy in args.policies:
         plan = PlantingPlan(policy, parse_seeds(args.seeds), args.most, args.tries, plays=args.plays)
@@ -49,6 +55,17 @@ def plant_faults(args: argparse.Namespace) -> int:
     ones = sum(one.kind == "one" for one in found)
     print(f"{args.output}: {ones} episodes with one fault that loses them, {len(found) - ones} decoys")
     return ExitCode.OK
+
+
+def _set(column: Column, pairs: Mapping[str, str]) -> Column:
+    """The column at these settings. Raises `UsageError` for one that its mission does not allow."""
+    from lingjing.dsl.loading.load import load_mission
+    from lingjing.mission.instantiate import parameters
+
+    mission = load_mission(column.path)
+    settings = parse_settings(pairs, mission)
+    parameters(mission, column.mode, settings)
+    return replace(column, settings=settings)
 
 
 def measure(path: Path, args: argparse.Namespace) -> int:

@@ -68,6 +68,24 @@ def test_the_file_reads_back_in_one_order(tmp_path: Path) -> None:
         read_planted(path)
 
 
+def test_an_episode_may_have_settings_of_its_own() -> None:
+    one = msgspec.structs.replace(episode("none", seed=4), settings=(("uavs", 2.0),))
+    assert one.name == "ssr-star-uavs=2-4 oracle: no fault"
+    assert one.options().settings == {"uavs": 2.0}
+    assert episode("none").options().settings == {}
+    assert b"settings" not in encode_planted([episode("none")])
+
+
+def test_a_setting_that_the_mission_does_not_have_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "mine.jsonl"
+    given = ["bench", "plant", "-o", str(out), "--plays", "0", "--columns", "idf-broadcast", "--policies", "oracle"]
+    assert main([*given, "--set", "vans=1"]) == ExitCode.USAGE
+    assert "vans" in capsys.readouterr().err
+    assert not out.exists()
+    assert main([*given, "--set", "dogs=1"]) == ExitCode.OK
+    assert read_planted(out) == ()
+
+
 def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
     suite, episodes = read_attribution_suite(SHIPPED)
     assert suite.name == "planted"
