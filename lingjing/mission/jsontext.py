@@ -14,30 +14,44 @@ from lingjing.errors import Fault, MissionError, UsageError
 _PLAIN = "write finite numbers and valid Unicode"
 
 _COMMENT = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
+_COMMA = re.compile(r'"(?:[^"\\]|\\.)*"|,(?=\s*[]}])')
 
 
 def without_comments(text: str) -> str:
     """The text with blanks in place of `// …` and `/* … */` outside of strings, so that lines and columns stay."""
     if "//" not in text and "/*" not in text:
         return text
-    return _COMMENT.sub(lambda found: found[0] if found[0][0] == '"' else re.sub(r"[^\n]", " ", found[0]), text)
+    return _COMMENT.sub(_blanked, text)
+
+
+def without_extras(text: str) -> str:
+    """The text with blanks in place of comments and of commas before a closing bracket, as people write both."""
+    return _COMMA.sub(_blanked, without_comments(text))
+
+
+def _blanked(found: re.Match[str]) -> str:
+    return found[0] if found[0][0] == '"' else re.sub(r"[^\n]", " ", found[0])
 
 
 def load(text: str, path: str, notes: list[str] | None = None, faults: list[Fault] | None = None) -> object:
     """The parsed document. `UsageError` if it is not JSON, `MissionError` for a number that is none.
 
     Python's reader is lenient where JSON is not: NaN, Infinity and numbers beyond a double are refused here by path.
-    With `notes`, comments are read over, and noted. With `faults`, all of them go there, and 0 or "" stands in.
+    With `notes`, comments and commas before a bracket are read over, and noted. With `faults`, all of them go there,
+    and 0 or "" stands in.
     """
     plain = text.removeprefix("\ufeff")
-    if notes is not None and (bare := without_comments(plain)) != plain:
-        notes.append("$: comments are no JSON; they are read over and kept")
-        plain = bare
+    if notes is not None:
+        for what, without in (("comments", without_comments), ("commas before a bracket", without_extras)):
+            if (bare := without(plain)) != plain:
+                notes.append(f"$: {what} are no JSON; they are read over and kept")
+                plain = bare
     try:
         value: object = json.loads(plain)
     except json.JSONDecodeError as error:
         raise UsageError(
-            f"{path}:{error.lineno}:{error.colno}: not JSON: {error.msg}", hint=_way_out(text, error.msg)
+            f"{path}:{error.lineno}:{error.colno}: not JSON: {error.msg}",
+            hint=_way_out(text, error.msg, strict=notes is None),
         ) from None
     except RecursionError:
         raise UsageError(f"{path}: nested too deeply to be a mission", hint="flatten the document") from None
@@ -54,7 +68,7 @@ def load(text: str, path: str, notes: list[str] | None = None, faults: list[Faul
 
 def repeated(text: str) -> Iterator[str]:
     """JSON paths of keys that stand more than once in their object, of a text that `load` accepts: the last counts."""
-    root = json.loads(without_comments(text.removeprefix("\ufeff")), object_pairs_hook=_Pairs)
+    root = json.loads(without_extras(text.removeprefix("\ufeff")), object_pairs_hook=_Pairs)
     stack: list[tuple[str, object]] = [("$", root)]
     while stack:
         where, value = stack.pop()
@@ -69,12 +83,13 @@ class _Pairs(list[tuple[str, object]]):
     """An object as it is written: a list of keys and values."""
 
 
-def _way_out(text: str, message: str) -> str:
+def _way_out(text: str, message: str, *, strict: bool) -> str:
     if not text.strip():
         return "the file is empty: was it written to its end?"
     if message.startswith("Extra data"):
         return "one document a file: remove what follows the first"
-    return "JSON takes double quotes, no comments and no comma before a closing bracket"
+    extras = ", no comments and no comma before a closing bracket" if strict else " around keys and texts"
+    return f"JSON takes double quotes{extras}"
 
 
 def _faults(root: object) -> Iterator[tuple[str, Any, Any, str]]:

@@ -128,6 +128,8 @@ def test_yaw_stands_in_the_place_and_is_unreals() -> None:
         (lambda w: {"type": "COMMAND", "data": w["scenario"]}, "the wire's envelope is taken off"),
         (lambda w: _rows(w, w["scenario"]["taskMatrix"][0]), "taskMatrix: is one object"),
         (lambda w: json.dumps(w).replace('"taskId"', '// 说明\n"taskId" /* id */', 1), "comments are no JSON"),
+        (lambda w: json.dumps(w).replace("}]", "} , ]").replace("]}", "],\n}"), "commas before a bracket are no JSON"),
+        (lambda w: _drones(w, w["scenario"]["equipmentList"]["droneEntityList"][0]), "droneEntityList: is one object"),
         (lambda w: json.dumps(w, separators=(",", ":")), ""),
         (lambda w: json.dumps(w).replace("droneEntityList", "drone_entity_list"), ""),
         (lambda w: json.dumps(w).replace("equipmentCode", "equipment_code").replace("taskMatrix", "task_matrix"), ""),
@@ -143,6 +145,11 @@ def test_wrappings(edit: Callable[[Json], Json | str], note: str) -> None:
 
 def _rows(whole: Json, rows: Json) -> Json:
     whole["scenario"]["taskMatrix"] = rows
+    return whole
+
+
+def _drones(whole: Json, drones: Json) -> Json:
+    whole["scenario"]["equipmentList"]["droneEntityList"] = drones
     return whole
 
 
@@ -397,6 +404,26 @@ def test_a_seed_has_bounds(seed: int, said: str) -> None:
     with pytest.raises(MissionError) as caught:
         play(whole)
     assert [(one.where, one.message) for one in caught.value.faults] == [("$.scenario.lingjing.seed", said)]
+
+
+def test_faults_beside_places_that_are_none_are_told_as_well() -> None:
+    whole = document({"goalFirePosition": "here", "leak": [1]}, drones=2, task_type=5)
+    drones = whole["scenario"]["equipmentList"]["droneEntityList"]
+    drones[0] = {"equipmentCode": {"a": 1}, "data": {"lon": 500.0, "lat": 2.0}}
+    del drones[1]["data"]
+    whole["scenario"]["lingjing"] = {"origin": [1.0]}
+    with pytest.raises(MissionError) as caught:
+        play(whole)
+    listed, state = "$.scenario.equipmentList.droneEntityList", "$.scenario.taskMatrix[0].initial_state"
+    assert [(one.where, one.message) for one in caught.value.faults] == [
+        ("$.scenario.lingjing.origin", "'[1]' is missing"),
+        (f"{listed}[0].equipmentCode", "a text is due, this is an object"),
+        (f"{listed}[0].data.lon", "is 500, at most 180 is due"),
+        (f"{listed}[1]", "'data' is missing"),
+        ("$.scenario.taskMatrix[0].task_type", "a text is due, this is the number 5"),
+        (f"{state}.goalFirePosition", "a place or a list of places is due, this is the text 'here'"),
+        (f"{state}.leak[0]", "an object is due, this is the number 1"),
+    ]
 
 
 def test_what_is_there_and_what_is_wanting_is_said() -> None:

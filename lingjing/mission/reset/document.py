@@ -34,7 +34,7 @@ class Parsed:
     path: str
     file: str
     raw: Mapping[str, Any]
-    envelope: Mapping[str, Any] = field(default_factory=dict)
+    envelope: CommandEnvelope | None = None
     notes: list[str] = field(default_factory=list)
     spelt: Spelt = field(default_factory=lambda: Spelt({}))
     faults: list[Fault] = field(default_factory=list)
@@ -124,11 +124,6 @@ def parse(text: str, path: str) -> Parsed:
     shape: type[CommandEnvelope | Scenario] = CommandEnvelope if "scenario" in value else Scenario
     if shape is CommandEnvelope and isinstance(value["scenario"], dict):
         spelt.rename(value["scenario"], Scenario, f"{root}.scenario")
-    rows = value["scenario"] if shape is CommandEnvelope else value
-    if isinstance(rows, dict) and isinstance(rows.get("taskMatrix"), dict):
-        notes.append(
-            f"{root}{'.scenario' if shape is CommandEnvelope else ''}.taskMatrix: is one object, read as its only row"
-        )
     spelt.unify(value, shape, root)
     inner, where = (value["scenario"], f"{root}.scenario") if shape is CommandEnvelope else (value, root)
     raw = inner if isinstance(inner, dict) else {}
@@ -144,8 +139,8 @@ def parse(text: str, path: str) -> Parsed:
     found = [*faults, *(fault for fault in spelt.faults if fault.where not in told)]
     if read is None:
         raise document_error(path, found)
+    envelope = read if isinstance(read, CommandEnvelope) else None
     whole = read.scenario if isinstance(read, CommandEnvelope) else read
-    envelope = value if shape is CommandEnvelope else {}
     return Parsed(whole, where, path, raw, envelope, [*notes, *spelt.notes], spelt, found, decided, place)
 
 

@@ -81,7 +81,7 @@ def with_template(text: str, name: str) -> str:
 
 def _scenario_span(text: str) -> tuple[int, set[str]]:
     """Where the scenario's opening brace stands, and the scenario's keys."""
-    plain = jsontext.without_comments(text)
+    plain = jsontext.without_extras(text)
     start = len(plain) - len(plain.removeprefix("\ufeff").lstrip())
     members = _members(plain, start)
     for envelope in ("data", "scenario"):

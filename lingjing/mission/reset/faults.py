@@ -14,6 +14,7 @@ from lingjing.mission.reset.spelling import Spelt
 from lingjing.validation import due_for, limit, shown
 
 _PLACE = "give X and Y in centimetres, or lon and lat in degrees"
+_PLACE_INSIDE = '"data" holds the place: ' + _PLACE
 _SCHEMA = "schemas/reset-scenario.schema.json describes the document"
 
 
@@ -31,10 +32,12 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
         if one["type"] == "too_short" and one["input"]:
             continue  # there are entries, whose own faults are told
         where, missing = _path(one["loc"], value, root, spelt)
+        told = where
         if one["type"] in ("missing", "extra_forbidden"):
             where, missing = where.rpartition(".")[0] if not missing else where, missing or where.rpartition(".")[2]
-        if f"{where}.{missing}" not in seen:
-            seen.add(f"{where}.{missing}")
+            told = f"{where}.{missing}"
+        if told not in seen:
+            seen.add(told)
             yield Fault(where, *_worded(one, missing))
         if _lacks_a_place(one["loc"], value):
             yield Fault(_path(one["loc"][:-1], value, root, spelt)[0], f"has {PLACELESS}", _PLACE)
@@ -64,6 +67,8 @@ def _path(loc: tuple[int | str, ...], value: object, root: str, spelt: Spelt) ->
             where, value = f"{where}.{spelt.key(value, part)}", value[part]
         elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
             where, value = f"{where}[{part}]", value[part]
+        elif isinstance(value, list | tuple):
+            return where, f"[{part}]"
     return where, ""
 
 
@@ -71,7 +76,7 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
     """What is wrong, and the way out."""
     kind, given, limits = one["type"], one["input"], one.get("ctx", {})
     if kind == "missing":
-        return f"'{key}' is missing", "add the field; " + _SCHEMA
+        return f"'{key}' is missing", _PLACE_INSIDE if key == "data" else "add the field; " + _SCHEMA
     if kind == "extra_forbidden":
         return (
             f"unknown field '{key}'",

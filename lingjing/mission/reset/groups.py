@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple, TypeGuard
 
 import msgspec
@@ -107,19 +108,14 @@ def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: P
 
 def _headings(group: model.Group, spots: Sequence[Spot], parsed: Parsed) -> tuple[float, ...]:
     """The compass headings of all; none where nobody has one. Spellings that disagree are noted."""
-    found: list[float] = []
-    for spot in spots:
-        given = spot.part.headings
-        first = next(iter(given.values()), None)
-        if first is None:
-            if any(other.part.headings for other in spots):
-                parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
-            continue
-        if any(abs((one - first + 180.0) % 360.0 - 180.0) > AGREE_DEG for one in given.values()):
+    given = [spot.part.headings for spot in spots]
+    for spot, named in zip(spots, given, strict=True):
+        if not named and any(given):
+            parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
+        if any(abs((one - other + 180.0) % 360.0 - 180.0) > AGREE_DEG for one, other in pairwise(named.values())):
             where = spot.path.removesuffix(".data")
-            parsed.notes.append(f"{where}: {', '.join(given)} disagree; {next(iter(given))} counts")
-        found.append(first)
-    return tuple(found)
+            parsed.notes.append(f"{where}: {', '.join(named)} disagree; {next(iter(named))} counts")
+    return tuple(next(iter(named.values())) for named in given if named)
 
 
 def origin_of(mission: model.Mission) -> tuple[float, float]:

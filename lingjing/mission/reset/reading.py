@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 
-from lingjing.errors import UsageError
+from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
 from lingjing.mission.instance import Weather
@@ -47,11 +47,17 @@ def instantiate_document(
     path of every fault.
     """
     parsed = parse(text, path)
+    before = len(parsed.faults)
     found = hidden_fields(parsed)
     first = len(parsed.faults)
     if first and not parsed.decided:
         raise document_error(path, parsed.faults)
-    name, where, why = template_name(parsed, found)
+    try:
+        name, where, why = template_name(parsed, found)
+    except MissionError:
+        if first > before:  # what hidden places could not be read may have told the template
+            raise document_error(path, parsed.faults) from None
+        raise
     try:
         template = templates(name)
     except KeyError:

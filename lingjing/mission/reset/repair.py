@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from lingjing.errors import Fault
-from lingjing.mission.reset.shapes import LISTS, P, folded
+from lingjing.mission.reset.shapes import LISTS, PLACES, Data, P, folded
 
 ROUNDS = 8
 """A mended value may show another fault; after so many rounds the document is given up."""
@@ -27,11 +27,15 @@ def stand_in(scenario: Mapping[str, Any]) -> dict[str, float]:
     rows = [row for one in LISTS for row in _rows(lists.get(one.name) if isinstance(lists, Mapping) else None)]
     for row in rows:
         data = row.get("data")
-        for pair in (("X", "Y"), ("lon", "lat")):
+        for pair in PLACES:
             given = {name: data.get(name) for name in pair} if isinstance(data, Mapping) else {}
-            numbers = {name: one for name, one in given.items() if type(one) in (int, float) and abs(one or 0) < _MOST}
-            if len(numbers) == len(pair):
-                return {name: float(one or 0) for name, one in numbers.items()}
+            try:
+                place = Data.model_validate(given)
+            except ValidationError:
+                continue
+            found = {name: float(one) for name, one in zip(("X", "Y", "lon", "lat"), place.pairs, strict=True) if one}
+            if all(abs(one) < _MOST for one in found.values()):
+                return dict.fromkeys(pair, 0.0) | found
     return {"X": 0.0, "Y": 0.0}
 
 
@@ -72,6 +76,8 @@ def _mend(value: Any, kind: str, location: tuple[int | str, ...], place: Mapping
     for part in location:
         inside = isinstance(value, dict) and isinstance(part, str)
         if inside and part not in value:
+            if kind != "missing":
+                break  # pydantic names the types of a union where a document has keys
             value[part] = {"data": dict(place), "equipmentList": {}, "taskMatrix": [{}]}.get(str(part), {})
             return part not in _DECIDING
         if inside or (isinstance(value, list) and isinstance(part, int) and part < len(value)):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -64,26 +65,31 @@ class DocumentPart(BaseModel):
         extra="allow", frozen=True, strict=True, alias_generator=to_camel, populate_by_name=False, allow_inf_nan=False
     )
 
-    @classmethod
-    def spellings(cls) -> Mapping[str, str]:
-        """Every known key, folded, and the key it stands for."""
-        known: dict[str, str] = {}
-        for name, info in cls.model_fields.items():
-            key = info.alias or name
-            extra = info.json_schema_extra
-            others = extra.get("spellings", []) if isinstance(extra, dict) else []
-            known |= {folded(one): key for one in (key, *(others if isinstance(others, list) else []))}  # type: ignore[arg-type]
-        return known
 
-    @classmethod
-    def parts(cls) -> Mapping[str, tuple[type[DocumentPart], bool]]:
-        """The keys that hold parts of their own: of which shape, and whether as a list."""
-        found = {}
-        for name, info in cls.model_fields.items():
-            shape = _shape(info.annotation)
-            if shape is not None and get_origin(info.annotation) is not dict:
-                found[info.alias or name] = shape, "tuple[" in str(info.annotation)
-        return found
+class ShapeKeys(NamedTuple):
+    """The keys of a shape; every spelling of one, folded; the keys that nothing reads; those that hold parts of their
+    own, of which shape, and whether as a list."""
+
+    own: frozenset[str]
+    spellings: Mapping[str, str]
+    free: frozenset[str]
+    parts: Mapping[str, tuple[type[DocumentPart], bool]]
+
+
+@cache
+def keys_of(shape: type[DocumentPart]) -> ShapeKeys:
+    """How documents may spell a shape, and what is in it."""
+    fields = {info.alias or name: info for name, info in shape.model_fields.items()}
+    spellings: dict[str, str] = {}
+    parts = {}
+    for key, info in fields.items():
+        extra: Any = info.json_schema_extra
+        spellings |= dict.fromkeys(map(folded, (key, *(extra or {}).get("spellings", ()))), key)
+        inner = _shape(info.annotation)
+        if inner is not None and get_origin(info.annotation) is not dict:
+            parts[key] = inner, "tuple[" in str(info.annotation)
+    free = frozenset(key for key, info in fields.items() if info.annotation is Any)
+    return ShapeKeys(frozenset(fields), spellings, free, parts)
 
 
 def _shape(annotation: Any) -> type[DocumentPart] | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from lingjing.errors import Fault
 from lingjing.mission.reset.elements import lifted
-from lingjing.mission.reset.shapes import DocumentPart, Satellite, folded
+from lingjing.mission.reset.shapes import DocumentPart, Satellite, folded, keys_of
 
 
 class Spelt:
@@ -27,10 +27,11 @@ class Spelt:
         self.rename(value, shape, where)
         if issubclass(shape, Satellite):
             lifted(value)
-        for key, (inner, many) in shape.parts().items():
+        for key, (inner, many) in keys_of(shape).parts.items():
             found = value.get(key)
             at = f"{where}.{self.key(value, key)}"
             if many and isinstance(found, dict):
+                self.notes.append(f"{at}: is one object, read as its only row")
                 value[key] = [self.unify(found, inner, at)]
             elif many and isinstance(found, list):
                 value[key] = [self.unify(one, inner, f"{at}[{k}]") for k, one in enumerate(found)]
@@ -47,19 +48,17 @@ class Spelt:
 
         Of two spellings of one field the one that is not empty counts; two that are not and differ are a fault.
         """
-        known = shape.spellings()
-        own = {info.alias or name for name, info in shape.model_fields.items()}
-        free = {info.alias or name for name, info in shape.model_fields.items() if info.annotation is Any}
+        known = keys_of(shape)
         renamed = {}
-        for key in list(value):
-            name = known.get(folded(key))
-            if name is None or key in own:
+        for key in [key for key in value if key not in known.own]:
+            name = known.spellings.get(folded(key))
+            if name is None:
                 continue
             if name not in value or (value[name] in _EMPTY and value[key] not in _EMPTY):
                 value[name] = value.pop(key)
                 self._original[id(value), name] = key
                 renamed[key] = name
-            elif value[key] not in _EMPTY and value[key] != value[name] and name not in free:
+            elif value[key] not in _EMPTY and value[key] != value[name] and name not in known.free:
                 said = f"'{self.key(value, name)}' and '{key}' spell one field and differ"
                 self.faults.append(Fault(where, said, "leave one of them"))
         self._kept.append(value)  # its identity must stay its own

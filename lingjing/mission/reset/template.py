@@ -172,7 +172,8 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
         unheard = _listing(dict.fromkeys(f"'{one.key}'" for one in found))
         hint = f"take it out, or name a template of your own that has a target of type {found[0].field.types[0]}"
         raise parsed.fault(found[0].path, f"no template has anything for {unheard}", hint)
-    possible = [one for one in signatures() if one.equipped(frozenset(lists))] or list(signatures())
+    known = [one for one in signatures() if not one.of]
+    possible = [one for one in known if one.equipped(frozenset(lists))] or known
     names = ", ".join(one.mission for one in possible)
     what = f"of {seen}" if seen else "of empty lists"
     lacking = "" if found else " without any hidden place"
