@@ -12,6 +12,8 @@ from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
 
 from agents.tests.chat_server import Reply, completion, serve
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
 from lingjing.plugins.calls import UnrecordedCalls
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import read_options
@@ -306,3 +308,19 @@ def test_without_a_price_no_money_is_capped():
         open_model(options(**given), Capped())
     for more in ({"price_in": 0, "price_out": 0}, {"price_in": 1, "price_out": 2}):
         assert open_model(options(**given, **more), Capped()).profile.traits.priced
+
+
+def test_plugins_lists_the_rest_where_the_own_list_of_models_is_faulty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "own.toml").write_text("[models.mine]\nserved = 3\nprice_in = 1.0\n")
+    monkeypatch.setenv("LINGJING_MODELS", str(tmp_path / "own.toml"))
+    assert main(["plugins"]) == ExitCode.USAGE
+    told = capsys.readouterr()
+    assert {line.split()[0] for line in told.out.splitlines()} == {"engine", "policy", "scene", "evaluator", "detector"}
+    assert "models.mine.service: is missing" in told.err
+    assert "hint: models.toml" in told.err
+    assert main(["plugins", "react"]) == ExitCode.OK
+    assert "max_tokens" in capsys.readouterr().out
+    assert main(["plugins", "gpt-5.5"]) == ExitCode.USAGE
+    assert "models.mine.service: is missing" in capsys.readouterr().err

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
@@ -23,6 +23,9 @@ from lingjing.suggest import nearest
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
+
+_Offered = TypeVar("_Offered")
 
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,24 +56,30 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print the list; if a plug-in is broken, print which ones load and which do not, and fail as it did."""
+    """Print the list; if a plug-in is broken, print which ones load and which do not, and fail as it did. Where one
+    offers no models or detectors for a fault of its own, of a list of models say, the rest is printed before it fails.
+    """
     try:
         host = PluginHost()
     except PluginError:
         _print_entry_points()
         raise
-    found = tuple(offers(host)) if args.name is None else tuple(offers_called(args.name, host))
+    faults: list[PluginError] = []
+    found = tuple(offers(host, faults)) if args.name is None else tuple(offers_called(args.name, host))
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode(found).decode() + "\n")
     elif args.name is None:
         print_columns([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
     else:
         _print_options(found)
+    if faults:
+        sys.stdout.flush()
+        raise faults[0]
     return ExitCode.OK
 
 
-def offers(host: PluginHost) -> Iterator[Offer]:
-    """Everything on offer, by kind and name."""
+def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[Offer]:
+    """Everything on offer, by kind and name. What is read from files may be faulty: it is left out and put down."""
     for engine in host.engines.values():
         notes = f"{engine.place}, sensor" if engine.sensor else engine.place
         source = host.sources["lingjing_engines", engine.name]
@@ -83,18 +92,26 @@ def offers(host: PluginHost) -> Iterator[Offer]:
     for evaluator in host.evaluators.values():
         source = host.sources["lingjing_evaluators", evaluator.name]
         yield Offer(kind="evaluator", name=evaluator.name, source=source, summary=evaluator.summary)
-    for model in host.models.values():
+    for model in _read(lambda: host.models, faults):
         source = host.sources["lingjing_models", model.name]
         yield Offer(kind="model", name=model.name, source=source, notes=_price(model), summary=model.summary)
-    for detector in host.detectors.values():
+    for detector in _read(lambda: host.detectors, faults):
         source = host.sources["lingjing_detectors", detector.name]
         yield Offer(kind="detector", name=detector.name, source=source, summary=detector.summary)
+
+
+def _read(read: Callable[[], Mapping[str, _Offered]], faults: list[PluginError]) -> Iterable[_Offered]:
+    try:
+        return read().values()
+    except PluginError as error:
+        faults.append(error)
+        return ()
 
 
 def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
     """What is called `name`, an engine and a scene perhaps, or the policy in a file, with the options of each.
 
-    Raises `UsageError` if nothing is called so.
+    Raises `UsageError` if nothing is called so, and `PluginError` if what may be called so could not be read.
     """
     if name.partition(":")[0].endswith(".py"):
         from lingjing.play.policy_files import load_policy
@@ -102,9 +119,13 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
         policy = load_policy(name, host)
         yield _policy_offer(policy, name.partition(":")[0], option_specs(options_model(policy)))
         return
-    found = [offer for offer in offers(host) if offer.name == name]
+    faults: list[PluginError] = []
+    every = list(offers(host, faults))
+    found = [offer for offer in every if offer.name == name]
+    if not found and faults:
+        raise faults[0]
     if not found:
-        close = nearest(name, [offer.name for offer in offers(host)])
+        close = nearest(name, [offer.name for offer in every])
         hint = f"did you mean `{close}`?" if close else "`lingjing plugins` lists all names"
         raise UsageError(f"nothing that is installed is called `{name}`", hint=hint)
     for offer in found:

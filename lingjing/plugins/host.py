@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 import pluggy
 
-from lingjing.errors import PluginError, UsageError
+from lingjing.errors import LingjingError, PluginError, UsageError
 from lingjing.plugins import hookspecs
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
@@ -113,7 +113,8 @@ class PluginHost:
         try:
             return tuple(function())  # type: ignore[operator]
         except Exception as error:
-            raise PluginError(f"plug-in `{source}` failed in {hook}: {error}") from error
+            hint = error.hint if isinstance(error, LingjingError) else ""
+            raise PluginError(f"plug-in `{source}` failed in {hook}: {error}", hint=hint) from error
 
     def _get(self, kind: str, table: dict[str, NamedT], name: str) -> NamedT:
         if name in table:
