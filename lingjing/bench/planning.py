@@ -313,34 +313,37 @@ class _Reader:
         self._check_modes(f"{where}.modes", condition.modes, missions)
         for mission in missions:
             settings = self._settings(where, condition.settings, mission)
+            whole = settings.keys() == condition.settings.keys()
             for mode in mission.modes.allowed:
-                if mode in (condition.modes or modes or mission.modes.allowed) and settings is not None:
-                    fine = self._check_settings(where, mission, mode, settings)
-                    if fine:
+                if mode in (condition.modes or modes or mission.modes.allowed):
+                    fine = self._check_settings(where, mission, mode, settings, whole)
+                    if fine and whole:
                         column = Column(self.files[mission.name], mission.name, mode, settings)
                         yield _Place(
                             where, column, condition.name, condition.args, condition.entrants, condition.baseline, at
                         )
 
-    def _settings(self, where: str, given: Mapping[str, Plain], mission: Mission) -> dict[str, float] | None:
-        """The settings in SI units; None if one is wrong."""
+    def _settings(self, where: str, given: Mapping[str, Plain], mission: Mission) -> dict[str, float]:
+        """The settings in SI units, but for those that cannot be read."""
         read: dict[str, float] = {}
-        before = len(self.faults)
         for name, value in given.items():
             try:
                 read[name] = read_setting(mission, name, value) if isinstance(value, str) else float(value)
             except UsageError as error:
                 self._fault(f"{where}.settings.{name}", str(error), error.hint)
-        return read if len(self.faults) == before else None
+        return read
 
-    def _check_settings(self, where: str, mission: Mission, mode: str, settings: Mapping[str, float]) -> bool:
+    def _check_settings(
+        self, where: str, mission: Mission, mode: str, settings: Mapping[str, float], whole: bool
+    ) -> bool:
+        """Whether they may be as they are, each by itself and, if they are `whole`, all together."""
         before = len(self.faults)
         for name, value in settings.items():
             try:
                 parameters(mission, mode, {name: value})
             except LingjingError as error:
                 self._fault(f"{where}.settings.{name}", str(error), error.hint)
-        if len(self.faults) == before:
+        if whole and len(self.faults) == before:
             try:
                 instantiate(mission, seed=0, mode=mode, settings=settings)
             except LingjingError as error:

@@ -8,7 +8,7 @@ import re
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Expr, Number
 from lingjing.mission.model import Mission
-from lingjing.mission.units import Unit, dimension_name, unit_of
+from lingjing.mission.units import NONE, Dimension, dimension_name, unit_of
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
 
@@ -29,12 +29,15 @@ def read_setting(mission: Mission | None, name: str, text: str) -> float:
     if unit is None:
         raise UsageError(f"there is no unit `{match[2]}`", hint="without a unit it is in SI units")
     parameters = mission.parameters if mission is not None else ()
-    expected = next((_unit_of(one.default) for one in parameters if one.name == name), None)
-    if expected is not None and unit.dimension != expected.dimension:
-        raise UsageError(f"{dimension_name(unit.dimension)} where {dimension_name(expected.dimension)} is due")
+    expected = next((_dimension_of(one.default) for one in parameters if one.name == name), None)
+    if expected is not None and unit.dimension != expected:
+        raise UsageError(f"{dimension_name(unit.dimension)} where {dimension_name(expected)} is due")
     return value * unit.factor
 
 
-def _unit_of(default: Expr) -> Unit | None:
-    """The unit of a parameter whose default is a plain quantity; None where it is computed."""
-    return unit_of(default.unit) if isinstance(default, Number) and default.unit else None
+def _dimension_of(default: Expr) -> Dimension | None:
+    """The dimension of a parameter whose default is a plain quantity; None where it is computed."""
+    if not isinstance(default, Number):
+        return None
+    unit = unit_of(default.unit) if default.unit else None
+    return unit.dimension if unit is not None else NONE

@@ -90,7 +90,7 @@ settings = { points = 99 }
 args = { scrip = "" }
 [[conditions]]
 missions = ["cd"]
-settings = { point = 5 }
+settings = { point = 5, points = "6 kg", vans = 99 }
 [[conditions]]
 baseline = 3
 args = { memory = 4 }
@@ -99,7 +99,8 @@ args = { memory = 4 }
     assert sorted(line.partition(":")[0] for line in faults(text, tmp_path, host)) == [
         "args.skript", "conditions[0].args.memory", "conditions[0].entrants[0]", "conditions[1].args.script",
         "conditions[1].modes[0]", "conditions[2].args.scrip", "conditions[2].settings.points",
-        "conditions[3].name", "conditions[3].settings.point", "conditions[4].args.memory", "conditions[4].baseline",
+        "conditions[3].name", "conditions[3].settings.point", "conditions[3].settings.points",
+        "conditions[3].settings.vans", "conditions[4].args.memory", "conditions[4].baseline",
         "conditions[4].name",
         "entrants[2].args.script", "seeds",
     ]  # fmt: skip
@@ -141,6 +142,10 @@ def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, hos
         (
             '[[conditions]]\nname = "c"\nmissions = ["bi"]\nsettings = { altitude = "60 kg" }',
             "conditions[0].settings.altitude: mass where length is due",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nmissions = ["cd"]\nsettings = { points = "6 kg" }',
+            "conditions[0].settings.points: mass where number is due",
         ),
         (
             '[[conditions]]\nname = "c"\nmissions = ["cd"]\nsettings = { points = 99 }',
