@@ -22,5 +22,6 @@
 - `history`     what a picture of the episode needs, gathered by entity and by tick
 - `played_city` the city of an episode, built again, and whom to name for its map
 - `page_pictures` the map with the trails and the best picture of each camera, for pages
-- `overview`    `draw_overview(trace, path)`: the picture; the only module here that needs matplotlib
+- `fonts`       a font for whatever letters a text has
+- `overview`    `draw_overview(trace, path)`: the picture; it and `fonts` alone here need matplotlib
 """

@@ -82,11 +82,12 @@ def trails_png(trace: Trace) -> bytes:
     from lingjing.analysis.overview.style import as_written
 
     out = io.BytesIO()
-    with as_written():
+    source = credit(trace.header.attribution)
+    with as_written(source):
         figure = Figure(figsize=MAP_IN, dpi=MAP_DPI, facecolor="white")
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.01, 0.085, 0.98, 0.875))
-        draw_map(axes, history_of(trace), city_of(trace), credit(trace.header.attribution), legend_columns=5)
+        draw_map(axes, history_of(trace), city_of(trace), source, legend_columns=5)
         figure.savefig(out, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
     return out.getvalue()
 

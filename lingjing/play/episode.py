@@ -251,14 +251,14 @@ def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeRepor
 
 
 def _draw_overview(trace: Trace, city: City) -> tuple[str, ...]:
-    """A warning if it cannot be drawn: the trace holds everything, and a score is not lost for want of its picture."""
+    """Warnings, also if it cannot be drawn: the trace holds everything, and a score is not lost for want of its
+    picture."""
     from lingjing.analysis.overview import draw_overview
 
     try:
-        draw_overview(trace, trace.path.with_name(OVERVIEW_NAME), city)
+        return draw_overview(trace, trace.path.with_name(OVERVIEW_NAME), city)
     except UsageError as error:
         return (f"no overview: {error}",)
-    return ()
 
 
 def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:

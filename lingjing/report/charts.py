@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+from lingjing.analysis.fonts import font, lacking
 from lingjing.report.drawing import (
     SERIES,
     Drawing,
@@ -23,7 +24,6 @@ from lingjing.report.drawing import (
     tone_of,
 )
 from lingjing.report.estimates import BoundedEstimate
-from lingjing.viewer.fonts import font, lacking
 
 WIDE = 360.0
 """The width of a chart: a phone's, so that letters are read there as on a desk."""

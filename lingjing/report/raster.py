@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from PIL import Image, ImageColor, ImageDraw
 
+from lingjing.analysis.fonts import font, lacking, letters_without_a_font
 from lingjing.report.drawing import (
     LIGHT,
     Drawing,
@@ -20,7 +21,6 @@ from lingjing.report.drawing import (
     WordsMark,
 )
 from lingjing.terminal import visible
-from lingjing.viewer.fonts import font, lacking, letters_without_a_font
 
 SCALE = 2
 """Pixels of the file for each unit."""

@@ -9,7 +9,6 @@
 - `single`    the page with an episode in it as one file
 - `moments`   the moments that explain an episode
 - `frames`    the frames of a film
-- `fonts`     a font for whatever letters a text has
 - `film`      the film as a file
 - `told`      records as a watcher may know them
 - `rerun_recording` a trace as a Rerun recording with its blueprint

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from lingjing.analysis.fonts import note_of_boxes
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.viewer.fonts import letters_without_a_font
 from lingjing.viewer.frames import HEIGHT, WIDTH, FilmFrames, frames_of
 from lingjing.viewer.moments import moments, schedule
 from lingjing.viewer.narrated import Narration
@@ -55,10 +55,7 @@ def film_notes(told: Narration) -> tuple[str, ...]:
     """What is said once where letters are drawn as boxes."""
     found = moments(told.steps, told.trace, truth=told.truth) if told.steps else ()
     texts = (told.head.title, told.head.goal, told.head.credit, told.ending().line, *(one.text for one in found))
-    letters = letters_without_a_font("".join(texts))
-    if not letters:
-        return ()
-    return (f"no font here has {letters[:8]!r}: they are drawn as boxes (fonts-noto-cjk has Chinese, for example)",)
+    return note_of_boxes("".join(texts))
 
 
 def film_frames(told: Narration, rate: int) -> Iterator[Image.Image]:

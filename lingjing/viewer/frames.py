@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from lingjing.analysis.fonts import font, lacking
 from lingjing.errors import LingjingError
 from lingjing.mission.geometry2d import Extent
 from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.trace.reader import Trace
-from lingjing.viewer.fonts import font, lacking
 from lingjing.viewer.ground import STEP_PER_M, GroundShape, PageGround
 from lingjing.viewer.head import EndingCard, EpisodeHead
 from lingjing.viewer.moments import Moment

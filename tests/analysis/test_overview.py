@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from lingjing.analysis import fonts
 from lingjing.analysis.detection import detect
 from lingjing.analysis.history import History, HistoryEvent, history_of
 from lingjing.analysis.metrics import metrics
@@ -36,6 +37,26 @@ def test_a_title_is_written_as_it_is(trace: Trace, tmp_path: Path) -> None:
     """A dollar sign begins no formula, least of all one that cannot be read."""
     header = replace(trace.header, instance=replace(trace.header.instance, title=r"$\frac{$ of $x_1$"))
     assert drawn(dataclasses.replace(trace, header=header), tmp_path / "overview.png").shape == (1200, 1800, 3)
+
+
+def titled(trace: Trace, title: str) -> Trace:
+    header = replace(trace.header, instance=replace(trace.header.instance, title=title))
+    return dataclasses.replace(trace, header=header, boundaries=trace.boundaries[:1], outcome=None)
+
+
+def test_a_title_in_chinese_is_written_in_a_font_that_has_it(trace: Trace, tmp_path: Path) -> None:
+    """However old matplotlib's list of fonts is: two titles that differ in their letters would be the same boxes."""
+    if fonts.letters_without_a_font("海上搜救"):
+        pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
+    pages = [drawn(titled(trace, title), tmp_path / "overview.png") for title in ("海上", "搜救")]
+    assert (pages[0][:60] != pages[1][:60]).any()
+
+
+def test_letters_that_no_font_has_are_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fonts, "_font_with", lambda letters: None)
+    (note,) = draw_overview(titled(trace, "海上"), tmp_path / "overview.png")
+    assert note.startswith("no font here has '") and "drawn as boxes" in note
+    assert draw_overview(titled(trace, "Sea"), tmp_path / "overview.png") == ()
 
 
 def test_a_long_title_leaves_room_for_who_played(trace: Trace, tmp_path: Path) -> None:

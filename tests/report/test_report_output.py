@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from lingjing.analysis import fonts
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
 from lingjing.report.charts import (
@@ -31,7 +32,6 @@ from lingjing.report.figure_kinds import FIGURES
 from lingjing.report.raster import SCALE, boxed_letters, png_file
 from lingjing.report.sheet import sheet_of
 from lingjing.report.vector import inline_svg, svg_file
-from lingjing.viewer import fonts
 from tests.bench.suite_kit import made_row
 
 EVIL = "</title><script>alert(1)</script>'\"&\u202e\x1b[31m"

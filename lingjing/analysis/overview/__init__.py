@@ -18,8 +18,8 @@ from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
 
 
-def draw_overview(trace: Trace, path: Path, city: City | None = None) -> None:
-    """Draw `trace`, whole or cut, as a PNG of 1800 by 1200 pixels at `path`.
+def draw_overview(trace: Trace, path: Path, city: City | None = None) -> tuple[str, ...]:
+    """Draw `trace`, whole or cut, as a PNG of 1800 by 1200 pixels at `path`; notes on what is not as it should be.
 
     `city` is what it was played in, if the caller still has it; else it is built again, and the map stays blank where
     that cannot be done exactly.
@@ -29,7 +29,7 @@ def draw_overview(trace: Trace, path: Path, city: City | None = None) -> None:
     from lingjing.analysis.overview.layout import draw_sheet
     from lingjing.analysis.played_city import city_of
 
-    draw_sheet(trace, path, city or city_of(trace))
+    return draw_sheet(trace, path, city or city_of(trace))
 
 
 __all__ = ["draw_overview"]

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from lingjing.analysis.fonts import note_of_boxes
 from lingjing.analysis.history import History, history_of
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import style
@@ -25,11 +26,13 @@ WIDTH, HEIGHT, DPI = 18.0, 12.0, 100
 VIEWS = 4
 
 
-def draw_sheet(trace: Trace, path: Path, city: City | None) -> None:
+def draw_sheet(trace: Trace, path: Path, city: City | None) -> tuple[str, ...]:
     """See `lingjing.analysis.overview.draw_overview`."""
-    with style.as_written(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # a name in a script we lack
+    words = "".join((trace.header.instance.title, _players(trace), credit(trace.header.attribution)))
+    with style.as_written(words), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # it is said once, by the caller
         _draw(trace, path, city)
+    return note_of_boxes(words)
 
 
 def _draw(trace: Trace, path: Path, city: City | None) -> None:
@@ -74,16 +77,19 @@ def _pictures(figure: Figure, trace: Trace, history: History) -> None:
 
 def _title(figure: Figure, trace: Trace) -> None:
     instance = trace.header.instance
-    policies = ", ".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
     title = figure.text(
         0.012, 0.972, instance.title or instance.mission, fontsize=19, fontweight="bold", color=style.INK
     )
     privileged = " (privileged)" if any(binding.privileged for binding in trace.header.bindings) else ""
-    details = f"{instance.mission} · seed {instance.seed} · {instance.mode} · policy {policies}{privileged}"
+    details = f"{instance.mission} · seed {instance.seed} · {instance.mode} · policy {_players(trace)}{privileged}"
     aside = figure.text(0.988, 0.972, details, fontsize=11, color=style.FAINT, ha="right")
     room = aside.get_window_extent().x0 - title.get_window_extent().x0 - 20.0
     if (wide := title.get_window_extent().width) > room:
         title.set_fontsize(max(19.0 * room / wide, 7.0))
+
+
+def _players(trace: Trace) -> str:
+    return ", ".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
 
 
 def _panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

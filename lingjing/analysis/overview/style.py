@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Annotation, Text
 
+from lingjing.analysis.fonts import families
 from lingjing.scene.plan import Palette
 
 INK = "#1c2733"
@@ -45,9 +46,10 @@ CROWD = 8
 _ASSETS = ("#1f6fd1", "#c2410c", "#6d28d9", "#0f766e", "#a16207", "#be185d", "#4d7c0f", "#334155")
 
 
-def as_written() -> AbstractContextManager[None]:
-    """Settings of matplotlib under which a dollar sign in a title or a name is one, and begins no formula."""
-    return rc_context({"text.parse_math": False})
+def as_written(text: str) -> AbstractContextManager[None]:
+    """Settings of matplotlib under which a dollar sign in a title or a name is one, and begins no formula, and letters
+    of this text that the usual font lacks are written in another one."""
+    return rc_context({"text.parse_math": False, "font.family": families(text)})
 
 
 def asset_colours(names: Iterable[str]) -> dict[str, str]:

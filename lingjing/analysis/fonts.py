@@ -1,7 +1,7 @@
 """Fonts for pictures of text: the one that ships with matplotlib, and for letters that it lacks one of this machine's.
 
 Which of the machine's fonts has the letters is asked of fontconfig (`fc-list`), where that is installed. Letters that
-no font has are drawn as boxes; `letters_without_a_font` tells them.
+no font has are drawn as boxes; `letters_without_a_font` and `note_of_boxes` tell them.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from PIL import ImageFont
+
+_OWN = "DejaVu Sans"
 
 ASKED = 40
 """Letters that a font is asked for at a time; of a longer text the first ones."""
@@ -36,6 +38,28 @@ def letters_without_a_font(text: str) -> str:
     """The letters of a text that are drawn as boxes."""
     letters = lacking(text)
     return letters if letters and _font_with(letters) is None else ""
+
+
+def note_of_boxes(text: str) -> tuple[str, ...]:
+    """What is said once of a text of which letters are drawn as boxes."""
+    letters = letters_without_a_font(text)
+    if not letters:
+        return ()
+    return (f"no font here has {letters[:8]!r}: they are drawn as boxes (fonts-noto-cjk has Chinese, for example)",)
+
+
+def families(text: str) -> list[str]:
+    """The fonts of a text by the names under which matplotlib finds them, however old its list of fonts is."""
+    from matplotlib.font_manager import fontManager
+
+    letters = lacking(text)
+    found = _font_with(letters) if letters else None
+    if found is None:
+        return [_OWN]
+    name = str(ImageFont.truetype(found[0], index=found[1]).getname()[0])
+    if name not in fontManager.get_font_names():
+        fontManager.addfont(found[0])
+    return [_OWN, name]
 
 
 @lru_cache(maxsize=2)
