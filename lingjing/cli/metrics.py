@@ -7,6 +7,7 @@ import csv
 import io
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +47,7 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError(f"-j {args.jobs}: at least one")
     if args.output is not None:
         check_output(args.output, [path for path in (*args.traces, args.attention) if path])
-    found = _all_of(args.traces, args.jobs)
+    found = _all_of(_once(args.traces), args.jobs)
     rows = [row for row, _ in found]
     pooled = _pooled([counts for _, counts in found], args)
     if args.output_format == "csv":
@@ -66,6 +67,23 @@ def _counted(rows: Sequence[dict[str, Any]], counts: Sequence[EpisodeCounts]) ->
     """The rows that means are taken of: those of episodes that ended by themselves, if there are any."""
     kept = [row for row, one in zip(rows, counts, strict=True) if one.retained]
     return kept or rows
+
+
+def _once(paths: Sequence[str]) -> list[str]:
+    """Each file once, under whatever names."""
+    from lingjing.cli.process import say
+
+    found: dict[tuple[int, int] | str, str] = {}
+    for path in paths:
+        try:
+            status = Path(path).stat()
+        except OSError:  # who reads it says why
+            found.setdefault(path, path)
+            continue
+        first = found.setdefault((status.st_dev, status.st_ino), path)
+        if first is not path:
+            say(f"note: {path} is " + ("named twice" if first == path else f"the file {first}") + " and counts once")
+    return list(found.values())
 
 
 def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], EpisodeCounts]]:
@@ -128,9 +146,11 @@ def _pooled(episodes: Sequence[EpisodeCounts], args: argparse.Namespace) -> dict
         "terciles": msgspec.to_builtins(pooled.drift(episodes)),
     }
     if args.baseline:
-        found["relative_cost"] = pooled.relative_cost(episodes, [_one(path)[1] for path in args.baseline])
+        found["relative_cost"] = pooled.relative_cost(episodes, [_one(path)[1] for path in _once(args.baseline)])
     if args.real:
-        found["f1_domain_difference"] = pooled.f1_domain_difference(episodes, [_one(path)[1] for path in args.real])
+        found["f1_domain_difference"] = pooled.f1_domain_difference(
+            episodes, [_one(path)[1] for path in _once(args.real)]
+        )
     if args.attention:
         from lingjing.analysis.attention import attention_iou, read_attention
 

@@ -63,6 +63,7 @@ def handler(args: argparse.Namespace) -> int:
     if args.output is not None:
         from lingjing.viewer.single import single_file
 
+        _check_suffix(args.output, (".html", ".htm"), "the page is an .html file", "episode.html")
         return _written(single_file(trace, truth=args.truth, budget_bytes=budget * 1_000_000), args.output)
     from lingjing.viewer.served import ServedTrace
     from lingjing.viewer.server import ViewServer
@@ -92,6 +93,7 @@ def _foxglove(trace: Trace, args: argparse.Namespace, port: int) -> int:
     if args.output is not None:
         from lingjing.viewer.foxglove_layout import foxglove_layout
 
+        _check_suffix(args.output, (".json",), "a layout for Foxglove is a .json file", "layout.json")
         return _written(foxglove_layout(trace.header.instance, truth=args.truth), args.output)
     from lingjing.viewer.file_server import TraceFileServer
 
@@ -118,6 +120,13 @@ def _rerun(trace: Trace, args: argparse.Namespace) -> int:
         hint = "write the file and open it where there is a screen: -o episode.rrd"
         raise UsageError(f"Rerun's viewer ended with code {ended}", hint=hint)
     return ExitCode.OK
+
+
+def _check_suffix(output: str, suffixes: tuple[str, ...], what: str, name: str) -> None:
+    """Raise `UsageError` for a file that is called another kind; standard output and devices are called nothing."""
+    path = Path(output)
+    if output != "-" and path.suffix.lower() not in suffixes and (path.is_file() or not path.exists()):
+        raise UsageError(f"cannot write `{output}`: {what}", hint=f"name it {name}")
 
 
 def _written(text: str, output: str) -> int:

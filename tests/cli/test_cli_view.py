@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import importlib.util
+import json
 import shutil
 import signal
 import subprocess
@@ -44,10 +45,24 @@ def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
         ((tmp_path / "none.mcap",), "cannot read the trace"),
         ((path, "-o", tmp_path), "is a folder"),
         ((path, "-o", tmp_path / "no" / "x.html"), "cannot write"),
+        ((path, "-o", tmp_path / "x.txt"), "the page is an .html file"),
+        ((path, "--foxglove", "-o", tmp_path / "x.html"), "a layout for Foxglove is a .json file"),
     ):
         done = view(*arguments)
         assert done.returncode == 2 and said in done.stderr, done.stderr
         assert "Traceback" not in done.stderr
+
+
+def test_metrics_count_a_file_once_under_whatever_names(path: Path, tmp_path: Path) -> None:
+    (tmp_path / "link.mcap").symlink_to(path)
+    command = [sys.executable, "-m", "lingjing.cli.main", "metrics", path, tmp_path / "link.mcap", path]
+    done = subprocess.run([*map(str, command), "--output-format", "json"], capture_output=True, text=True, timeout=600)
+    found = json.loads(done.stdout)
+    assert [one["trace"] for one in found["episodes"]] == [str(path)] and found["together"]["episodes"] == 1
+    assert done.stderr.splitlines() == [
+        f"note: {tmp_path / 'link.mcap'} is the file {path} and counts once",
+        f"note: {path} is named twice and counts once",
+    ]
 
 
 def test_a_damaged_file_is_said_to_hold_a_part(path: Path, tmp_path: Path) -> None:
