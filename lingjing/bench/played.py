@@ -118,6 +118,11 @@ def rows_by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], KeyT]) -> dict[K
     return found
 
 
+def as_listed(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
+    """The rows as a suite lists who played and under what, whatever the column: so entrants stand in tables."""
+    return sorted(rows, key=lambda row: (row.entrant_place, row.condition_place))
+
+
 def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
     """The (mission, mode) pairs of the rows, in the paper's order."""
     found = dict.fromkeys((row.mission, row.mode) for row in rows)
@@ -130,4 +135,4 @@ def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
     return tuple(sorted(found, key=place))
 
 
-__all__ = ["Played", "columns_of", "mean_of", "rows_by"]
+__all__ = ["Played", "as_listed", "columns_of", "mean_of", "rows_by"]

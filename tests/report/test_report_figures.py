@@ -105,6 +105,21 @@ def test_the_main_figure_is_the_main_table(results: Callable[..., Path]) -> None
     assert not any("episodes are counted" in note for table in part.tables for note in table.notes)
 
 
+def test_entrants_stand_in_drawings_as_they_stand_in_tables(results: Callable[..., Path]) -> None:
+    """Though the second of them alone played the first column."""
+    rows = [
+        row(entrant=name, entrant_place=place, mode=mode, seed=0, success=False, family="perception_miss")
+        for place, (name, modes) in enumerate((("a", ("broadcast",)), ("b", ("star", "broadcast"))))
+        for mode in modes
+    ]
+    evidence = gather([results(rows)])
+    (main,) = parts_of("main", evidence)
+    (lost,) = parts_of("failures", evidence)
+    assert [line.label for line in main.tables[0].lines] == [("a",), ("b",)]
+    assert [word for word in words_of(main) if word in "ab"] == ["a", "b"]
+    assert [drawing.title for drawing in lost.drawings] == ["a", "b"]
+
+
 def test_modes_are_compared_on_seeds_that_were_played_in_both(results: Callable[..., Path]) -> None:
     rows = [row(mode="star", seed=seed, metrics={"messages": 5}) for seed in (0, 1, 2)]
     rows += [row(mode="broadcast", seed=seed, success=False, metrics={"messages": 9 + seed}) for seed in (1, 2, 3)]

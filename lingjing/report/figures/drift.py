@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from lingjing.analysis.behaviour import TERCILES, ActionCounts
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import as_listed, rows_by
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
@@ -25,7 +25,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         told = {
             key: some
-            for key, rows in rows_by(study.plain, lambda row: (row.entrant, row.condition)).items()
+            for key, rows in rows_by(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items()
             if (some := [row for row in rows if row.report.terciles])
         }
         if not told:
@@ -40,7 +40,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             drawings.append(line_chart(title, TERCILES, series, unit="%", most=100.0, below="third of the actions"))
         lines = [
             line
-            for name, rows in _tiers(study.plain).items()
+            for name, rows in _tiers(as_listed(study.plain)).items()
             for line in _lines("", name, rows, [_thirds(rows, counted) for *_, counted in RATES])
         ]
         for key, rows in told.items():

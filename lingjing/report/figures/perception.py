@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import as_listed, rows_by
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
@@ -89,7 +89,7 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
 def _backbones(study: ReportStudy) -> ResultTable:
     """The paper's table by backbone; attention is of models whose maps lie beside their traces."""
     lines = []
-    for rows in rows_by(study.plain, lambda row: row.entrant).values():
+    for rows in rows_by(as_listed(study.plain), lambda row: row.entrant).values():
         looked = [row.attention_iou for row in rows if row.attention_iou is not None]
         cells = (
             ResultCell(str(len(rows)), len(rows)),
