@@ -165,6 +165,7 @@ def test_an_episode_without_a_boundary_says_so(
 ) -> None:
     with opened(chromium, file_of(written([], trace.header, finish=False))) as page:
         page.wait_for_selector("#loading:text-matches('no boundary')")
+        assert page.locator("#city").is_hidden()  # it would be black
 
 
 def test_a_server_gives_pictures_when_they_are_looked_at_and_a_lost_one_is_told(chromium: Any, trace: Trace) -> None:

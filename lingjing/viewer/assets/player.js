@@ -332,7 +332,7 @@ async function main() {
     let told = await source.telling();
     while (told.waiting) { byId("loading").textContent = "the episode is starting …"; await new Promise((wake) => setTimeout(wake, 400)); told = await source.telling(); }
     const episode = new Episode(source, told);
-    if (!episode.steps.length && !told.live) { byId("loading").textContent = "this trace holds no boundary: nothing was played"; }
+    if (!episode.steps.length && !told.live) { byId("loading").textContent = "this trace holds no boundary: nothing was played"; byId("city").hidden = true; } // a canvas that nobody draws is black
     const player = window.player = new Player(episode);
     if (told.live) player.follows();
     if (told.live || episode.steps.length) byId("loading").textContent = "building the city …";
