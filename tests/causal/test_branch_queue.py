@@ -1,6 +1,7 @@
 """Branches that are begun ahead: told only when they are asked for, and ended when they are of no use any more."""
 
 import os
+import signal
 import socket
 import time
 from collections.abc import Iterator
@@ -32,6 +33,8 @@ class Branches:
         if pid == 0:
             try:
                 ours.close()
+                if plan.at != ENDLESS:
+                    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends by itself
                 if plan.at != SILENT:
                     introduce(theirs)
                     while plan.at == ENDLESS:
@@ -49,7 +52,9 @@ def branches() -> Iterator[Branches]:
     made = Branches()
     yield made
     for pid in made.pids:
-        os.waitpid(pid, 0)  # none is left running: this returns
+        os.kill(pid, signal.SIGTERM)  # comes too late for one that the queue has ended
+    ended = [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in made.pids]
+    assert -signal.SIGTERM not in ended, "a branch was left running"
 
 
 def asked(queue: BranchQueue, plans: list[int], ahead: tuple[int, ...] = ()) -> list[BranchResult]:
