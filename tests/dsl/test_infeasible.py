@@ -20,6 +20,9 @@ CASES = [
     ("LJ0610", "  unlock", "  limit talk <= 2 counts detection\n  unlock", 33, 9, "(3 `detection`), `talk` allows 2"),
     ("LJ0611", "apart >= 10 m", "apart >= 200 m", 18, 10, "3 places at least 200 m apart cannot fit into 1 ha"),
     ("LJ0612", "forall v in victim: rescued(v)", "count(rescued(v) for v in victim) >= 4", 38, 3, "there are 3"),
+    ("LJ0612", "forall v in victim: rescued(v)", "rescued(victim[1]) and 1 > 2", 38, 3, "`1 > 2` never holds"),
+    ("LJ0612", "forall v in victim: rescued(v)", "now < 0 s", 38, 3, "`now < 0 s` never holds"),
+    ("LJ0612", "forall v in victim: rescued(v)", "not (uavs <= 10)", 38, 3, "`not uavs <= 10` never holds"),
 ]  # fmt: skip
 FAR = """\
 ljs 1

@@ -18,7 +18,7 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import operations
-from lingjing.mission.certain import exact, known
+from lingjing.mission.certain import Knowledge, exact, known, truth
 from lingjing.mission.feasibility.needs import (
     NOTHING,
     AtLeast,
@@ -75,6 +75,22 @@ def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None 
     return tuple(leaves(of_groups(expr, outline, domains)))
 
 
+class _Declared(Knowledge):
+    """What is known all the time: what is declared, and that time has begun."""
+
+    def __init__(self, outline: Outline) -> None:
+        self._outline = outline
+
+    def name(self, ref: ex.Ref) -> Value:
+        """A param, the mode, a duration of the clock."""
+        if ref.name == "now":
+            return Bounds(0.0, math.inf)
+        try:
+            return None if ref.kind in ("group", "entity") else known(self._outline.scope.refer(ref))
+        except MissionError:
+            return None
+
+
 class Unfolding:
     """One condition of an outline being unfolded; rules and, unless `whole_groups`, unlocks are looked through."""
 
@@ -86,6 +102,7 @@ class Unfolding:
         for unlock in outline.instance.unlocks:
             if unlock.condition != ex.Flag(value=True):  # which asks for nothing
                 self.unlocks.setdefault(unlock.interaction, []).append(unlock)
+        self.declared = _Declared(outline)
         self.meanings = Meanings(_READING)  # which go with it: every trace that is read has expressions of its own
         self.at = ""
         self._left = NODES_MOST
@@ -257,10 +274,10 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         case ex.Binary(operator="or"):
             return lambda names, on: _any(tuple(as_need(one(names, on)) for one in operands))
         case ex.Unary(operator="not"):
-            return lambda names, on: _mentioned((as_need(operands[0](names, on)),))
+            return lambda names, on: _never(node, on) or _mentioned((as_need(operands[0](names, on)),))
         case ex.Binary(operator="in" | "==" | "!=" | "<" | "<=" | ">" | ">=" as symbol):
             left, right = operands
-            return lambda names, on: _compared(symbol, left(names, on), right(names, on), on)
+            return lambda names, on: _never(node, on) or _compared(symbol, left(names, on), right(names, on), on)
         case ex.Index(base=ex.Ref(name=group)):
             return lambda names, on: _picked(group, operands[1](names, on), on)
         case ex.Call(rule=True):
@@ -434,6 +451,15 @@ def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
     if symbol == "==":
         return _all((_at_most(left, right, on), _at_most(right, left, on)))
     return _at_most(left, right, on)
+
+
+def _never(node: Composite, on: Unfolding) -> Need | None:
+    """That a condition is false by what is declared alone, if it is."""
+    if on.whole_groups or truth(node, {}, on.declared) is not False:
+        return None
+    from lingjing.mission.graph.spelling import spell  # only a faulty mission needs it
+
+    return Impossible(f"`{spell(node)}` never holds", on.at)
 
 
 def _inside(item: Value, whole: Value, on: Unfolding) -> Need:
