@@ -67,8 +67,9 @@ class NullFork(msgspec.Struct, frozen=True, kw_only=True):
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """One faculty of one agent that is to be blamed. `first` to `last` is the smallest window of boundaries in which
     replacing it repairs; `replaced` counts the records that are replaced in it. `boundary` is where it began: the
-    agent's first departure from its reference, or, of an agent that never decides as its reference does, `first`. A
-    `masked` one shows only where others are replaced: `boundary` is that of its first departure there."""
+    first departure of an agent that decided as its reference before, and of any other the first of the departures that
+    lead up to `first` with none right in between. A `masked` one shows only where others are replaced: `boundary` is
+    that of its first departure there."""
 
     agent: str
     faculty: Faculty
@@ -278,17 +279,22 @@ class _Search:
     def _narrowed(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Repair, ...]:
         """The repairs, with the windows of the first of them; all of these are narrowed beside each other."""
         ranked = sorted(sets, key=lambda one: len(self._won[one].replaced))
-        spans = [self._spans(one) for one in ranked]
-        narrowings = list(map(Narrowing, spans[:NARROWED]))
+        spans = [self._ticks(one, self._won[one]) for one in ranked]
+        begins = [self._departures if len(one) == 1 else ticks for one, ticks in zip(ranked, spans, strict=True)]
+        narrowings = [
+            Narrowing({pair: begin[pair] for pair in ticks}, ticks)
+            for begin, ticks in zip(begins[:NARROWED], spans, strict=False)
+        ]
         cut: set[int] = set()
         while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
             plans = [self._plan(ranked[number], one) for number, one in asked][: self._left]
             ahead = [*self._later(sets), *(self._plan(ranked[number], further) for number, _ in asked
                                            for further in narrowings[number].guesses())]  # fmt: skip
-            won = [one.success for one in self._play(plans, "which boundaries", ahead)]
+            played = self._play(plans, "which boundaries", ahead)
             cut.update(number for number, _ in asked[len(plans) :])
             for place, (number, one) in enumerate(asked):
-                narrowings[number].answer(one, repairs=place < len(won) and won[place])
+                won = place < len(played) and played[place].success
+                narrowings[number].answer(one, self._ticks(ranked[number], played[place]) if won else None)
         self._short |= bool(cut)
         spans[:NARROWED] = [search.spans() for search in narrowings]
         repairs = [
@@ -297,11 +303,10 @@ class _Search:
         ]
         return tuple(sorted(repairs, key=_least_and_latest))
 
-    def _spans(self, pairs: frozenset[AgentFaculty]) -> dict[AgentFaculty, Sequence[int]]:
-        """The boundaries at which each pair of a repair was replaced."""
-        replaced = self._won[pairs].replaced
+    def _ticks(self, pairs: frozenset[AgentFaculty], branch: BranchResult) -> dict[AgentFaculty, Sequence[int]]:
+        """The boundaries at which a branch replaced something of each pair of a repair."""
         return {
-            pair: [part.boundary for part in replaced if (part.faculty, part.agent) == pair]
+            pair: [part.boundary for part in branch.replaced if (part.faculty, part.agent) == pair]
             for pair in self._departures
             if pair in pairs
         }
@@ -322,17 +327,28 @@ class _Search:
     def _cause(self, pair: AgentFaculty, ticks: Sequence[int]) -> Cause:
         faculty, agent = pair
         onset = self._departures[pair][0]
-        begun = min(found[0] for (_, who), found in self._departures.items() if who == agent)
         first = ticks[0] if ticks else onset
         return Cause(
             agent=agent,
             faculty=faculty,
-            boundary=onset if begun == onset and begun > 0 else first,
+            boundary=onset if self._right_until(agent, onset) else self._begun(pair, first),
             first=first,
             last=ticks[-1] if ticks else onset,
             replaced=len(ticks),
             masked=pair in self._masked,
         )
+
+    def _right_until(self, agent: str, onset: int) -> bool:
+        """Whether an agent decided something right before a boundary, and nothing else."""
+        departed = (ticks[0] for (_, who), ticks in self._departures.items() if who == agent)
+        agreed = (ticks[0] for (_, who), ticks in self._host.agreements.items() if who == agent)
+        return min(departed) == onset and min(agreed, default=onset) < onset
+
+    def _begun(self, pair: AgentFaculty, first: int) -> int:
+        """Where the departures of a pair begin that lead up to a boundary, with none right in between."""
+        agreed = () if pair in self._masked else self._host.agreements.get((pair[0], pair[1]), ())
+        right = max((tick for tick in agreed if tick < first), default=-1)
+        return min((tick for tick in self._departures[pair] if right < tick <= first), default=first)
 
     # -- how much, and by luck
 

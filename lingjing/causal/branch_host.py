@@ -37,7 +37,10 @@ ReplyT = TypeVar("ReplyT", bound=HostMessage)
 
 
 class BranchHost:
-    """Branches of one trace. Raises `UsageError` that says why it cannot be branched here."""
+    """Branches of one trace. Raises `UsageError` that says why it cannot be branched here.
+
+    `agreements` are known with the `departures`: the boundaries at which an agent decided something of a faculty and
+    decided as its reference did, by (faculty, agent)."""
 
     def __init__(self, trace: Trace, options: BranchOptions, progress: HostProgress | None = None) -> None:
         check_trace(trace)
@@ -49,6 +52,7 @@ class BranchHost:
         self.drawn = 0
         self.camera_s = 0.0
         self.unused_s = 0.0
+        self.agreements: dict[tuple[str, str], tuple[int, ...]] = {}
         self._progress: HostProgress = progress or (lambda what, done, due: None)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         command = [sys.executable, "-P", "-m", "lingjing.causal.branch_process"]
@@ -79,6 +83,7 @@ class BranchHost:
         self._send(DriveOn())
         told = self._expect(EpisodeDriven)
         self.driven_s = told.cpu_s
+        self.agreements = {(faculty, agent): ticks for faculty, agent, ticks in told.agreements}
         return {(faculty, agent): ticks for faculty, agent, ticks in told.departures}
 
     def play(

@@ -71,9 +71,11 @@ class DrivenTo(HostMessage, frozen=True, kw_only=True):
 
 class EpisodeDriven(HostMessage, frozen=True, kw_only=True):
     """The last boundary was reached. `departures` are the boundaries at which agents decided otherwise than their
-    references, by faculty and agent; `cpu_s` is what the process has taken so far."""
+    references, by faculty and agent, `agreements` those at which they decided something and it was right; `cpu_s` is
+    what the process has taken so far."""
 
     departures: tuple[tuple[str, str, tuple[int, ...]], ...]
+    agreements: tuple[tuple[str, str, tuple[int, ...]], ...]
     cpu_s: float
 
 
@@ -155,8 +157,11 @@ class _Server:
             raise UsageError("no trace is open")
         if isinstance(request, DriveOn):
             self._drive_to(self._episode.last, None)
-            found = tuple((*pair, tuple(ticks)) for pair, ticks in self._episode.departures.items())
-            self._say(EpisodeDriven(departures=found, cpu_s=time.process_time()))
+            departed, agreed = (
+                tuple((*pair, tuple(ticks)) for pair, ticks in found.items())
+                for found in (self._episode.departures, self._episode.agreements)
+            )
+            self._say(EpisodeDriven(departures=departed, agreements=agreed, cpu_s=time.process_time()))
         else:
             self._play(self._queue, request)
 

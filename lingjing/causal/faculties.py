@@ -119,6 +119,32 @@ def replaced(faculty: Faculty, decision: Decision, reference: Decision, scene: T
     return _REPLACERS[faculty](decision, reference, scene)
 
 
+def right_parts(decision: Decision, reference: Decision, scene: TrueSituation) -> frozenset[Faculty]:
+    """The faculties of which a decision has a part that is right. What is missing, and what the reference has no
+    counterpart of, is neither right nor wrong."""
+    kinds = _judged(scene.instance, scene.agent)
+    reports = [one for one in decision.messages if one.kind in kinds]
+    said, due = decision.command, reference.command
+    move = _kind_of_move(said, due, scene) if said and due else None
+    has = {
+        "perception": bool(reports),
+        "localisation": any(
+            numbers(one.body.get("position"), 2) is not None and _true_place(one, scene) is not None for one in reports
+        ),
+        "handoff": any(
+            one.kind not in kinds and _same_message(one, other)
+            for one in decision.messages
+            for other in reference.messages
+        ),
+        "execution": said is not None and due is not None,
+    }
+    return frozenset(
+        name
+        for name in get_args(Faculty)
+        if has.get(name, name == move) and replaced(name, decision, reference, scene) is decision
+    )
+
+
 # -- messages
 
 

@@ -10,8 +10,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from lingjing.causal.shapley import AgentFaculty
 
-Windows = tuple[tuple[AgentFaculty, int, int], ...]
-"""From which to which boundary a pair is replaced; pairs that are not among them are replaced wherever they can be."""
+Windows = tuple[tuple[AgentFaculty, int, int | None], ...]
+"""From which to which boundary a pair is replaced (None: to the end); pairs that are not among them are replaced
+wherever they can be."""
+
+ReplacedTicks = Mapping[AgentFaculty, Sequence[int]]
+"""The boundaries at which a branch replaced something of each pair."""
+
+
+Tried = Callable[[int, int | None], ReplacedTicks | None]
+"""What is replaced if a pair is from one boundary to another and the episode is won with that; None if it is not."""
 
 
 class _UnansweredError(Exception):
@@ -22,66 +30,96 @@ class _UnansweredError(Exception):
         self.question = question
 
 
+class _UnforeseenError(Exception):
+    """What is asked next depends on what a branch replaces that was not played yet."""
+
+
 class Narrowing:
-    """The search for one repair: `ticks` are the boundaries at which each of its pairs was replaced. Pair after pair,
-    the smallest run of them is looked for that still repairs: first its end is brought forward, then its beginning."""
+    """The search for one repair. `begins` are the boundaries from which each of its pairs may have to be replaced, the
+    first of which repairs; `replaced` is what that branch replaced. Pair after pair, the last of them is looked for
+    from which it still repairs, then the first boundary after which nothing more has to be replaced."""
 
-    def __init__(self, ticks: Mapping[AgentFaculty, Sequence[int]]) -> None:
-        self._ticks = ticks
-        self._answers: dict[Windows, bool] = {}
+    def __init__(self, begins: ReplacedTicks, replaced: ReplacedTicks) -> None:
+        self._begins = begins
+        self._replaced = replaced
+        self._answers: dict[Windows, ReplacedTicks | None] = {}
 
-    def answer(self, question: Windows, repairs: bool) -> None:
-        """Take note of whether the episode is won with these windows."""
-        self._answers[question] = repairs
+    def answer(self, question: Windows, replaced: ReplacedTicks | None) -> None:
+        """Take note of what was replaced with these windows if the episode is won with them; None if it is not."""
+        self._answers[question] = replaced
 
     def question(self) -> Windows | None:
         """What has to be tried next; None if nothing has."""
         return self._next(self._answers)
 
     def guesses(self) -> Iterator[Windows]:
-        """What will have to be tried after that: if it repairs, and if not."""
+        """What will have to be tried after that: if it repairs, and if not, as far as that can be foreseen."""
         asked = self.question()
         if asked is None:
             return
-        for repairs in (True, False):
-            further = self._next({**self._answers, asked: repairs})
+        for assumed in ({}, None):
+            further = self._next({**self._answers, asked: assumed})
             if further is not None:
                 yield further
 
     def spans(self) -> dict[AgentFaculty, Sequence[int]]:
-        """The boundaries of each pair's window, once no question is left."""
+        """The boundaries in each pair's window at which it is replaced, once no question is left."""
         return self._search(self._answers)
 
-    def _next(self, answers: Mapping[Windows, bool]) -> Windows | None:
+    def _next(self, answers: Mapping[Windows, ReplacedTicks | None]) -> Windows | None:
         try:
             self._search(answers)
         except _UnansweredError as open_:
             return open_.question
+        except _UnforeseenError:
+            pass
         return None
 
-    def _search(self, answers: Mapping[Windows, bool]) -> dict[AgentFaculty, Sequence[int]]:
+    def _search(self, answers: Mapping[Windows, ReplacedTicks | None]) -> dict[AgentFaculty, Sequence[int]]:
         found: dict[AgentFaculty, Sequence[int]] = {}
         windows: Windows = ()
-        for pair, ticks in self._ticks.items():
+        replaced: ReplacedTicks = self._replaced
+        for pair, begins in self._begins.items():
 
-            def repairs(first: int, last: int, pair: AgentFaculty = pair, windows: Windows = windows) -> bool:
+            def tried(
+                first: int, last: int | None, pair: AgentFaculty = pair, windows: Windows = windows
+            ) -> ReplacedTicks | None:
                 question = (*windows, (pair, first, last))
                 if question not in answers:
                     raise _UnansweredError(question)
                 return answers[question]
 
-            found[pair] = _window(ticks, repairs)
+            found[pair] = ()
+            if begins:
+                begin, replaced = _last_begin(begins, replaced, tried)
+                found[pair], replaced = _until_first_end(begin, pair, replaced, tried)
             if found[pair]:
-                windows = (*windows, (pair, found[pair][0], found[pair][-1]))
+                windows = (*windows, (pair, begin, found[pair][-1]))
         return found
 
 
-def _window(ticks: Sequence[int], repairs: Callable[[int, int], bool]) -> Sequence[int]:
-    if not ticks:
-        return ticks
-    end = _least(len(ticks), lambda index: repairs(ticks[0], ticks[index]))
-    begin = _least(end + 1, lambda back: repairs(ticks[end - back], ticks[end]))
-    return ticks[end - begin : end + 1]
+def _last_begin(begins: Sequence[int], replaced: ReplacedTicks, tried: Tried) -> tuple[int, ReplacedTicks]:
+    """The last boundary from which the repair works, and what it then replaces; from the first, it is `replaced`."""
+    begin = begins[_greatest(len(begins), lambda index: tried(begins[index], None) is not None)]
+    return begin, replaced if begin == begins[0] else tried(begin, None) or {}
+
+
+def _until_first_end(
+    begin: int, pair: AgentFaculty, replaced: ReplacedTicks, tried: Tried
+) -> tuple[Sequence[int], ReplacedTicks]:
+    """The boundaries at which the pair is replaced up to the first after which nothing more has to be."""
+    if pair not in replaced:
+        raise _UnforeseenError
+    ends = replaced[pair]
+    if not ends:
+        return (), replaced
+    end = _least(len(ends), lambda index: tried(begin, ends[index]) is not None)
+    return ends[: end + 1], replaced if end == len(ends) - 1 else tried(begin, ends[end]) or {}
+
+
+def _greatest(count: int, holds: Callable[[int], bool]) -> int:
+    """The greatest of 0..count-1 for which something holds that holds for 0, and up to some point."""
+    return count - 1 - _least(count, lambda index: holds(count - 1 - index))
 
 
 def _least(count: int, holds: Callable[[int], bool]) -> int:

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from lingjing.causal.faculties import TrueSituation
+from lingjing.causal.faculties import TrueSituation, right_parts
 from lingjing.causal.recorded import RecordedRun
 from lingjing.causal.references import References
 from lingjing.causal.replay import first_difference
@@ -95,6 +95,7 @@ class RedrivenEpisode:
             referenced, briefs, lambda agent: build_policy(_some(reference), {}), instance.budget.policy_s
         )
         self.departures: dict[tuple[str, str], list[int]] = {}
+        self.agreements: dict[tuple[str, str], list[int]] = {}
 
     @property
     def kernel(self) -> Kernel:
@@ -118,8 +119,13 @@ class RedrivenEpisode:
         due = self.references.decide(self.published)
         for mine, made in zip(recorded, self.policies.decide(self.published, self.kernel.exhausted()), strict=True):
             self._check_decision(mine, received(made))
-        for pair in self.references.note(recorded, due, self.scenes()):
+        scenes = self.scenes()
+        for pair in self.references.note(recorded, due, scenes):
             self.departures.setdefault(pair, []).append(self.tick)
+        for made in recorded:
+            right = right_parts(made.decision, due[made.agent], scenes[made.agent]) if made.agent in due else ()
+            for faculty in right:
+                self.agreements.setdefault((faculty, made.agent), []).append(self.tick)
         self.published = self.run.advance()
         self._check_digest()
 

@@ -1,6 +1,6 @@
 """The search of `blame` over branches that are made up: what it tries, and what it concludes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -23,6 +23,7 @@ class MadeUp:
 
     cpu_s = driven_s = camera_s = unused_s = 0.0
     drawn = 0
+    agreements: Mapping[tuple[str, str], tuple[int, ...]] = {}
 
     def __init__(self, *needed: tuple[str, str, int]) -> None:
         header = Header(instance=kit.make_instance(), bindings=(), fingerprint={})
@@ -106,6 +107,28 @@ def test_of_two_repairs_that_are_equally_small_the_later_one_comes_first() -> No
             return BranchResult(success=bool(replaced), reason="success" if replaced else "budget", replaced=replaced)
 
     assert causes(searched(Either(WAY, ORDER))) == [[(*ORDER, False)], [(*WAY, False)]]
+
+
+def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead_to_the_last_repair() -> None:
+    """It flies its own ways from the beginning and commands nothing at 19 either; what it did at 20 to 22 was right."""
+
+    class OwnWay(MadeUp):
+        agreements = {("execution", "skipper"): (20, 21, 22)}
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            return {("waypoint", "skipper"): tuple(range(60)), ("execution", "skipper"): (19, *range(23, 60))}
+
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            acts = next((one for one in plan.substitutions if one.faculty == "execution"), None)
+            if acts is None or acts.first > 41 or (acts.last is not None and acts.last < max(acts.first, 23) + 1):
+                return BranchResult(reason="budget")
+            begin = acts.first if acts.first == 19 else max(acts.first, 23)
+            ticks = [19, 23, 24] if begin == 19 else [begin, begin + 1]
+            replaced = [ReplacedPart(one, "skipper", "execution") for one in ticks if one <= (acts.last or 99)]
+            return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
+
+    (repair,) = searched(OwnWay(WAY)).repairs
+    assert [(one.faculty, one.boundary, one.first, one.last) for one in repair.causes] == [("execution", 23, 41, 42)]
 
 
 def test_what_no_replacement_wins_is_said() -> None:

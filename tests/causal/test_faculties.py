@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from lingjing.bench.columns import shipped
-from lingjing.causal.faculties import FACULTIES, TrueSituation, faculties_of, replaced
+from lingjing.causal.faculties import FACULTIES, TrueSituation, faculties_of, replaced, right_parts
 from lingjing.causal.shapley import shapley_shares
 from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Instance
@@ -77,6 +77,20 @@ def test_a_fault_is_put_right_by_its_own_faculty_alone(
         assert replaced(other, wrong, right, at) is wrong
     for name in NAMES:
         assert replaced(name, right, right, at) is right
+
+
+@pytest.mark.parametrize(("faculty", "agent", "wrong", "right"), CASES)
+def test_what_is_right_is_said_of_parts_that_there_are(
+    sea: Instance, faculty: Faculty, agent: str, wrong: Decision, right: Decision
+) -> None:
+    at = scene(sea, agent)
+    moves = {"waypoint", "execution"} if right.command is not None else set()
+    reports = {"perception", "localisation"} if agent == SCOUT and right.messages else set()
+    whole = moves | reports or {"handoff"}
+    assert right_parts(right, right, at) == whole
+    assert faculty not in right_parts(wrong, right, at)
+    assert right_parts(Decision(), right, at) == set()  # what is missing is no part
+    assert right_parts(right, Decision(), at) == reports  # nor is what has nothing beside it, but what a picture shows
 
 
 def test_what_agrees_within_the_tolerances_is_left_as_it_is(sea: Instance) -> None:
