@@ -57,7 +57,8 @@ class Narrowing:
         asked = self.question()
         if asked is None:
             return
-        for assumed in ({}, None):
+        outcomes: tuple[ReplacedTicks | None, ...] = ({}, None)  # what a branch replaces is not known beforehand
+        for assumed in outcomes:
             further = self._next({**self._answers, asked: assumed})
             if further is not None:
                 yield further
