@@ -272,10 +272,11 @@ def _clip(
 
 
 def _limits(verb: VerbSpec, spec: ArgumentSpec, entity: Entity, registry: Registry) -> tuple[float, float]:
-    """Bounds of one argument at its entity's present elevation: what goes up or down ends at the altitude band."""
+    """Bounds of one argument at its entity's present elevation: what goes up or down ends at the altitude band. How
+    fast it does so, an argument of another dimension, has nothing to do with the band."""
     low, high = argument_bounds(spec, entity.properties)
     band = altitude_band(entity.properties)
-    if band is None:
+    if band is None or spec.unit != "m":
         return low, high
     height = registry.states[entity.id].position[2]
     if verb.motion == "up":

@@ -134,7 +134,7 @@ def _worded(error: ValidationError) -> str:
             kinds = [_DUE[one] for one in ([due] if isinstance(due, str) else due)]
             return f"{_either(kinds)} is due, this is {kind_of(given)}"
         case "enum":
-            return f"{_either([str(one) for one in due])} is due, this is {kind_of(given)}"
+            return f"{_either([str(one) or 'an empty text' for one in due])} is due, this is {kind_of(given)}"
         case "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum":
             return f"{BOUNDS[error.validator]} {due} is due, this is {given}"
         case "minItems" | "maxItems":

@@ -16,6 +16,7 @@ import msgspec
 from lingjing.errors import Fault, PluginError
 from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.kinds_format import KindsFile, SceneOption, joined, names_of
+from lingjing.mission.vocabulary import PHOTO, STOP
 
 _NAME = re.compile(r"[^\W\d]\w*")
 _EVERY_SCENE = ("datum", "layout", "origin")
@@ -90,6 +91,8 @@ def _meaning_faults(document: object, builtin: KindsFile) -> Iterator[Fault]:
     for place, scene in scenes:
         yield from _like_faults(place, scene, likes)
         yield from _options_faults(place, scene)
+    for place, engine in _records(document, "engines"):
+        yield from _verbs_faults(place, engine)
 
 
 def _records(document: object, part: str) -> list[tuple[str, dict[str, Any]]]:
@@ -131,6 +134,16 @@ def _options_faults(place: str, scene: dict[str, Any]) -> Iterator[Fault]:
     for where, name in _references(place, scene):
         if isinstance(name, str) and name and name not in known:
             yield Fault(where, f"there is no option `{name}`", f"known: {', '.join(sorted(known))}")
+
+
+def _verbs_faults(place: str, engine: dict[str, Any]) -> Iterator[Fault]:
+    given = engine.get("verbs")
+    for name in given if isinstance(given, dict) else ():
+        where = f"{place}.verbs.{name}"
+        if not _NAME.fullmatch(name):
+            yield Fault(where, f"a verb cannot be called `{name}`", "letters, digits and _, no digit first")
+        if name in (STOP, PHOTO):
+            yield Fault(where, f"`{name}` means the same for all engines", "leave it out")
 
 
 def _option(value: object) -> SceneOption | None:

@@ -4,6 +4,7 @@ import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
+from lingjing.mission.instance import ArgumentSpec, VerbSpec
 from lingjing.trace.records import Action, Decision
 
 
@@ -174,6 +175,20 @@ def test_an_agent_without_resources_is_told_so():
 def test_destinations_are_clipped_to_the_altitude_band():
     record = kernel_at_zero().step(kit.decisions(scout_1=kit.does("go", x=0.0, y=0.0, z=400.0))).record
     assert record.commands[0].arguments["z"] == 160.0
+
+
+def test_the_band_ends_a_climb_and_not_its_speed():
+    """A plug-in's verb may have arguments of other dimensions beside how far it goes."""
+    arguments = (ArgumentSpec(name="distance", unit="m", maximum=500.0), ArgumentSpec(name="rate", unit="m/s"))
+    climb = VerbSpec(name="climb", motion="up", arguments=arguments)
+    made = kit.make_instance()
+    entities = [msgspec.structs.replace(one, verbs=(*one.verbs, climb)) for one in made.entities]
+    record = (
+        kernel_at_zero(msgspec.structs.replace(made, entities=tuple(entities)))
+        .step(kit.decisions(scout_1=kit.does("climb", distance=400.0, rate=300.0)))
+        .record
+    )
+    assert record.commands[0].arguments == {"distance": 160.0, "rate": 300.0}
 
 
 def test_a_photo_needs_an_idle_resource_and_completes_in_its_boundary():

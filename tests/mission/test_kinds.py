@@ -222,6 +222,15 @@ def test_a_file_is_held_to_its_meaning(acme: Path, scene: dict[str, object], whe
     assert [path for path, _ in faults_of(acme, kinds_document(**scene))] == [f"scenes[0].{where}"]
 
 
+def test_the_verbs_of_an_engine_are_its_own(acme: Path) -> None:
+    verbs = {"stop": {"motion": "up"}, "takePhoto": {}, "go there": {}, "rise": {"motion": "fly"}, "sink": {}}
+    told = dict(faults_of(acme, json.dumps({"engines": [{"name": "lift", "verbs": verbs}]})))
+    at = "engines[0].verbs"
+    assert set(told) == {f"{at}.stop", f"{at}.takePhoto", f"{at}.go there", f"{at}.rise.motion"}
+    assert told[f"{at}.stop"] == "`stop` means the same for all engines"
+    assert told[f"{at}.rise.motion"].startswith("an empty text, down, route")
+
+
 def test_a_fault_is_told_of_the_kind_that_says_it(acme: Path) -> None:
     scenes = [{"name": "canyon", "extent_m": -1, "options": {"depth": METRES | {"default": 10}}}]
     scenes += [{"name": "rift", "like": "canyon"}, {"name": "gorge", "like": "rift", "lacks": ["rails"]}]

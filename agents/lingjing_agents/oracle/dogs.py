@@ -236,9 +236,11 @@ def dog_abilities(
 
 
 def _walks(entity: Entity) -> bool:
-    """Whether a body turns on the spot, by an angle that it is told."""
+    """Whether a body turns on the spot, by an angle that it is told, and goes to no place by itself: an aircraft of a
+    plug-in may turn as well."""
     turns = [verb.arguments for verb in entity.verbs if verb.motion == "turn"]
-    return any(turns) and all(argument.unit == "deg" for arguments in turns for argument in arguments)
+    goes = any(verb.motion in ("straight", "route") for verb in entity.verbs)
+    return not goes and any(turns) and all(argument.unit == "deg" for arguments in turns for argument in arguments)
 
 
 def _guidance(truth: PrivilegedState) -> tuple[str, float] | None:
