@@ -7,13 +7,10 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from lingjing.mission.elements import checksum, line_fault
+from lingjing.mission.reset.shapes import Satellite, folded, keys_of
 
-KEYS = {
-    **dict.fromkeys(("tle1", "tleline1", "line1"), "tle1"),
-    **dict.fromkeys(("tle2", "tleline2", "line2"), "tle2"),
-    **dict.fromkeys(("tle", "tlelines"), "tle"),
-}
-"""Spellings of the keys, without underscores and in lower case."""
+LINES = ("tle1", "tle2", "tle")
+"""The keys of element lines."""
 
 
 def lifted(row: dict[str, Any]) -> None:
@@ -26,7 +23,7 @@ def lifted(row: dict[str, Any]) -> None:
     made = next((lines for holder in holders if (lines := _from_numbers(holder))), None)
     for holder in holders:
         _lift(holder, row)
-    if made and not any(isinstance(row.get(name), str) for name in ("tle1", "tle2", "tle")):
+    if made and not any(isinstance(row.get(name), str) for name in LINES):
         row["tle1"], row["tle2"] = made
         row.pop("tle", None)
 
@@ -47,11 +44,7 @@ _LIMITS = {"inclination": 180.0, "raan": 360.0, "eccentricity": 1.0, "perigee": 
 
 def _from_numbers(holder: Mapping[str, Any]) -> tuple[str, str] | None:
     """The two lines of elements that are given as numbers; None if one is missing or none of its kind."""
-    given = {
-        name: value
-        for key, value in holder.items()
-        if (name := NUMBERS.get("".join(filter(str.isalnum, key)).casefold()))
-    }
+    given = {name: value for key, value in holder.items() if (name := NUMBERS.get(folded(key)))}
     numbers = {name: given.get(name) for name in _LIMITS}
     if not all(isinstance(one, int | float) and 0.0 <= one < _LIMITS[name] for name, one in numbers.items()):
         return None
@@ -70,11 +63,13 @@ def _from_numbers(holder: Mapping[str, Any]) -> tuple[str, str] | None:
 
 def _lift(holder: dict[str, Any], row: dict[str, Any]) -> None:
     for key in list(holder):
-        name = KEYS.get(key.replace("_", "").casefold())
+        name = keys_of(Satellite).spellings.get(folded(key))
+        if name not in LINES:
+            continue
         if name == "tle" and isinstance(holder[key], dict):
             if not holder[key]:
                 del holder[key]
-        elif name and (name not in row or holder is row):
+        elif name not in row or holder is row:
             row[name] = holder.pop(key)
 
 

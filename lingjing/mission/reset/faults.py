@@ -31,7 +31,7 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
     for one in error.errors(include_url=False):
         if one["type"] == "too_short" and one["input"]:
             continue  # there are entries, whose own faults are told
-        where, missing = _path(one["loc"], value, root, spelt)
+        where, missing, holder = _path(one["loc"], value, root, spelt)
         told = where
         if one["type"] in ("missing", "extra_forbidden"):
             where, missing = where.rpartition(".")[0] if not missing else where, missing or where.rpartition(".")[2]
@@ -39,37 +39,32 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
         if told not in seen:
             seen.add(told)
             yield Fault(where, *_worded(one, missing))
-        if _lacks_a_place(one["loc"], value):
-            yield Fault(_path(one["loc"][:-1], value, root, spelt)[0], f"has {PLACELESS}", _PLACE)
+        if _lacks_a_place(one["loc"][-1:], holder):
+            yield Fault(where.rpartition(".")[0], f"has {PLACELESS}", _PLACE)
 
 
-def _lacks_a_place(loc: tuple[int | str, ...], value: object) -> bool:
+def _lacks_a_place(key: tuple[int | str, ...], holder: object) -> bool:
     """Whether a wrong coordinate stands beside one that is not given, which is looked for only in whole objects."""
-    pair = next((pair for pair in PLACES if loc and loc[-1] in pair), None)
-    for part in loc[:-1]:
-        if isinstance(value, Mapping):
-            value = value.get(part)
-        elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
-            value = value[part]
-    if pair is None or not isinstance(value, Mapping):
+    if not isinstance(holder, Mapping) or not any(key == (name,) for names in PLACES for name in names):
         return False
-    elsewhere = any(value.get(name) is not None for name in ("data", "position"))
-    return not elsewhere and all(any(value.get(name) is None for name in names) for names in PLACES)
+    elsewhere = any(holder.get(name) is not None for name in ("data", "position"))
+    return not elsewhere and all(any(holder.get(name) is None for name in names) for names in PLACES)
 
 
-def _path(loc: tuple[int | str, ...], value: object, root: str, spelt: Spelt) -> tuple[str, str]:
-    """The JSON path of a location, and the key that is not there, if it is about one."""
-    where = root
+def _path(loc: tuple[int | str, ...], value: object, root: str, spelt: Spelt) -> tuple[str, str, object]:
+    """The JSON path of a location, the key that is not there, if it is about one, and what holds the value."""
+    where, holder = root, value
     for part in loc:
+        holder = value
         if isinstance(value, Mapping) and isinstance(part, str):
             if part not in value:
-                return where, part
+                return where, part, holder
             where, value = f"{where}.{spelt.key(value, part)}", value[part]
-        elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
+        elif isinstance(value, list | tuple) and isinstance(part, int):
+            if part >= len(value):
+                return where, f"[{part}]", holder
             where, value = f"{where}[{part}]", value[part]
-        elif isinstance(value, list | tuple):
-            return where, f"[{part}]"
-    return where, ""
+    return where, "", holder
 
 
 def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:

@@ -18,7 +18,7 @@ from lingjing.mission.kinds import engine_kind
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.frame import FAR_M, GROUND_HIGH_M, HIDDEN_HIGH_M, LOW_M, ON_THE_GROUND, DocumentFrame
-from lingjing.mission.reset.shapes import Locating, Satellite
+from lingjing.mission.reset.shapes import Coordinates, Equipment, HiddenPlace, Satellite
 from lingjing.mission.reset.template import fleet_of
 
 _MOST = 1e9
@@ -61,20 +61,20 @@ AGREE_DEG = 1.0
 class Spot(NamedTuple):
     """One thing that the document places, and the JSON path of its place."""
 
-    part: Locating
+    part: Equipment | HiddenPlace
     path: str
 
 
-def world(spot: Spot, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
+def world(data: Coordinates, path: str, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
     """East, north and, if given, elevation in metres; what lies beyond every scene is reported."""
-    place = frame.place(spot.part.place)
+    place = frame.place(data)
     if place is None:
-        parsed.report(spot.path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
+        parsed.report(path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
         return (0.0, 0.0)
     if max(abs(metres) for metres in place) > FARTHEST_M:
         shown = ", ".join(f"{metres:g}" for metres in place)
         hint = f"coordinates lie within {FARTHEST_M:g} m of the scene's origin; X, Y and Z are centimetres"
-        parsed.report(spot.path, f"lies at ({shown}) m, beyond the scene", hint)
+        parsed.report(path, f"lies at ({shown}) m, beyond the scene", hint)
         return (0.0, 0.0)
     return place
 
@@ -83,7 +83,7 @@ def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: P
     """What to note of a place: two spellings of it, or of its height, that differ; that it lies farther from the
     scene's origin than a scene is wide; a height that cannot be one over the scene for such an entity."""
     data = spot.part.place
-    east, north, *above = world(spot, frame, parsed)
+    east, north, *above = world(data, spot.path, frame, parsed)
     if None not in (data.x, data.y, data.lon, data.lat):
         other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, frame.origin)
         apart = max(abs(east - other[0]), abs(north - other[1]))
@@ -170,8 +170,7 @@ def filled(
     codes = (spot.part.code for spot in spots)
     labels = tuple("" if code == member_id(group, k) else code for k, code in enumerate(codes, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
-    groups = tuple(changed if g.name == group.name else g for g in mission.groups)
-    return msgspec.structs.replace(mission, groups=groups)
+    return _with_group(mission, changed)
 
 
 def _too_few(parsed: Parsed, where: str, group: model.Group, mission: model.Mission) -> None:
@@ -194,7 +193,7 @@ def _positioned(
         parsed.notes.append(f"{where}: {said}")
         return group.properties
     parsed.notes.extend(note for spot in spots for note in _place_notes(spot, group, frame, parsed))
-    given = tuple(world(spot, frame, parsed) for spot in spots)
+    given = tuple(world(spot.part.place, spot.path, frame, parsed) for spot in spots)
     for spot, place in zip(spots, given, strict=True):
         fault = place_fault(place, group.engine)
         if fault:
@@ -238,7 +237,9 @@ def _measured(
 ) -> tuple[model.Property, ...]:
     """The properties with the document's measures of those that the group has; the others are kept and noted."""
     for one in MEASURES:
-        given = tuple(entry.part.measures.get(one.field) for entry in entries)
+        given = tuple(
+            entry.part.measures.get(one.field) if isinstance(entry.part, HiddenPlace) else None for entry in entries
+        )
         if all(value is None for value in given):
             continue
         if _property(properties, one.property) is None:
@@ -270,9 +271,7 @@ def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Par
     name = _count_parameter(group)
     parameter = next((p for p in mission.parameters if p.name == name), None)
     if parameter is None:
-        changed = msgspec.structs.replace(group, count=ex.Number(float(count)))
-        groups = tuple(changed if g.name == group.name else g for g in mission.groups)
-        return msgspec.structs.replace(mission, groups=groups)
+        return _with_group(mission, msgspec.structs.replace(group, count=ex.Number(float(count))))
     bounds = parameter.bounds
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
@@ -283,19 +282,15 @@ def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Par
             else:
                 _too_few(parsed, where, group, mission)
             return mission
-        if count > bounds.high.value:
-            parsed.notes.append(
-                f"{where}: holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'"
-            )
-            bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
-        if count and not _spread(group):
-            bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
+        more, alone = count > bounds.high.value, bool(count) and not _spread(group)
+        if more:
+            said = f"holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'"
+            parsed.notes.append(f"{where}: {said}")
+        if alone:
             mission = _narrowed(mission, name, count, where, parsed)
-    default = number_like(parameter.default, float(count))
-    replaced = msgspec.structs.replace(parameter, default=default, bounds=bounds)
-    return msgspec.structs.replace(
-        mission, parameters=tuple(replaced if p.name == name else p for p in mission.parameters)
-    )
+        if more or alone:
+            bounds = msgspec.structs.replace(bounds, high=_number_like(bounds.high, float(count)))
+    return with_default(mission, name, float(count), bounds)
 
 
 def _narrowed(mission: model.Mission, name: str, most: int, where: str, parsed: Parsed) -> model.Mission:
@@ -314,6 +309,22 @@ def _narrowed(mission: model.Mission, name: str, most: int, where: str, parsed: 
 
 
 # -- small parts of the graph ---------------------------------------------------------------------------------------
+
+
+def with_default(mission: model.Mission, name: str, value: float, bounds: ex.Expr | None = None) -> model.Mission:
+    """The mission with another default of a parameter, in the unit of the old one, and perhaps other bounds."""
+    parameters = tuple(
+        msgspec.structs.replace(p, default=_number_like(p.default, value), bounds=bounds or p.bounds)
+        if p.name == name
+        else p
+        for p in mission.parameters
+    )
+    return msgspec.structs.replace(mission, parameters=parameters)
+
+
+def _with_group(mission: model.Mission, changed: model.Group) -> model.Mission:
+    groups = tuple(changed if group.name == changed.name else group for group in mission.groups)
+    return msgspec.structs.replace(mission, groups=groups)
 
 
 def _count_parameter(group: model.Group) -> str:
@@ -365,7 +376,7 @@ def point(items: Iterable[float]) -> ex.Point:
     return ex.Point(tuple(ex.Number(item, "m") for item in items))
 
 
-def number_like(expr: ex.Expr, value: float) -> ex.Number:
+def _number_like(expr: ex.Expr, value: float) -> ex.Number:
     """A number in the unit of another one."""
     return ex.Number(value, expr.unit if isinstance(expr, ex.Number) else "")
 

@@ -24,7 +24,7 @@ from lingjing.mission.reset.document import Parsed, parse
 from lingjing.mission.reset.faults import document_error
 from lingjing.mission.reset.fields import Found, hidden_fields
 from lingjing.mission.reset.frame import DocumentFrame, frame_of
-from lingjing.mission.reset.groups import Spot, draw_of, filled, number_like, origin_of, plays, point, world
+from lingjing.mission.reset.groups import Spot, draw_of, filled, origin_of, plays, point, with_default, world
 from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.repair import followed
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, folded
@@ -150,14 +150,9 @@ def _configured(template: model.Mission, parsed: Parsed) -> model.Mission:
         for fault in error.faults:
             parsed.report(f"{parsed.at('lingjing')}.{fault.where}", fault.message, fault.hint)
         return template
-    changed = tuple(
-        msgspec.structs.replace(p, default=number_like(p.default, extra.settings[p.name]))
-        if p.name in extra.settings
-        else p
-        for p in template.parameters
-    )
-    modes = msgspec.structs.replace(template.modes, default=mode)
-    return msgspec.structs.replace(template, modes=modes, parameters=changed)
+    for name, value in extra.settings.items():
+        template = with_default(template, name, value)
+    return msgspec.structs.replace(template, modes=msgspec.structs.replace(template.modes, default=mode))
 
 
 def _collaborating(template: model.Mission, parsed: Parsed) -> model.Mission:
@@ -208,8 +203,7 @@ def _at_height(mission: model.Mission, parsed: Parsed) -> model.Mission:
         parsed.notes.append(f"{where}: mission '{mission.name}' flies no aircraft at {height:g} m; kept")
         return mission
     parsed.notes.append(f"{where}: is the parameter '{_ALTITUDE}'")
-    changed = msgspec.structs.replace(known, default=number_like(known.default, height))
-    return msgspec.structs.replace(mission, parameters=tuple(changed if p is known else p for p in mission.parameters))
+    return with_default(mission, _ALTITUDE, height)
 
 
 def _weather(
@@ -283,8 +277,7 @@ def _outline(mission: model.Mission, parsed: Parsed, frame: DocumentFrame) -> ge
     if not region:
         parsed.notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
         return None
-    spots = tuple(Spot(corner, f"{where}[{k}]") for k, corner in enumerate(corners))
-    places = tuple(world(spot, frame, parsed) for spot in spots)
+    places = tuple(world(corner, f"{where}[{k}]", frame, parsed) for k, corner in enumerate(corners))
     outline = tuple((place[0], place[1]) for place in places)
     fault = geometry2d.fault(outline)
     if fault:

@@ -125,30 +125,6 @@ class Coordinates(DocumentPart):
         return None not in self.pairs[:2] or None not in self.pairs[2:]
 
 
-class Locating(DocumentPart):
-    """What stands for something that has a place."""
-
-    @property
-    def place(self) -> Coordinates:
-        """Where it is."""
-        raise NotImplementedError
-
-    @property
-    def code(self) -> str:
-        """The document's own name for it."""
-        return ""
-
-    @property
-    def headings(self) -> Mapping[str, float]:
-        """Its headings in compass degrees by the keys they stand under; the first counts."""
-        return {}
-
-    @property
-    def measures(self) -> Mapping[str, object]:
-        """What is measured of it, by field."""
-        return {}
-
-
 class Data(Coordinates):
     """The place of an entity, which it must have."""
 
@@ -159,18 +135,13 @@ class Data(Coordinates):
         return _placed(self, self)
 
 
-class Corner(Data, Locating):
+class Corner(Data):
     """One corner of the search area; the corners go around it in order."""
 
     range_id: Code = ""
 
-    @property
-    def place(self) -> Coordinates:
-        """Itself."""
-        return self
 
-
-class HiddenPlace(Coordinates, Locating):
+class HiddenPlace(Coordinates):
     """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg;
     `spacing` is that of a queue and `range` that of a fire, in centimetres."""
 
@@ -207,7 +178,7 @@ class HiddenPlace(Coordinates, Locating):
 
     @property
     def headings(self) -> Mapping[str, float]:
-        """Its `heading`, and what its `yaw` or that of its place is."""
+        """Its `heading`, and what its `yaw` or that of its place is, in compass degrees by key; the first counts."""
         return _headings({"heading": self.heading}, self.yaw, self.place)
 
     @property
@@ -254,7 +225,7 @@ def _headings(given: Mapping[str, float | None], yaw: float | None, place: Coord
     return {name: value for name, value in every.items() if value is not None}
 
 
-class Equipment(Locating):
+class Equipment(DocumentPart):
     """One entity. `heading` and `raw` are compass degrees, `yaw` is Unreal's, here or in `data`."""
 
     equipment_code: Code = ""
@@ -278,7 +249,7 @@ class Equipment(Locating):
 
     @property
     def headings(self) -> Mapping[str, float]:
-        """Its `heading`, its `raw`, and what its `yaw` or that of its `data` is."""
+        """As of a hidden place, with `raw` after `heading`."""
         return _headings({"heading": self.heading, "raw": self.raw}, self.yaw, self.data)
 
 
@@ -287,9 +258,9 @@ class Satellite(Equipment):
     `tle2`, or both in `tle`, as a list or as one text."""
 
     data: Coordinates = Coordinates()  # type: ignore[assignment]
-    tle1: Free = ""
-    tle2: Free = ""
-    tle: Free = ""
+    tle1: Free = spelt("tleLine1", "line1", default="")
+    tle2: Free = spelt("tleLine2", "line2", default="")
+    tle: Free = spelt("tleLines", default="")
 
     @property
     def lines(self) -> tuple[str, ...]:

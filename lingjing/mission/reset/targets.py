@@ -82,7 +82,11 @@ def _claimed(
     _told_apart(parsed, one.targets, paths)
     spots = tuple(map(Spot, one.targets, paths))
     if group.type == PERSONS and outline is not None:
-        outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, frame, parsed)[:2]))
+        outside = (
+            spot
+            for spot in spots
+            if not geometry2d.contains(outline, *world(spot.part.place, spot.path, frame, parsed)[:2])
+        )
         parsed.notes.extend(
             f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside
         )
