@@ -93,7 +93,7 @@ class Repair(msgspec.Struct, frozen=True, kw_only=True):
 class Blame(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be blamed for a lost episode.
 
-    `repairs` are all smallest repairing sets, those that replace the fewest records first, of equals the later one;
+    `repairs` are all smallest repairing sets, those that replace the fewest records first, of equals the earlier one;
     with `complete` all sets of that size were tried. `departed` counts the pairs in which agents departed from their
     references in the trace. `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is
     that of the branches, those included that idle workers began ahead for nothing; `driven_s` that of running the
@@ -140,11 +140,11 @@ def blame(trace: Trace, options: BlameOptions | None = None, progress: HostProgr
         return _Search(host, options).run(told)
 
 
-def _least_and_latest(repair: Repair) -> tuple[bool, int, int]:
-    """The order of repairs: narrowed ones first, those that replace fewer records, those that begin later. Where a
-    later one suffices, nothing was lost yet at an earlier one: that only came before what lost the episode."""
+def _least_and_earliest(repair: Repair) -> tuple[bool, int, int]:
+    """The order of repairs: narrowed ones first, those that replace fewer records, those that begin earlier. Windows
+    begin as late as they can; so of two the later one is often that nobody made good what the earlier one spoiled."""
     replaced = sum(cause.replaced for cause in repair.causes)
-    return not repair.narrowed, replaced, -min(cause.first for cause in repair.causes)
+    return not repair.narrowed, replaced, min(cause.first for cause in repair.causes)
 
 
 class _Search:
@@ -301,7 +301,7 @@ class _Search:
             self._repair(one, spans[number], narrowed=number < NARROWED and number not in cut)
             for number, one in enumerate(ranked)
         ]
-        return tuple(sorted(repairs, key=_least_and_latest))
+        return tuple(sorted(repairs, key=_least_and_earliest))
 
     def _ticks(self, pairs: frozenset[AgentFaculty], branch: BranchResult) -> dict[AgentFaculty, Sequence[int]]:
         """The boundaries at which a branch replaced something of each pair of a repair."""
