@@ -17,9 +17,9 @@ from lingjing.analysis.history import History, HistoryEvent, history_of
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import draw_overview, style
 from lingjing.analysis.overview.mapview import draw_map
-from lingjing.analysis.overview.pictures import best_views, whole_frame
+from lingjing.analysis.overview.pictures import best_views, draw_whole, whole_frame
 from lingjing.analysis.overview.score import draw_score
-from lingjing.analysis.overview.timeline import draw_events
+from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
 from lingjing.errors import UsageError
 from lingjing.mission.instance import InteractionSpec
 from lingjing.trace.reader import Trace
@@ -151,6 +151,38 @@ def test_colours_are_distinct_and_shades_end_at_white() -> None:
     colours = style.asset_colours([f"uav[{place}]" for place in range(16)])
     assert len(set(colours.values())) == 16
     assert style.shaded("#123456", 1.0) == "#123456" and style.shaded("#123456", 0.0) == "#ffffff"
+    many = style.asset_colours([f"uav[{place}]" for place in range(100)]).values()
+    assert all(min(int(colour[at : at + 2], 16) for at in (1, 3, 5)) < 200 for colour in many)  # none is lost on white
+
+
+def test_a_fleet_of_forty_can_be_read(trace: Trace) -> None:
+    """No name lies on another: lanes are named as far as there is room, batteries by the map's colours alone."""
+    history = history_of(trace)
+    agent, one = history.instance.agents[0], next(track for track in history.tracks_of("asset") if track.battery)
+    names = [f"uav[{place}]" for place in range(1, 41)]
+    agents = tuple(replace(agent, id=name) for name in names)
+    body = next(entity for entity in history.instance.entities if entity.id == one.entity)
+    instance = replace(history.instance, agents=agents, entities=tuple(replace(body, id=name) for name in names))
+    tracks = {name: dataclasses.replace(one, entity=name) for name in names}
+    fleet = dataclasses.replace(history, instance=instance, tracks=tracks, said=(), refusals=())
+    figure = Figure(figsize=(18, 12))
+    canvas = FigureCanvasAgg(figure)
+    messages, batteries = figure.add_axes((0.06, 0.225, 0.54, 0.095)), figure.add_axes((0.06, 0.04, 0.54, 0.055))
+    draw_messages(messages, fleet)
+    draw_batteries(batteries, fleet)
+    canvas.draw()
+    extents = [label.get_window_extent() for label in messages.get_yticklabels()]
+    assert len(extents) > 5 and all(a.y0 >= b.y1 for a, b in itertools.pairwise(extents))
+    assert len(batteries.lines) == 40 and batteries.get_legend() is None
+
+
+def test_a_picture_that_cannot_be_decoded_is_not_called_missing(trace: Trace) -> None:
+    history = history_of(trace)
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+    draw_whole(axes, dataclasses.replace(trace, places={}), history, whole_frame(history))
+    assert [text.get_text() for text in axes.texts] == ["the picture cannot be decoded"]
 
 
 def marks(history: History, *entities: str) -> list[str]:

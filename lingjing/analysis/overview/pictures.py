@@ -23,6 +23,7 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
 FRONT = "front"
+UNREADABLE = "the picture cannot be decoded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ def draw_view(axes: Axes, trace: Trace, view: ReportView) -> None:
     style.bare(axes)
     axes.set_xlabel(view.caption, fontsize=8, color=style.INK, labelpad=3)
     if rgb is None:
-        draw_nothing(axes, "the picture cannot be decoded")
+        draw_nothing(axes, UNREADABLE)
         return
     x0, y0, x1, y1 = _window(view, rgb.shape[1], rgb.shape[0], style.panel_shape(axes))
     axes.imshow(rgb[y0:y1, x0:x1], extent=(x0, x1, y1, y0), interpolation="nearest", aspect="auto")
@@ -105,7 +106,7 @@ def draw_whole(axes: Axes, trace: Trace, history: History, frame: FrameInfo | No
     style.bare(axes)
     rgb = None if frame is None else _rgb(trace, frame)
     if frame is None or rgb is None:
-        draw_nothing(axes, "no picture was taken")
+        draw_nothing(axes, "no picture was taken" if frame is None else UNREADABLE)
         return
     axes.imshow(rgb, extent=(0, rgb.shape[1], rgb.shape[0], 0), interpolation="antialiased", aspect="equal")
     targets = set(history.fate)

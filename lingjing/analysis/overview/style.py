@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
@@ -44,6 +44,10 @@ INCIDENT = "#111111"
 CROWD = 8
 """More targets than this are named by their index alone, and not in legends."""
 _ASSETS = ("#1f6fd1", "#c2410c", "#6d28d9", "#0f766e", "#a16207", "#be185d", "#4d7c0f", "#334155")
+_LANE_PT = 8.0
+"""What the name of a lane takes of a panel's height, points."""
+_SHADES = (1.0, 0.75, 0.5)
+"""Of the same colours for further assets; after 24 they begin again: a track in a fainter one is not seen."""
 
 
 def as_written(text: str) -> AbstractContextManager[None]:
@@ -57,7 +61,7 @@ def asset_colours(names: Iterable[str]) -> dict[str, str]:
     colours = {}
     for place, name in enumerate(names):
         lap, index = divmod(place, len(_ASSETS))
-        colours[name] = _ASSETS[index] if lap == 0 else shaded(_ASSETS[index], 1.0 - 0.25 * lap)
+        colours[name] = shaded(_ASSETS[index], _SHADES[lap % len(_SHADES)])
     return colours
 
 
@@ -152,6 +156,13 @@ def bare(axes: Axes, title: str = "") -> None:
         side.set_color(RULE)
     if title:
         heading(axes, title)
+
+
+def lanes(axes: Axes, names: Sequence[str]) -> None:
+    """Name the lanes 0, 1, 2, … of a panel, of more than there is room for every second or third."""
+    room = max(1, int(axes.get_window_extent().height / axes.figure.dpi * 72 / _LANE_PT))
+    step = -(-len(names) // room) or 1
+    axes.set_yticks(range(0, len(names), step), names[::step])
 
 
 def heading(axes: Axes, title: str) -> None:

@@ -12,6 +12,9 @@ from lingjing.analysis.history import History
 from lingjing.analysis.overview import style
 from lingjing.trace.admitted import AdmittedMessage
 
+_NAMED = 14
+"""As many names stand side by side over a panel."""
+
 
 def draw_messages(axes: Axes, history: History) -> None:
     """A lane for each agent; a message leaves its sender's dot for the recipients' lanes."""
@@ -24,7 +27,7 @@ def draw_messages(axes: Axes, history: History) -> None:
     for tick, sender in history.refusals:
         if sender in lanes:
             axes.plot(tick, lanes[sender], "|", ms=9, mec=style.FATES["missed"], mew=1.4, zorder=3)
-    axes.set_yticks(list(lanes.values()), agents)
+    style.lanes(axes, agents)
     axes.set_ylim(len(agents) - 0.5, -0.5)
     used = dict.fromkeys(said.category for said in history.said)
     entries = [_dot(style.CATEGORIES[name], name.replace("_", " ")) for name in style.CATEGORIES if name in used]
@@ -64,8 +67,9 @@ def draw_events(axes: Axes, history: History) -> None:
     for incident in history.incidents:
         x = incident.time_s / history.instance.clock.tick_s
         axes.plot(x, lanes["incident"], "X", ms=9, mfc=style.INCIDENT, mec="white", mew=0.7, zorder=5)
-    axes.set_yticks(list(lanes.values()), list(lanes))
-    axes.set_ylim(len(lanes) - 0.4, -0.6) if lanes else axes.set_yticks([])
+    style.lanes(axes, list(lanes))
+    if lanes:
+        axes.set_ylim(len(lanes) - 0.4, -0.6)
     few = targets if len(targets) <= style.CROWD else []  # a crowd is told apart by the numbers in the dots
     entries = [_dot(style.target_colour(place), name) for place, name in enumerate(few)]
     if history.incidents:
@@ -101,6 +105,7 @@ def draw_batteries(axes: Axes, history: History) -> None:
     axes.set_yticks([0, 50, 100], ["0", "50", "100 %"])
     axes.grid(axis="y", color=style.RULE, linewidth=0.6)
     entries = [Line2D([], [], color=colours[track.entity], linewidth=1.8, label=track.entity) for track in powered]
+    entries = entries if len(entries) <= _NAMED else []  # the map names them, in the same colours
     _finish(axes, history, "Battery" if powered else "Battery: no asset has one", entries)
     axes.set_xlabel(f"tick ({tick_s:g} s each)", fontsize=9, color=style.INK, labelpad=2)
     axes.tick_params(labelbottom=True)
