@@ -12,7 +12,7 @@ the breakdown began and the chain of records that shows it: agent, action, messa
   tick.
 - `object_confusion`: while the target was unmatched, a false report lay on something of another class by half or more.
 - `localisation_error`: a report matched the target, and no report located it within `DELAY` ticks or ever, by the rule
-  of the mission that asks for a matched report and looks at its position.
+  of the mission that asks for a matched report and looks at a position that it tells.
 - `handoff_break`: what the target needs next was known (it was located, or matched, or nothing has to be found) and it
   was not assigned to who must serve it within `DELAY` ticks or ever, where a stage of the mission asks for that; or,
   among several agents with bodies and where nothing had to be found, a stage that another depends on was never done, or
@@ -31,7 +31,7 @@ recorded.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -42,12 +42,12 @@ from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import Assignments
-from lingjing.mission.expression import Attr, Call, Ref, parts
+from lingjing.mission.expression import Aggregate, Attr, Call, Quantified, Ref, parts
 from lingjing.mission.feasibility.needs import Handover
 from lingjing.mission.feasibility.outline import Outline, of_instance
 from lingjing.mission.feasibility.unfolding import mentions
 from lingjing.mission.instance import Instance
-from lingjing.mission.model import Stage
+from lingjing.mission.model import Rule, Stage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Receipt
 
@@ -433,12 +433,29 @@ def _drifted(target: str, given: tuple[int, str, str], one: JudgedAction, what: 
 
 
 def _locating_rules(instance: Instance, matching: frozenset[str]) -> frozenset[str]:
-    """Rules that ask for a matched report and look at where it says the target is."""
+    """Rules that ask for a matched report and look at a position that it tells."""
+    told = {
+        message.kind: {field.name for field in message.fields if field.type == "position"}
+        for message in instance.messages
+    }
     return frozenset(
         rule.name
         for rule in instance.rules
         if any(isinstance(part, Call) and part.rule and part.function in matching for part in parts(rule.condition))
-        and any(isinstance(part, Attr) and part.name == "position" for part in parts(rule.condition))
+        and _reads_a_position(rule, told)
+    )
+
+
+def _reads_a_position(rule: Rule, told: Mapping[str, set[str]]) -> bool:
+    """Whether a rule reads a field of a message that is one of the positions `told`, by kind."""
+    found = tuple(parts(rule.condition))
+    bound = {part.variable: part.domain for part in found if isinstance(part, Aggregate | Quantified)}
+    domains = {one.name: one.domain for one in rule.parameters} | bound
+    return any(
+        isinstance(part, Attr)
+        and isinstance(part.base, Ref)
+        and part.name in told.get(domains.get(part.base.name, ""), ())
+        for part in found
     )
 
 

@@ -7,10 +7,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing.analysis import families
 from lingjing.analysis.ending import why
 from lingjing.analysis.families import FAMILIES, Attribution, attribute
 from lingjing.analysis.pooled import counts_of, family_shares
 from lingjing.bench.columns import shipped
+from lingjing.mission.expression import Attr, Binary, Call, Quantified, Ref
+from lingjing.mission.instance import MessageSpec
+from lingjing.mission.model import Field, Rule, RuleParameter
 from lingjing.play.episode import Session
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import (
@@ -27,6 +31,7 @@ from lingjing.trace.records import (
     StageChange,
 )
 from tests.analysis.test_metrics import at, boundary, frame, matched, report
+from tests.bare_instance import bare_instance
 
 replace = msgspec.structs.replace
 LABELS = Path(__file__).with_name("family_labels.toml")
@@ -112,7 +117,7 @@ def test_something_else_reported_first_is_a_confusion(lost) -> None:  # type: ig
 
 @pytest.fixture
 def real_rules(trace: Trace):  # type: ignore[no-untyped-def]
-    """The synthetic trace with the rules and stages of the shipped mission, which name positions and assignments."""
+    """The synthetic trace with the rules, messages and stages of the shipped mission."""
     from lingjing.dsl.loading.load import load_mission
     from lingjing.mission.instantiate import instantiate
 
@@ -122,7 +127,9 @@ def real_rules(trace: Trace):  # type: ignore[no-untyped-def]
 
     def with_rules(there: Trace) -> Trace:
         own = there.header.instance
-        mixed = replace(own, rules=instance.rules, stages=instance.stages, success=instance.success)
+        mixed = replace(
+            own, rules=instance.rules, messages=instance.messages, stages=instance.stages, success=instance.success
+        )
         return Trace(there.path, replace(there.header, instance=mixed), there.boundaries, there.outcome, True)
 
     return with_rules
@@ -251,3 +258,27 @@ def test_kappa_takes_chance_away() -> None:
 
 AGREED, KAPPA = 55, 0.85
 """Labels of `family_labels.toml` that the rules agree with, and Cohen's kappa."""
+
+
+@pytest.mark.parametrize(
+    ("variable", "field", "locates"), [("r", "place", True), ("r", "position", False), ("v", "position", False)]
+)
+def test_a_rule_locates_by_any_position_that_a_message_tells(variable: str, field: str, locates: bool) -> None:
+    """The message's own field, however it is called; where the target itself is tells nothing of the report."""
+    matched = Call(function="matched", arguments=(Ref("v", "local"), Ref("r", "local")), rule=True)
+    inside = Binary("in", Attr(Ref(variable, "local"), field), Ref("search", "region"))
+    rule = Rule(
+        name="found",
+        parameters=(RuleParameter(name="v", domain="victim"),),
+        condition=Quantified("exists", "r", "sighting", Binary("and", matched, inside)),
+    )
+    sighting = MessageSpec(
+        kind="sighting",
+        type="sighting",
+        category="report",
+        fields=(Field(name="place", type="position"), Field(name="position", type="text")),
+        senders=("all",),
+        recipients=("all",),
+    )
+    instance = bare_instance((), rules=(rule,), messages=(sighting,))
+    assert families._locating_rules(instance, frozenset({"matched"})) == (frozenset({"found"}) if locates else set())
