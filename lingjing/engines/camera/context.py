@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import moderngl
+import numpy as np
+import numpy.typing as npt
 
 from lingjing.errors import InfrastructureError
 
@@ -21,3 +23,11 @@ def open_context() -> moderngl.Context:
 def renderer_name(context: moderngl.Context) -> str:
     """The GL renderer and version, part of an episode's fingerprint."""
     return f"{context.info['GL_RENDERER']} / {context.info['GL_VERSION']}"
+
+
+def mipmapped(context: moderngl.Context, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
+    """A repeating, mipmapped texture of (rows, columns, components) bytes."""
+    texture = context.texture(pixels.shape[1::-1], pixels.shape[2], pixels.tobytes())
+    texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
+    texture.build_mipmaps()
+    return texture

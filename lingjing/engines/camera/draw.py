@@ -19,52 +19,45 @@ import numpy.typing as npt
 from lingjing.engines.camera import uniforms
 from lingjing.engines.camera.cityscape import TOUCHING_M, Cityscape
 from lingjing.engines.camera.classes import CLASSES
-from lingjing.engines.camera.context import open_context, renderer_name
+from lingjing.engines.camera.context import mipmapped, open_context, renderer_name
 from lingjing.engines.camera.culling import blunt_from, near_plane, sky_bounds
 from lingjing.engines.camera.effects import TownChanges, prop_effects
 from lingjing.engines.camera.effects.drawing import EffectPass
 from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Rows
-from lingjing.engines.camera.ground import SHORE_REACH_M, Ground, LandSurface
+from lingjing.engines.camera.ground import Ground, LandSurface
 from lingjing.engines.camera.instances import Batch, afloat, in_sight, visible
 from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
 from lingjing.engines.camera.mesh_cache import kept_texture
-from lingjing.engines.camera.mesh_rows import MeshPart
 from lingjing.engines.camera.meshes import indexed
-from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
-from lingjing.engines.camera.ocean import RIPPLE_M, SeaSurface
-from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
+from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, noise_texture
+from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.engines.camera.programs import build, source
 from lingjing.engines.camera.prop_groups import MergedProps, looks_of, merged
 from lingjing.engines.camera.reduced_meshes import reduced
 from lingjing.engines.camera.structure_meshes import GroundBelow
-from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
+from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, PixelRect, Target, overlap
 from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
 from lingjing.engines.camera.view import TownView
+from lingjing.engines.camera.water_pass import WaterPass
 from lingjing.mission.instance import Vector, Weather
 from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
-SHADE_UNIT, MAP_UNIT, CLOUD_UNIT, GRAIN_UNIT = 4, 5, 6, 7
+NOISE_UNIT, SHADE_UNIT, MAP_UNIT, CLOUD_UNIT, GRAIN_UNIT = 3, 4, 5, 6, 7
+"""Texture units behind those of the waters."""
 GRAINS = {"u_grain": slice(0, 4), "u_paved": slice(0, 2), "u_street": slice(2, 4), "u_tone": slice(2, 3)}
 """Which parts of the grain a texture holds: a software renderer pays for every byte that it does not need."""
 WARM_SIZE, WARM_UP_M = (320, 180), 60.0
 GRAIN_M = 64.0
 """What the grain's texture spans (`GRAIN_M` of `city.glsl`)."""
-MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
 RELIEF_M = 500.0
 """No land rises higher."""
-SEA_SPAN_M = 30_000.0
-"""How far `water.vert.glsl` spreads the sea."""
 SEA_FLOOR, GROUND_FLOOR = (0.013, 0.065, 0.08), (0.09, 0.10, 0.05)
 """Colours of sea and country at the horizon of an eye high up."""
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
-
-
-Lake = tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]
-"""Level, array and its buffers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +84,6 @@ class Renderer:
         self._objects = self._pair("object.frag")
         self._dull = self._pair("object.frag", "DULL")
         self._grounds = {cls: self._pair("ground.frag", f"SURFACE {cls}") for cls in GROUND_CLASSES}
-        self._water = self._program("water.vert", "water.frag")
-        self._lake = self._program("lake.vert", "water.frag")
-        self._far_water = self._program("water.vert", "water.frag", "ALOFT")
-        self._far_lake = self._program("lake.vert", "water.frag", "ALOFT")
         self._sky = self._program("sky.vert", "sky.frag")
         self._below = self._program("below.vert", "below.frag")
         self._shadow = self._program("shadow.vert", "shadow.frag")
@@ -103,31 +92,23 @@ class Renderer:
         self._tree_shade = self._program("caster_instanced.vert", "caster.frag")
         self._effects = EffectPass(self.context)
         self._programs = (
-            *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake,
-            self._far_water, self._far_lake,
+            *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair),
             self._sky, self._below, self._shadow, self._mark, self._rain, self._tree_shade,
         )  # fmt: skip
         corners = np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4")
         self._corners = self.context.buffer(corners.tobytes())
-        self._far_corners = self.context.buffer((corners * np.float32(SPAN_M / SEA_SPAN_M)).tobytes())
-        noise = noise_texture()
-        self._noise, self._lace = self.texture(noise), lace_texture()
+        self._water = WaterPass(self.context, corners)
+        self._noise = mipmapped(self.context, noise_texture())
         grain = kept_texture("grain", grain_texture)
-        self._grains = {name: self.texture(np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()}
-        self._clouds = self.texture(kept_texture("clouds", cloud_texture))
+        self._grains = {
+            name: mipmapped(self.context, np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()
+        }
+        self._clouds = mipmapped(self.context, kept_texture("clouds", cloud_texture))
         self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
-        self._sea = (self._sea_texture(), self._sea_texture())
-        self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
-        self._sea_now: tuple[SeaSurface, SeaSurface] | None = None
-        self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
-        self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
-        self._far_water_vao = self.context.vertex_array(self._far_water, [(self._far_corners, "2f", "in_corner")])
         self._below_vao = self.context.vertex_array(self._below, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
         self._rain_vao = self.context.vertex_array(self._rain, [(self._corners, "2f", "in_corner")])
         self._town: Cityscape | None = None
-        self._lakes: list[Lake] = []
-        self._far_lakes: list[Lake] = []
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
         self._standing = MergedProps()
         self._warmed: set[tuple[bool, bool, bool]] = set()
@@ -136,14 +117,6 @@ class Renderer:
         self._models: dict[str, Model] = {}
         self._targets: dict[tuple[tuple[int, int], bool], Target] = {}
         self._level = 0.0
-        self._bounds = (0.0, 0.0, 1.0, 1.0)
-
-    def texture(self, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
-        """A repeating, mipmapped texture of (rows, columns, components) bytes."""
-        texture = self.context.texture(pixels.shape[1::-1], pixels.shape[2], pixels.tobytes())
-        texture.filter = MIPMAPPED, moderngl.LINEAR
-        texture.build_mipmaps()
-        return texture
 
     def load(self, ground: Ground, town: tuple[City, GroundBelow] | None = None) -> None:
         """Replace the static geometry; `town` is a city with streets and buildings."""
@@ -159,12 +132,8 @@ class Renderer:
             upload_still(self.context, (self._objects[0], self._shadow), indexed(mesh), plane, CLASSES["structure"])
             for plane, mesh in ground.solids
         ]
-        rows, columns, parts = ground.shore.shape
-        self._shore = self.context.texture((columns, rows), parts, ground.shore.tobytes())
-        self._shore.repeat_x = self._shore.repeat_y = False
+        self._water.load(ground)
         self._level = ground.level_m
-        west, south, east, north = ground.bounds
-        self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
 
     def vary(self, *variants: TownChanges) -> None:
         """Take over what a mission changes about a town: the variant that pictures show, then those for `redraw`."""
@@ -181,15 +150,7 @@ class Renderer:
     def _load_town(self, city: City, under: GroundBelow) -> None:
         self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
-        near, far = self._town.town_ground.waters, self._town.surroundings.waters
-        self._lakes = [self._lake_of(self._lake, *water) for water in near]
-        self._far_lakes = [self._lake_of(self._far_lake, *water) for water in (*near, *far)]
-
-    def _lake_of(self, program: moderngl.Program, level: float, part: MeshPart) -> Lake:
-        vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
-        index = self.context.buffer(part.index.tobytes())
-        array = self.context.vertex_array(program, [(vertices, "3f", "in_position")], index, 4)
-        return level, array, (vertices, index)
+        self._water.load_lakes(self._town.town_ground.waters, self._town.surroundings.waters)
 
     def _shaded_land(self, old: Model, land: LandSurface) -> Model:
         old.release()
@@ -201,15 +162,10 @@ class Renderer:
         for model, array in self._casting.values():
             array.release()
             model.release()
-        for _, array, buffers in (*self._lakes, *self._far_lakes):
-            array.release()
-            for buffer in buffers:
-                buffer.release()
+        self._water.unload()
         if self._town is not None:
             self._town.release()
-        self._shore.release()
-        self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
-        self._far_lakes = []
+        self._surfaces, self._solids, self._models, self._casting = [], [], {}, {}
         self._standing = MergedProps()
         self._warmed.clear()
         self._town = None
@@ -305,7 +261,7 @@ class Renderer:
             model.lit.render(instances=1)
         if self._town is not None and view is not None:
             self._town.floors(view, *weather)
-        self._waters(high=pose.position[2] > HIGH_M)
+        self._water.draw(sea=self._has_sea, high=pose.position[2] > HIGH_M)
         self._heavens(target, pose, place)
         if pose.position[2] > HIGH_M:
             self._below_vao.render()
@@ -322,13 +278,10 @@ class Renderer:
             self._town.trim()
         return target
 
-    def _waters(self, high: bool) -> None:
-        if self._town is None or self._town.town_ground.sea is not None:
-            (self._far_water_vao if high else self._water_vao).render()
-        lake = self._far_lake if high else self._lake
-        for level, array, _ in self._far_lakes if high else self._lakes:
-            lake["u_level"] = level
-            array.render()
+    @property
+    def _has_sea(self) -> bool:
+        """Whether there is open water: a town may have none."""
+        return self._town is None or self._town.town_ground.sea is not None
 
     def _heavens(self, target: Target, pose: CameraPose, place: PixelRect | None) -> None:
         """The sky, where it can be: below that all is ground or water."""
@@ -410,12 +363,12 @@ class Renderer:
             target.release()
         self._targets = {}
         self._effects.release()
-        for texture in (self._noise, *self._grains.values(), self._clouds, *self._sea):
+        self._water.release()
+        for texture in (self._noise, *self._grains.values(), self._clouds):
             texture.release()
-        for array in (self._water_vao, self._far_water_vao, self._below_vao, self._sky_vao, self._rain_vao):
+        for array in (self._below_vao, self._sky_vao, self._rain_vao):
             array.release()
-        for buffer in (self._corners, self._far_corners):
-            buffer.release()
+        self._corners.release()
         for program in self._programs:
             program.release()
 
@@ -436,44 +389,34 @@ class Renderer:
         )
         return plain, shaded
 
-    def _program(self, vertex: str, fragment: str, *defined: str) -> moderngl.Program:
-        """A program with switches defined in its fragments: `ALOFT` for waters seen from high over them."""
-        return build(self.context, source(vertex), source(fragment, *defined))
+    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
+        return build(self.context, source(vertex), source(fragment))
 
     def _land(self, land: LandSurface, level: float, shaded: bool = False) -> Model:
         program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]
         index = np.concatenate([patch.triangles.ravel() for patch in land.patches])
         return upload_still(self.context, (program, self._shadow), (land.vertices, index), level, land.cls)
 
-    def _sea_texture(self) -> moderngl.Texture:
-        return self.texture(np.zeros((SEA_SIZE, SEA_SIZE, 4), np.uint8))
-
     def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: TownView | None, near_m: float) -> None:
-        if self._sea_now is not scenery.sea:
-            packed = [scenery.sea[0].packed(), scenery.sea[1].packed(self._lace)]
-            for texture, (pixels, _) in zip(self._sea, packed, strict=True):
-                texture.write(pixels.tobytes())
-                texture.build_mipmaps()
-            self._sea_scales = packed[0][1], packed[1][1]
-            self._sea_now = scenery.sea
-        for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
-            texture.use(unit)
+        self._water.prepare(pose, scenery.sea)
+        self._noise.use(NOISE_UNIT)
         self._clouds.use(CLOUD_UNIT)
         for unit, texture in enumerate(self._grains.values(), GRAIN_UNIT):
             texture.use(unit)
-        self._noise.filter = MIPMAPPED, moderngl.LINEAR
-        for texture in self._sea:
-            texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
+        self._noise.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
         values: dict[str, object] = {**uniforms.air(light, scenery.time_s, scenery.weather.wind_mps)}
         values |= {
-            **self._sea_values(scenery),
+            **self._water.values(),
+            "u_noise": NOISE_UNIT,
+            "u_clouds": CLOUD_UNIT,
+            **{name: unit for unit, name in enumerate(GRAINS, GRAIN_UNIT)},
             "u_level": self._level,
             "u_layer": 0.0,
             "u_rain": light.rain,
             **self._floor(),
-            "u_silt": float(self._town is not None and self._town.town_ground.sea is None),
+            "u_silt": float(not self._has_sea),
         }
-        told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
+        told: tuple[moderngl.Program, ...] = (*self._programs, *self._water.programs, *self._effects.programs)
         if self._town is not None and view is not None:
             self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
@@ -490,24 +433,9 @@ class Renderer:
 
     def _floor(self) -> dict[str, object]:
         """What is at the horizon of an eye high up."""
-        if self._town is None or self._town.town_ground.sea is not None:
+        if self._has_sea:
             return {"u_floor": (*SEA_FLOOR, 1.0), "u_floor_is": (self._level, float(CLASSES["water"]))}
         return {"u_floor": (*GROUND_FLOOR, 0.0), "u_floor_is": (0.0, float(CLASSES["grass"]))}
-
-    def _sea_values(self, scenery: Scenery) -> dict[str, object]:
-        return {
-            "u_swell": 0,
-            "u_ripple": 1,
-            "u_shore": 2,
-            "u_noise": 3,
-            "u_clouds": CLOUD_UNIT,
-            **{name: GRAIN_UNIT + number for number, name in enumerate(GRAINS)},
-            "u_swell_scale": self._sea_scales[0],
-            "u_ripple_scale": self._sea_scales[1],
-            "u_lengths": (scenery.sea[0].length_m, scenery.sea[1].length_m),
-            "u_bounds": self._bounds,
-            "u_reach": SHORE_REACH_M,
-        }
 
     def _fill(self, pose: CameraPose, scenery: Scenery, light: Light) -> list[tuple[Model, int, int]]:
         """Per mesh: (model, instances whose shadow may show, of these the first so many are themselves visible)."""
@@ -568,13 +496,6 @@ class Renderer:
         array.render(instances=len(scenery.marks))
         array.release()
         buffer.release()
-
-
-def _close(pose: CameraPose, level: float) -> bool:
-    """Whether no pixel of the picture spans much more than a ripple's texel: then the sea needs no mipmaps, which
-    cost a software renderer twice the look-ups."""
-    steepest = pose.tilt_deg > 80.0 and pose.hfov_deg < 100.0
-    return steepest and (pose.position[2] - level) / focal_px(pose) < 1.7 * RIPPLE_M / SEA_SIZE
 
 
 def _grain_filter(pose: CameraPose) -> tuple[int, int]:
