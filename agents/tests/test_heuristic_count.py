@@ -2,12 +2,15 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
+from lingjing_agents.heuristic.line_counter import LineCounter
 from lingjing_agents.perception.people_in_line import STEP_M, find_line
 
+from agents.tests.agent_kit import ASSIGNMENT, Inbox, brief, envelope, observe, quadrotor, sent_by, view
 from lingjing.plugins.geometry import world_to_pixel
-from lingjing.plugins.policy import CameraPose
+from lingjing.plugins.policy import CameraPose, Field, MessageSpec, Peer
 
 POSE = CameraPose(position=(0.0, 0.0, 45.0), heading_deg=30.0, tilt_deg=90.0, width=1920, height=1080, hfov_deg=84.0)
 CLOTHES = ((180, 40, 40), (60, 130, 60), (70, 90, 190), (230, 230, 235), (210, 180, 60), (140, 70, 150))
@@ -66,3 +69,49 @@ def test_the_box_holds_all_of_them():
 def test_where_nobody_stands_there_is_no_line():
     assert find_line(picture(0), POSE, (3.0, -2.0), 0.0) is None
     assert find_line(np.zeros((1080, 1920, 3), np.uint8), POSE, (3.0, -2.0), 0.0) is None
+
+
+TALLY = MessageSpec(
+    kind="tally", type="count", category="report", senders=("counter",), recipients=("all",),
+    fields=tuple(Field(name=name, type="name") for name in ("frame", "class", "box", "position", "people")),
+)  # fmt: skip
+SHOPS = {"shop[1]": (-90.0, 70.0, 0.0), "shop[2]": (20.0, 95.0, 0.0), "shop[3]": (100.0, -60.0, 0.0)}
+DOGS = {"dog[1]": (0.0, 0.0, 0.0), "dog[2]": (90.0, -50.0, 0.0)}
+
+
+def counter(rank: int) -> LineCounter:
+    """The `rank`-th of two counters, who have two walkers to send."""
+    everyone = [Peer(id=f"counter[{k}]", role="counter", resources=(f"uav[{k}]",)) for k in (1, 2)]
+    everyone += [Peer(id=f"walker[{k}]", role="walker", resources=(f"dog[{k}]",)) for k in (1, 2)]
+    me = f"counter[{rank}]"
+    peers = tuple(peer for peer in everyone if peer.id != me)
+    messages = (TALLY, sent_by(ASSIGNMENT, "counter"))
+    told = brief(
+        resources=(quadrotor(rank),), peers=peers, messages=messages, role="counter", classes=("queue_of_people",)
+    )
+    return LineCounter(msgspec.structs.replace(told, agent=me), quadrotor(rank))
+
+
+def seen(rank: int, tick: int = 1):
+    shops = [msgspec.structs.replace(view(name, place), type="queue_of_people") for name, place in SHOPS.items()]
+    dogs = [view(name, place) for name, place in DOGS.items()]
+    return observe(f"counter[{rank}]", tick, *shops, *dogs, view(f"uav[{rank}]", (0.0, -20.0 + 12.0 * rank, 45.0)))
+
+
+def test_two_counters_share_the_lines_at_levels_of_their_own():
+    going = [counter(rank).act(seen(rank), Inbox()).command for rank in (1, 2)]
+    places = [(command.arguments["x"], command.arguments["y"]) for command in going]
+    assert places == [SHOPS["shop[3]"][:2], SHOPS["shop[2]"][:2]]  # the nearer of two, and the only one of the second
+    assert abs(going[0].arguments["z"] - going[1].arguments["z"]) >= 2.5
+
+
+def test_what_others_counted_is_not_counted_again_and_the_first_sends_the_nearest_walker():
+    heard = tuple(
+        envelope("counter[2]", TALLY, {"people": float(people), "position": place})
+        for people, place in zip((3, 5, 12), SHOPS.values(), strict=True)
+    )
+    first, second = counter(1), counter(2)
+    (order,) = first.act(seen(1), Inbox(messages=heard)).messages
+    assert order.body["assignee"] == "walker[2]" and order.body["position"] == (100.0, -60.0, 0.0)
+    assert second.act(seen(2), Inbox(messages=heard)).messages == ()
+    assert first.act(seen(1, tick=2), Inbox()).messages == (), "it is not said again at once"

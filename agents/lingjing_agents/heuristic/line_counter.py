@@ -1,4 +1,8 @@
-"""The rules of whoever counts people from above: look at each line once, say how many, send somebody to the longest."""
+"""The rules of whoever counts people from above: look at each line once, say how many, send somebody to the longest.
+
+Several counters share the lines, each at flight levels of its own, and hear each other's counts; the first of them
+sends whoever is nearest.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,9 @@ from lingjing.plugins.policy import (
     Vector,
 )
 from lingjing_agents.capability import centimetres, compose, fly, nadir_camera, photo, rated, sends, sighting
+from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import position_in
 from lingjing_agents.perception.people_in_line import PeopleLine, find_line
 
 REACHED_M, VIEW_M = 3.0, 8.0
@@ -35,7 +41,7 @@ class LineCounter:
     """One camera over a few places that everybody knows. All state is of this episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("counter",)
-    reads: ClassVar[tuple[str, ...]] = ()
+    reads: ClassVar[tuple[str, ...]] = ("count",)
     sends: ClassVar[tuple[str, ...]] = ("count", "assignment")
 
     def __init__(self, brief: Brief, body: Resource) -> None:
@@ -44,7 +50,10 @@ class LineCounter:
         self._brief, self._body, self._camera = brief, body, camera
         self._tally, self._order = sends(brief, "count"), sends(brief, "assignment")
         self._class = brief.classes[0] if brief.classes else ""
-        self._z = min(ABOVE_M, rated(body, "band_high_m", ABOVE_M))
+        mates = sorted((brief.agent, *(peer.id for peer in brief.peers if peer.role == brief.role)))
+        self._rank, self._mates = mates.index(brief.agent), len(mates)
+        low, high = rated(body, "band_low_m", 0.0), rated(body, "band_high_m", ABOVE_M)
+        self._z = FlightLevels(self._rank, self._mates, low, high).level(min(ABOVE_M, high))
         self._people: dict[str, int] = {}
         self._tries: dict[str, int] = {}
         self._said_at = -AGAIN_TICKS
@@ -53,6 +62,7 @@ class LineCounter:
         """Count in the picture that came, then go on to the next place or say which line is the longest."""
         places = {view.id: view.position for view in observation.entities if view.type == self._class and view.position}
         messages: list[Outgoing] = []
+        self._listen(inbox, places)
         for picture in observation.pictures:
             if picture.entity == self._body.id:
                 messages += self._count(picture, places)
@@ -61,8 +71,17 @@ class LineCounter:
             return Decision(messages=tuple(messages))
         left = [name for name in places if name not in self._people]
         if left:
-            return Decision(command=self._visit(own, places, left), messages=tuple(messages))
-        return Decision(messages=(*messages, *self._send(places, observation.tick)))
+            mine = [name for number, name in enumerate(places) if number % self._mates == self._rank and name in left]
+            return Decision(command=self._visit(own, places, mine or left), messages=tuple(messages))
+        return Decision(messages=(*messages, *self._send(places, observation)))
+
+    def _listen(self, inbox: Inbox, places: dict[str, Vector]) -> None:
+        """What the other counters have counted need not be counted again."""
+        for envelope in inbox.messages:
+            people, where = envelope.body.get("people"), position_in(envelope.body)
+            if isinstance(people, int | float) and where is not None and places:
+                nearest = min(places, key=lambda name: math.dist(places[name][:2], where))
+                self._people.setdefault(nearest, round(people))
 
     def _count(self, picture: Picture, places: dict[str, Vector]) -> list[Outgoing]:
         for name, place in places.items():
@@ -94,13 +113,16 @@ class LineCounter:
             return fly(self._body, *place[:2], self._z)
         return photo(self._body, self._camera)
 
-    def _send(self, places: dict[str, Vector], tick: int) -> list[Outgoing]:
-        """Whoever can be told goes to the longest line."""
-        walkers = [peer for peer in self._brief.peers if peer.resources]
-        if self._order is None or not places or not walkers or tick < self._said_at + AGAIN_TICKS:
+    def _send(self, places: dict[str, Vector], observation: Observation) -> list[Outgoing]:
+        """Whoever can be told and is nearest goes to the longest line; the first counter says so."""
+        walkers = [peer for peer in self._brief.peers if peer.resources and peer.role != self._brief.role]
+        late = observation.tick >= self._said_at + AGAIN_TICKS
+        if self._order is None or not places or not walkers or not late or self._rank:
             return []
-        self._said_at = tick
-        longest = max(places, key=lambda name: self._people[name])
-        where = centimetres(places[longest])
-        body: dict[str, Datum] = {"assignee": walkers[0].id, "task": "join", "position": where}
-        return [compose(self._order, body, to=(walkers[0].id,))]
+        self._said_at = observation.tick
+        longest = places[max(places, key=lambda name: self._people[name])]
+        views = {peer.id: view_of(observation, peer.resources[0]) for peer in walkers}
+        known = {name: view.position for name, view in views.items() if view is not None and view.position is not None}
+        told = min(known, key=lambda name: math.dist(known[name][:2], longest[:2]), default=walkers[0].id)
+        body: dict[str, Datum] = {"assignee": told, "task": "join", "position": centimetres(longest)}
+        return [compose(self._order, body, to=(told,))]

@@ -151,8 +151,9 @@ def filled(
             return mission
         if len(spots) > 1:
             said = f"holds {len(spots)}, mission '{mission.name}' has one {group.name}"
-            several = fleet_of(mission.name) or "…"
-            hint = f'leave one, or name a template that has several: "lingjing": {{"mission": "{several}"}}'
+            fleet = fleet_of(mission.name)
+            named = f'one that has several: "lingjing": {{"mission": "{fleet}"}}' if fleet else "one of your own"
+            hint = f"leave one, or name a template, {named}"
             parsed.report(where, said, hint)
             return mission
     else:

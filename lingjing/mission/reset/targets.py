@@ -8,7 +8,7 @@ from lingjing.mission import geometry2d, model
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.frame import DocumentFrame
-from lingjing.mission.reset.groups import Spot, allows_none, draw_of, filled, is_hidden, plays, world
+from lingjing.mission.reset.groups import Spot, allows_none, filled, is_hidden, plays, world
 from lingjing.mission.reset.shapes import HiddenPlace
 from lingjing.mission.reset.template import signatures
 
@@ -37,8 +37,8 @@ def targeted(
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
     for one in sorted(found, key=lambda one: not one.targets):
         mission = _claimed(mission, parsed, one, claimed, frame, outline)
-    drawn = (g for g in mission.groups if g.role == "target" and (is_hidden(g) or draw_of(g)) and plays(mission, g))
-    silent = [group.name for group in drawn if group.name not in claimed]
+    played = (g for g in mission.groups if g.role == "target" and plays(mission, g))
+    silent = [group.name for group in played if group.name not in claimed]
     parsed.notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
     return mission
 
