@@ -122,8 +122,6 @@ def parse(text: str, path: str) -> Parsed:
             hint="give a resetScenario document, a mission.json or an .ljs file",
         )
     shape: type[CommandEnvelope | Scenario] = CommandEnvelope if "scenario" in value else Scenario
-    if shape is CommandEnvelope and isinstance(value["scenario"], dict):
-        spelt.rename(value["scenario"], Scenario, f"{root}.scenario")
     spelt.unify(value, shape, root)
     inner, where = (value["scenario"], f"{root}.scenario") if shape is CommandEnvelope else (value, root)
     raw = inner if isinstance(inner, dict) else {}

@@ -139,10 +139,8 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
                 parsed.report(where, f"a place or a list of places is due, this is {kind_of(value)}", hint)
             continue
         one = isinstance(value, dict)
-        read = [_target(item, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items)]
+        paths = [where] if one else [f"{where}[{k}]" for k in range(len(items))]
+        unified = (parsed.spelt.unify(item, HiddenPlace, at) for item, at in zip(items, paths, strict=True))
+        read = [parsed.converted(item, HiddenPlace, at) for item, at in zip(unified, paths, strict=True)]
         parsed.notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes)
         yield Found(field, key, where, tuple(read), one)
-
-
-def _target(item: dict[str, Any], where: str, parsed: Parsed) -> HiddenPlace:
-    return parsed.converted(parsed.spelt.unify(item, HiddenPlace, where), HiddenPlace, where)

@@ -180,7 +180,7 @@ def _too_few(parsed: Parsed, where: str, group: model.Group, mission: model.Miss
 
 def allows_none(mission: model.Mission, group: model.Group) -> bool:
     """Whether the group may have no members."""
-    parameter = next((p for p in mission.parameters if p.name == _count_parameter(group)), None)
+    parameter = _count_parameter(mission, group)
     low = parameter.bounds.low if parameter and isinstance(parameter.bounds, ex.Range) else None
     return isinstance(low, ex.Number) and low.value <= 0
 
@@ -269,11 +269,10 @@ def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Par
     A parameter that is bounded lower takes what the document has, with a note, for it places all of them. Where the
     template cannot place further members (no `spread`), the parameter may not exceed what the document has.
     """
-    name = _count_parameter(group)
-    parameter = next((p for p in mission.parameters if p.name == name), None)
+    parameter = _count_parameter(mission, group)
     if parameter is None:
         return _with_group(mission, msgspec.structs.replace(group, count=ex.Number(float(count))))
-    bounds = parameter.bounds
+    name, bounds = parameter.name, parameter.bounds
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
             said = f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more"
@@ -328,9 +327,11 @@ def _with_group(mission: model.Mission, changed: model.Group) -> model.Mission:
     return msgspec.structs.replace(mission, groups=groups)
 
 
-def _count_parameter(group: model.Group) -> str:
+def _count_parameter(mission: model.Mission, group: model.Group) -> model.Parameter | None:
+    """The parameter that counts the group's members."""
     count = group.count.high if isinstance(group.count, ex.Range) else group.count
-    return count.name if isinstance(count, ex.Ref) and count.kind == "param" else ""
+    name = count.name if isinstance(count, ex.Ref) and count.kind == "param" else ""
+    return next((p for p in mission.parameters if p.name == name), None)
 
 
 def _spread(group: model.Group) -> tuple[tuple[str, ex.Expr], ...]:

@@ -271,7 +271,7 @@ def _outline(mission: model.Mission, parsed: Parsed, frame: DocumentFrame) -> ge
     corners = parsed.task.initial_state.rescue_range
     region = search_region(mission)
     if not corners:
-        if region and _person_group(mission):
+        if region and any(g.role == "target" and g.type == PERSONS for g in mission.groups):
             parsed.notes.append(f"{where}: is missing or empty; the template's region '{region}' stands")
         return None
     if not region:
@@ -295,10 +295,6 @@ def search_region(mission: model.Mission) -> str:
             if isinstance(argument, ex.Ref) and argument.kind == "region":
                 return argument.name
     return mission.grids[0].region if mission.grids else ""
-
-
-def _person_group(mission: model.Mission) -> model.Group | None:
-    return next((g for g in mission.groups if g.role == "target" and g.type == PERSONS), None)
 
 
 def _with_region(mission: model.Mission, name: str, outline: geometry2d.Polygon) -> model.Mission:
