@@ -263,6 +263,28 @@ def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
     assert 12.0 <= float(command.arguments["z"]) <= 60.0
 
 
+def test_pilots_share_the_line_and_one_without_a_follower_is_believed():
+    line = Region(name="line", polygon=((0.0, -3.0), (120.0, -3.0), (120.0, 3.0), (0.0, 3.0)))
+    everyone = [Peer(id=f"scout[{k}]", role="pilot", resources=(f"uav[{k}]",)) for k in (1, 2)]
+    walker = Peer(id="walker", role="executor", resources=("dog",))
+    guide = sent_by(GUIDANCE, "pilot")
+    flown = []
+    for k in (1, 2):
+        peers = (*(peer for peer in everyone if peer.id != f"scout[{k}]"), walker)
+        rules = rules_for(
+            brief(f"scout[{k}]", role="pilot", resources=(quadrotor(k),), cells=(), regions=(line,), peers=peers,
+                  messages=(sent_by(REPORT, "pilot"), guide))
+        )  # fmt: skip
+        own, led = view(f"uav[{k}]", (60.0, 12.0 * k, 30.0)), view("dog", (50.0, 0.0, 0.33))
+        flown.append(rules.act(observe(f"scout[{k}]", 1, own, led), Inbox()).command)
+        if k == 1:
+            told = Inbox(messages=(envelope("scout[2]", REPORT, {"position": (80.0, 0.0, 0.0)}),))
+            (step,) = rules.act(observe("scout[1]", 5, own, led), told).messages
+            assert step.kind == "guide" and step.body["assignee"] == "walker"
+    assert flown[0].arguments["x"] <= 62.0 <= flown[1].arguments["x"]
+    assert abs(flown[0].arguments["z"] - flown[1].arguments["z"]) >= 2.5
+
+
 def test_pictures_of_nothing_leave_belief_at_nothing():
     belief = Belief(YARD)
     belief.add((50.0, 40.0), 0.0, 45.0, ())

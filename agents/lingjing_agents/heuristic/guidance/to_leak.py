@@ -29,9 +29,10 @@ from lingjing.plugins.policy import (
     Vector,
 )
 from lingjing_agents.capability import centimetres, compose, fly, may_send, nadir_camera, photo, rated, sends, sighting
+from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.heuristic.sightings import name_in, position_in
 from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.depth_points import close_what_stands, heights
@@ -69,10 +70,13 @@ class BelievedLeak:
 
 
 class LeakGuidance:
-    """One camera in the air and one follower on the ground. All state is of this episode."""
+    """One camera in the air and one follower on the ground. All state is of this episode.
+
+    Several pilots share the line and fly at levels of their own; one who has no follower only looks, and is believed.
+    """
 
     roles: ClassVar[tuple[str, ...]] = ("pilot",)
-    reads: ClassVar[tuple[str, ...]] = ("status",)
+    reads: ClassVar[tuple[str, ...]] = ("report", "status")
     sends: ClassVar[tuple[str, ...]] = ("report", "guidance")
 
     def __init__(self, brief: Brief, body: Resource) -> None:
@@ -80,7 +84,11 @@ class LeakGuidance:
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
         self._report, self._guide = may_send(brief, "report"), sends(brief, "guidance")
-        self._follower = _follower(brief)
+        mates = sorted((brief.agent, *(peer.id for peer in brief.peers if peer.role == brief.role)))
+        self._rank, self._mates = mates.index(brief.agent), len(mates)
+        led = _followers(brief)
+        self._follower = led[self._rank] if self._rank < len(led) else None
+        self._idle = frozenset(mates[len(led) :])
         regions = sorted(
             (region for region in brief.regions if region.polygon), key=lambda region: _area(region.polygon)
         )
@@ -89,7 +97,8 @@ class LeakGuidance:
         self._map = ObstacleGrid(GroundRectangle.around(corners, 4.0))
         self._low, self._high = rated(body, "band_low_m", 12.0), rated(body, "band_high_m", 60.0)
         self._way = KeptPath(self._map, 1.0)
-        self._passes, self._left = 0, lattice(self._line, SAMPLE_M)
+        self._levels = FlightLevels(self._rank, self._mates, self._low + 1.0, self._high - 1.0)
+        self._passes, self._left = 0, self._share()
         self._ground = 0.0
         self._dog_at: GroundPoint | None = None
         self._leak: BelievedLeak | None = None
@@ -160,6 +169,10 @@ class LeakGuidance:
     def _hear(self, observation: Observation, inbox: Inbox, dog: EntityView | None) -> None:
         if self._leak is not None and 0 <= self._leak.told < observation.tick:
             self._leak.trusted = True
+        for envelope in inbox.messages:
+            place = position_in(envelope.body) if envelope.sender in self._idle else None
+            if place is not None and envelope.category == "report" and self._leak is None:
+                self._leak = BelievedLeak((*place, self._ground), True, observation.tick, 1)
         if self._step is None or dog is None or dog.position is None or dog.heading_deg is None:
             return
         since, start, heading, verb, amount = self._step
@@ -224,7 +237,7 @@ class LeakGuidance:
     def _next_place(self, here: Vector) -> Vector | None:
         if not self._left:
             self._passes += 1
-            self._left = lattice(self._line, SAMPLE_M)
+            self._left = self._share()
         height = min(max(PASSES_M[min(self._passes, len(PASSES_M) - 1)], self._low + 1.0), self._high - 1.0)
         reach = 0.4 * height
         if not self._left:
@@ -252,8 +265,15 @@ class LeakGuidance:
             self._mapped.add(key)
         return action
 
+    def _share(self) -> list[GroundPoint]:
+        """The places over the line that this one of several pilots looks at."""
+        places = lattice(self._line, SAMPLE_M)
+        return places[self._rank * len(places) // self._mates : (self._rank + 1) * len(places) // self._mates]
+
     def _photograph_at(self, own: EntityView, goal: Vector) -> Action:
         assert own.position is not None
+        if self._mates > 1:
+            goal = (*goal[:2], self._levels.level(goal[2]))
         if math.dist(own.position, goal) <= REACHED_M or self._flights >= 3:
             self._flights, self._goal = 0, None
             return photo(self._body, self._camera)
@@ -261,12 +281,11 @@ class LeakGuidance:
         return fly(self._body, *goal)
 
 
-def _follower(brief: Brief) -> Peer | None:
-    """Whom guidance goes to: the first peer with a body that may receive it."""
+def _followers(brief: Brief) -> list[Peer]:
+    """Whom guidance goes to, each from the pilot of the same rank: peers with a body that may receive it."""
     guide = sends(brief, "guidance")
-    if guide is None:
-        return None
-    return next((peer for peer in brief.peers if peer.resources and guide.is_for(peer.role)), None)
+    others = [peer for peer in brief.peers if peer.resources and peer.role != brief.role]
+    return [peer for peer in others if guide is not None and guide.is_for(peer.role)]
 
 
 def _area(polygon: tuple[GroundPoint, ...]) -> float:
