@@ -31,6 +31,7 @@ from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
+from lingjing.trace.call_store import CALLS_NAME
 from lingjing.trace.reader import read_trace
 
 TRIES = 3
@@ -127,6 +128,19 @@ class SuiteRun:
                 f"first is {first.entrant}, {first.column}{first.condition and f', {first.condition}'}, seed "
                 f"{first.seed}: {_difference(first.options, now[first.cell])}",
                 hint="choose another folder with -o, or put the suite back as it was",
+            )
+
+    def check_recorded(self, episodes: Sequence[SuiteEpisode]) -> None:
+        """Raise `UsageError` if calls are replayed and some episodes have no record of theirs."""
+        if self.calls_from is None:
+            return
+        asking = [self._name(episode) for episode in episodes if episode.cell.player.plugin.calls]
+        missing = [name for name in asking if not (self.calls_from / "runs" / name / CALLS_NAME).is_file()]
+        if missing:
+            raise UsageError(
+                f"{len(missing)} of {len(asking)} episodes have no record of model calls in `{self.calls_from}`; the "
+                f"first is {missing[0]}",
+                hint="leave them out with --seeds, --limit, --missions, --modes or --entrants",
             )
 
     def play(self, episodes: Sequence[SuiteEpisode]) -> None:

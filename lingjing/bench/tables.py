@@ -56,8 +56,9 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
     counted = [row for row in rows if row.standing == "counted"]
     aborted = sum(row.standing == "aborted" for row in rows)
     lost = sorted(row.key for row in rows if row.standing == "lost")
-    again = f"; {aborted} infrastructure aborts were played again with their seeds" if aborted else ""
-    notes = [f"{len(counted)} episodes are counted{again}"]
+    aborts = "abort was played again with its seed" if aborted == 1 else "aborts were played again with their seeds"
+    again = f"; {aborted} infrastructure {aborts}" if aborted else ""
+    notes = [f"{len(counted)} {'episode is' if len(counted) == 1 else 'episodes are'} counted{again}"]
     if lost:
         named = ", ".join(f"{key[0]} {key[1]}-{key[2]}{key[3] and f' ({key[3]})'} seed {key[4]}" for key in lost[:8])
         more = f" and {len(lost) - 8} more" if len(lost) > 8 else ""

@@ -162,6 +162,7 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
 
     results, suite = run.results, run.plan.suite
     due = run.due(seeds, cells, shard or WHOLE)
+    run.check_recorded(due)
     finals = sum(row.standing != "aborted" for row in results.rows)
     _say(f"{suite.name}: {finals} episodes are there, {len(due)} to play, results in {results.folder}")
     done = 0

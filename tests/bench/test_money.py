@@ -157,6 +157,21 @@ def test_a_missing_record_stops_the_suite_with_its_words(suite: Path) -> None:
     )
 
 
+def test_episodes_without_a_record_are_told_before_any_is_replayed(
+    suite: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded = tmp_path / "recorded"
+    (recorded / "runs" / "GPT-5.5-bi-single-0").mkdir(parents=True)
+    (recorded / "runs" / "GPT-5.5-bi-single-0" / "calls.sqlite").touch()
+    (recorded / "salt").write_text("salt\n")
+    command = ["bench", str(suite), "--seeds", "0-2", "-o", str(tmp_path / "out")]
+    assert main([*command, "--calls", "replay", "--calls-from", str(recorded)]) == ExitCode.USAGE
+    told = capsys.readouterr().err
+    assert "2 of 3 episodes have no record of model calls" in told
+    assert "the first is GPT-5.5-bi-single-1" in told
+    assert not (tmp_path / "out" / "runs").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
