@@ -18,7 +18,13 @@ def plugin_name(name: str) -> str:
 
     word = name.replace("-", "_").lower()
     letters = word.isidentifier() and word.isascii() and not word.startswith("_")
-    if not letters or keyword.iskeyword(word) or word in STATEMENTS or word in INNER or word in ("std", "beacon"):
+    if (
+        not letters
+        or keyword.iskeyword(word)
+        or word in STATEMENTS
+        or word in INNER
+        or word in ("std", "scenarios", "beacon")
+    ):
         hint = "use letters, digits and _, such as hovercraft"
         raise UsageError(f"`{name}` is not a name for an engine", hint=hint)
     return word

@@ -98,7 +98,7 @@ def test_it_is_not_found_without_being_installed(package: Path, tmp_path: Path) 
     assert "hover_craft.vehicles" in said
 
 
-@pytest.mark.parametrize("name", ["two words", "mission", "1st", "", "../up", "std", "class", "水", "_x"])
+@pytest.mark.parametrize("name", ["two words", "mission", "1st", "", "../up", "std", "scenarios", "class", "水", "_x"])
 def test_a_name_that_is_none_is_refused(name: str) -> None:
     with pytest.raises(UsageError, match="is not a name") as mistake:
         plugin_name(name)

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from lingjing.mission.elements import checksum, line_fault
-from lingjing.mission.reset.shapes import Satellite, folded, keys_of
+from lingjing.mission.reset.shapes import OrbitalElements, Satellite, folded, keys_of
 
 LINES = ("tle1", "tle2", "tle")
 """The keys of element lines."""
@@ -28,36 +28,19 @@ def lifted(row: dict[str, Any]) -> None:
         row.pop("tle", None)
 
 
-NUMBERS = {
-    **dict.fromkeys(("inclination", "inclinationdeg", "incl"), "inclination"),
-    **dict.fromkeys(("raan", "raandeg", "rightascension", "rightascensionofascendingnode"), "raan"),
-    **dict.fromkeys(("eccentricity", "ecc"), "eccentricity"),
-    **dict.fromkeys(("argumentofperigee", "argumentofpericenter", "argperigee", "argp"), "perigee"),
-    **dict.fromkeys(("meananomaly", "meananomalydeg"), "anomaly"),
-    **dict.fromkeys(("meanmotion", "meanmotionrevperday"), "motion"),
-    "epoch": "epoch",
-}
-"""Spellings of the elements as numbers (those of the OMM among them), letters and digits alone, in lower case."""
-
-_LIMITS = {"inclination": 180.0, "raan": 360.0, "eccentricity": 1.0, "perigee": 360.0, "anomaly": 360.0, "motion": 20.0}
-
-
 def _from_numbers(holder: Mapping[str, Any]) -> tuple[str, str] | None:
     """The two lines of elements that are given as numbers; None if one is missing or none of its kind."""
-    given = {name: value for key, value in holder.items() if (name := NUMBERS.get(folded(key)))}
-    numbers = {name: given.get(name) for name in _LIMITS}
-    if not all(isinstance(one, int | float) and 0.0 <= one < _LIMITS[name] for name, one in numbers.items()):
-        return None
+    known = keys_of(OrbitalElements).spellings
     try:
-        epoch = datetime.fromisoformat(str(given.get("epoch", "")))
+        n = OrbitalElements.model_validate({known.get(folded(key), key): value for key, value in holder.items()})
+        epoch = datetime.fromisoformat(str(n.epoch))
     except ValueError:
         return None
     passed = epoch - epoch.replace(month=1, day=1, hour=0, minute=0, second=0, microsecond=0)
     day = f"{epoch:%y}{passed / timedelta(days=1) + 1.0:012.8f}"
-    n = {name: float(value or 0.0) for name, value in numbers.items()}
     first = f"1 00000U 00000A   {day}  .00000000  00000-0  00000-0 0  999"
-    angles = f"{n['inclination']:8.4f} {n['raan']:8.4f} {min(round(n['eccentricity'] * 1e7), 9_999_999):07d}"
-    second = f"2 00000 {angles} {n['perigee']:8.4f} {n['anomaly']:8.4f} {n['motion']:11.8f}    0"
+    angles = f"{n.inclination:8.4f} {n.raan:8.4f} {min(round(n.eccentricity * 1e7), 9_999_999):07d}"
+    second = f"2 00000 {angles} {n.arg_perigee:8.4f} {n.mean_anomaly:8.4f} {n.mean_motion:11.8f}    0"
     return first + checksum(first), second + checksum(second)
 
 

@@ -270,6 +270,21 @@ class Satellite(Equipment):
         return tuple(line.strip() for line in both if isinstance(line, str) and line.strip())[-2:]
 
 
+Angle = Annotated[float, Field(ge=0, lt=360)]
+
+
+class OrbitalElements(DocumentPart):
+    """The elements of a satellite as numbers: degrees, revolutions a day, an ISO 8601 epoch; names of the OMM too."""
+
+    inclination: Annotated[float, Field(ge=0, lt=180)] = spelt("inclinationDeg", "incl", default=...)
+    raan: Angle = spelt("raanDeg", "rightAscension", "rightAscensionOfAscendingNode", default=...)
+    eccentricity: Annotated[float, Field(ge=0, lt=1)] = spelt("ecc", default=...)
+    arg_perigee: Angle = spelt("argumentOfPerigee", "argumentOfPericenter", "argp", default=...)
+    mean_anomaly: Angle = spelt("meanAnomalyDeg", default=...)
+    mean_motion: Annotated[float, Field(ge=0, lt=20)] = spelt("meanMotionRevPerDay", default=...)
+    epoch: Code
+
+
 class EquipmentList(DocumentPart):
     """The six lists; one that is not there is empty."""
 
