@@ -82,6 +82,10 @@ def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
     with serve([Reply("no"), Reply(f"<prompt>\n{LONGER}\n</prompt>")]) as server:
         revision = reviser(server.url).revise("p", "r", ["f"], [])
     assert (revision.text, revision.fault) == (f"{LONGER}\n", "")
+    with serve([Reply("no"), Reply({"prompt": LONGER})]) as server:
+        assert reviser(server.url).revise("p", "r", ["f"], []).text == f"{LONGER}\n"
+    assert ["response_format" in one for one in server.requests] == [False, True]
+    assert "JSON object" in server.requests[1]["messages"][-1]["content"]
     with serve([Reply("", status=500)] * 9) as server, pytest.raises(InfrastructureError, match="gave no revision"):
         reviser(server.url, tries="1").revise("p", "r", [], [])
 
@@ -95,6 +99,7 @@ def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
         f"```\n<prompt>\n{LONGER}\n</prompt>\n```",
         f"<prompt>\n<prompt>{LONGER}</prompt>\n</prompt>",
         f"<prompt>a first try of some words</prompt> Better: <prompt>{LONGER}</prompt>",
+        f'  {{"prompt": "{LONGER}"}}',
     ],
 )
 def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
@@ -106,6 +111,7 @@ def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
     [
         ("", "stop", "has no text between"),
         ("I cannot help with robots.", "stop", "has no text between"),
+        ('{"prompt": "You are', "length", "was cut off"),
         ("<prompt></prompt>", "stop", "has no text of at least 5 words"),
         ("I answer between <prompt> and </prompt>.", "stop", "has no text of at least 5 words"),
         ("<think><prompt>You are one of five scouts</prompt>", "length", "ends within its reasoning and was cut off"),

@@ -6,6 +6,8 @@ import asyncio
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
+import msgspec
+
 from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.options import Field, read_options
 from lingjing.plugins.policy import InfrastructureError
@@ -25,7 +27,9 @@ _FENCED = re.compile(r"```[\w-]*\n(.*?)\n?```", re.DOTALL)
 FEWEST_WORDS = 5
 """What has fewer is no prompt but what a model says of the form: `between <prompt> and </prompt>`."""
 
-TRIES = 2
+AS_JSON = b'{"type": "object", "properties": {"prompt": {"type": "string"}}, "required": ["prompt"]}'
+"""The form of a second answer, where the service keeps answers to a form: a small model is poor at tags of its own."""
+
 TRIED = 3
 """Earlier candidates that a reviser is shown, the latest."""
 
@@ -77,9 +81,10 @@ class ModelReviser:
         messages: tuple[ChatMessage, ...] = (ChatMessage("system", system), ChatMessage("user", asked))
         known = [prompt, *(one.text for one in tried)]
         fault, answered = "", ""
-        for _ in range(TRIES):
+        for schema in (None, AS_JSON):
             try:
-                answer = await self._model.ask(0, messages, CallDeadline(self._options.deadline_s))
+                deadline = CallDeadline(self._options.deadline_s)
+                answer = await self._model.ask(0, messages, deadline, schema=schema)
             except ModelError as error:
                 raise InfrastructureError(f"the model `{self._options.model}` gave no revision: {error}") from error
             answered = answer.text
@@ -87,16 +92,24 @@ class ModelReviser:
                 return Revision(revised_prompt(answer, known), asked, answered)
             except ValueError as error:
                 fault = str(error)
-            said = f"Your answer cannot be used: it {fault}. Answer again."
+            said = f"Your answer cannot be used: it {fault}. Answer again{self._form}."
             quoted = ChatMessage("assistant", answered[:QUOTED_LETTERS])
             messages = (*messages[:2], quoted, ChatMessage("user", said))
         return Revision("", asked, answered, fault)
+
+    @property
+    def _form(self) -> str:
+        """What a model is told of the form of its second answer."""
+        return "" if self._model.profile.structured == "none" else ', with a JSON object: {"prompt": "…"}'
 
     def _rest(self, before: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> str:
         """What else the model is told, as far as its context takes it: what failed, then what was tried."""
         letters = self._letters_left(before)
         failed = [f"\n\nFAILED EPISODE {number}\n{text}" for number, text in enumerate(failures, 1)]
-        others = [f"\n\nTRIED BEFORE, DID NO BETTER: {one.results}\n{one.text}".rstrip() for one in tried[-TRIED:]]
+        others = [
+            f"\n\nTRIED BEFORE, DID NO BETTER: {one.results}\n{one.text}".rstrip()
+            for one in dict.fromkeys(tried[-TRIED:])
+        ]
         if letters is None:
             return "".join(failed or ["\n\nNo episode failed."]) + "".join(others)
         return "".join(_fitting([*failed, *reversed(others)], letters))
@@ -119,7 +132,7 @@ def revised_prompt(answer: ModelCompletion, known: Iterable[str]) -> str:
         text = after_reasoning(answer.text)
     except StepError:
         raise ValueError("ends within its reasoning" + " and was cut off" * cut) from None
-    found = [_OPENING.split(one)[-1].strip() for one in _PROMPT.findall(text)]
+    found = [_OPENING.split(one)[-1].strip() for one in _PROMPT.findall(text)] or _in_json(text)
     worded = [one for one in found if len(one.split()) >= FEWEST_WORDS]
     if not worded:
         if cut:
@@ -132,6 +145,18 @@ def revised_prompt(answer: ModelCompletion, known: Iterable[str]) -> str:
     if prompt.split() in [one.split() for one in known]:
         raise ValueError("holds a prompt that was tried before, word for word")
     return prompt + "\n"
+
+
+def _in_json(text: str) -> list[str]:
+    """The prompt of an answer in the form of `AS_JSON`."""
+    try:
+        return [msgspec.json.decode(text, type=_Answer).prompt]
+    except (msgspec.DecodeError, ValueError):
+        return []
+
+
+class _Answer(msgspec.Struct, frozen=True):
+    prompt: str
 
 
 def _fitting(texts: Sequence[str], letters: int) -> Iterable[str]:
