@@ -1,4 +1,4 @@
-"""What engines know of others that reach them only as mirrors: how large they are, and what fills their boxes.
+"""What engines know of others that reach them only as mirrors: are they there, how large, and what fills their boxes.
 
 Entities declare their measures (`lingjing.plugins.bodies`). Background traffic is of a kind (`BodyState.kind`), which
 `scene.sizes` measures.
@@ -11,7 +11,12 @@ from math import hypot
 from lingjing.mission.instance import Entity
 from lingjing.plugins.bodies import solid_size
 from lingjing.scene.sizes import SIZES, Size
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import CLEARED, DORMANT, BodyState
+
+
+def is_gone(state: BodyState, entity: Entity | None) -> bool:
+    """Whether a mirror is of what can neither be seen nor touched: not there yet, no more, or taken aboard."""
+    return state.status in (DORMANT, CLEARED) or (entity is not None and entity.is_aboard(state.status))
 
 
 def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:

@@ -14,14 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.bodies import mirror_size, shape_of, within
+from lingjing.engines.bodies import is_gone, mirror_size, shape_of, within
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.plugins.bodies import sunk_m
 from lingjing.scene.sizes import Size
-from lingjing.trace.records import DORMANT, BodyState
-
-_ABSENT = frozenset({DORMANT, "rescued"})
-"""Status words of what is not there to be touched."""
+from lingjing.trace.records import BodyState
 
 _LONGEST_S = 1.0
 
@@ -40,7 +37,7 @@ class SolidMirror:
 def solid_mirror(state: BodyState, entity: Entity | None) -> SolidMirror | None:
     """What a mirror is to bump into; None where there is nothing."""
     size = mirror_size(state, entity)
-    if size is None or state.status in _ABSENT:
+    if size is None or is_gone(state, entity):
         return None
     body = None if state.kind else entity
     return SolidMirror(size, sunk_m(body), shape_of(body))

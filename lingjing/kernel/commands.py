@@ -22,11 +22,8 @@ from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
 from lingjing.mission.vocabulary import PHOTO, STOP
 from lingjing.plugins.decisions import altitude_band, argument_bounds
-from lingjing.trace.records import Action, Command, Receipt
+from lingjing.trace.records import DEAD, Action, Command, Receipt
 from lingjing.trace.request_ids import request_id
-
-DEAD = "dead"
-"""The status word of an entity that does nothing any more."""
 
 MARGIN_M = 1_000.0
 """How far outside the city's bounds a command may still send somebody."""
@@ -234,7 +231,7 @@ def _resource_fault(
 
 def _sight_fault(resource: str, status: str) -> Rejection | None:
     if status == DEAD:
-        return Rejection("dead", f"`{resource}` is dead and takes no pictures")
+        return Rejection(DEAD, f"`{resource}` is dead and takes no pictures")
     if status in BLIND:
         return Rejection("not_in_view", f"`{resource}` does not see the region now: {status}")
     return None

@@ -12,7 +12,7 @@ from lingjing.kernel.budgets import limit_key
 from lingjing.kernel.context import RuntimeContext
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Value
-from lingjing.trace.records import DORMANT
+from lingjing.trace.records import CLEARED, DORMANT
 
 HANDOFF_M = 50.0
 """How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
@@ -71,7 +71,7 @@ def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeC
     radius, here = entity.properties.get("radius_m"), at.place(entity)
     if entity.properties.get("blocks") is not True or here is None or not isinstance(radius, int | float):
         return False
-    if at.states[entity.id].status in (DORMANT, "cleared"):
+    if at.states[entity.id].status in (DORMANT, CLEARED):
         return False
     return any(math.dist((here.east, here.north), waypoint[:2]) <= radius for waypoint in waypoints)
 

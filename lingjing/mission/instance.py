@@ -197,6 +197,14 @@ class Entity(Record, frozen=True, kw_only=True):
     mounts: tuple[CameraMount, ...] = ()
     parts: tuple[BodyPart, ...] = ()
 
+    def is_aboard(self, status: str) -> bool:
+        """Whether somebody has taken it along, by its status word."""
+        return any(one.aboard and one.done_word == status for one in self.interactions)
+
+    def is_served(self, status: str) -> bool:
+        """Whether what it waited for was done to it, by its status word; what only gives is never served."""
+        return any(not one.gives and one.done_word == status for one in self.interactions)
+
     def state_of(self, field: str) -> StateSpec | None:
         """The state that rules call `field`, if it is one."""
         return next((one for one in self.state if one.field == field), None)

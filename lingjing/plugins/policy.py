@@ -33,6 +33,9 @@ from lingjing.mission.model import Field
 from lingjing.mission.vocabulary import PHOTO, STOP, VerbMotion
 from lingjing.scene.city import City
 from lingjing.trace.records import (
+    CLEARED,
+    DEAD,
+    DORMANT,
     Absent,
     Action,
     BodyState,
@@ -238,10 +241,10 @@ class PolicyPlugin:
 
 
 __all__ = [
-    "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState", "Brief", "CameraPose", "CameraSpec",
-    "Cell", "CellView", "City", "Datum", "Decision", "Entity", "EntityView", "Envelope", "EventView", "Field",
-    "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError",
-    "Observation", "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region",
-    "Resource", "Route", "RouteEnds", "TaskEvent", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather",
-    "is_request_of",
+    "CLEARED", "DEAD", "DORMANT", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
+    "Brief", "CameraPose", "CameraSpec", "Cell", "CellView", "City", "Datum", "Decision", "Entity", "EntityView",
+    "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec", "Instance",
+    "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin",
+    "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "TaskEvent", "Usage", "UsageError", "Vector",
+    "VerbMotion", "VerbSpec", "Weather", "is_request_of",
 ]  # fmt: skip

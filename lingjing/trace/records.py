@@ -31,6 +31,11 @@ CUT_SHORT: tuple[Reason, ...] = ("infrastructure-abort", "interrupted", "error")
 DORMANT = "dormant"
 """The status of an entity that has not appeared yet or is gone: not drawn, not hit, seen by nobody."""
 
+CLEARED = "cleared"
+"""The status of what blocked a road and is gone."""
+
+DEAD = "dead"
+"""The status of a body that does nothing any more: neither obeys, is seen to act or is acted on."""
 
 UnitBox = tuple[float, float, float, float]
 """Left, top, right, bottom as shares of a picture's width and height; origin top left."""

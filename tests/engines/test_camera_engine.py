@@ -20,6 +20,7 @@ from lingjing.mission.instance import (
     CameraSpec,
     Entity,
     Instance,
+    InteractionSpec,
     SceneSpec,
     Weather,
 )
@@ -63,13 +64,16 @@ def entity(name: str, kind: str, position: tuple[float, float, float], **more: o
     )
 
 
+PICK_UP = InteractionSpec(name="pick_up", by="vessel", within_m=50.0, status="safe", aboard=True)
+
+
 def instance(weather: Weather | None = None) -> Instance:
     entities = (
         entity("uav[1]", "quadrotor", (100.0, -900.0, 96.5), cameras=mounts()),
         entity("uav[2]", "quadrotor", (310.0, -590.1, 1.1), cameras=mounts()),
         entity("boat", "lifeboat", (120.0, -920.0, LEVEL), heading_deg=30.0),
-        entity("victim[1]", "person_in_water", (110.0, -890.0, LEVEL)),
-        entity("victim[2]", "person_in_water", (80.0, -910.0, LEVEL), heading_deg=70.0),
+        entity("victim[1]", "person_in_water", (110.0, -890.0, LEVEL), interactions=(PICK_UP,)),
+        entity("victim[2]", "person_in_water", (80.0, -910.0, LEVEL), heading_deg=70.0, interactions=(PICK_UP,)),
         entity("gizmo", "weather_vane", (95.0, -880.0, LEVEL)),
     )
     scene = SceneSpec(kind="bay", datum_m=LEVEL, seed=3)
@@ -193,9 +197,9 @@ def test_sky_has_no_depth() -> None:
     assert np.isfinite(frame.depth[-1]).all() and np.array_equal(np.isinf(frame.depth), frame.semantic == 0)
 
 
-def test_what_is_out_of_sight_or_rescued_has_no_box(engine: CameraEngine) -> None:
+def test_what_is_out_of_sight_or_aboard_has_no_box(engine: CameraEngine) -> None:
     given = instance()
-    engine.advance(10.0, states(given, victim1={"position": (900.0, -900.0, LEVEL)}, victim2={"status": "rescued"}))
+    engine.advance(10.0, states(given, victim1={"position": (900.0, -900.0, LEVEL)}, victim2={"status": "safe"}))
     frame = take(engine)
     assert set(boxes(frame)) == {"boat", "gizmo"}
     assert frame.semantic is not None and not (frame.semantic == CLASSES["person_in_water"]).any()

@@ -1,7 +1,13 @@
-"""No property means anything to an engine that the language's page does not say."""
+"""No property and no status word means anything to an engine that the language's page does not say."""
 
 import re
 from pathlib import Path
+
+import pytest
+
+from lingjing.engines.bodies import is_gone
+from lingjing.mission.instance import Entity, InteractionSpec
+from lingjing.trace.records import BodyState
 
 ROOT = Path(__file__).parents[2]
 READ = re.compile(
@@ -27,3 +33,39 @@ def test_every_property_that_an_engine_reads_is_on_the_page():
     read = {next(filter(None, groups)) for groups in READ.findall(code)}
     assert len(read) > 12
     assert {UNITS.sub("", name) for name in read} - THE_SCENES_OWN - said == set()
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "aboard", "word", "gone"),
+    [
+        ("rescue", "", True, "rescued", True),
+        ("collect", "safe", True, "safe", True),
+        ("collect", "safe", True, "adrift", False),
+        ("rescue", "", False, "rescued", False),
+        ("rescue", "", False, "dormant", True),
+        ("rescue", "", False, "cleared", True),
+    ],
+)
+def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard, word, gone):
+    done = InteractionSpec(name=name, by="vessel", within_m=50.0, status=status, aboard=aboard)
+    target = Entity(
+        id="v",
+        group="v",
+        index=1,
+        role="target",
+        type="t",
+        engine="city",
+        position=(0.0, 0.0, 0.0),
+        interactions=(done,),
+    )
+    assert is_gone(BodyState(id="v", position=(0.0, 0.0, 0.0), status=word), target) is gone
+
+
+def test_what_only_gives_is_never_served():
+    """An open warehouse is not a warehouse that somebody has served."""
+    restock = InteractionSpec(name="restock", by="road", within_m=50.0, gives="load", up_to="payload", status="open")
+    deliver = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load", status="settled")
+    kind = {"group": "d", "index": 1, "role": "target", "type": "t", "engine": "city", "position": (0.0, 0.0, 0.0)}
+    depot, order = Entity(id="d", **kind, interactions=(restock,)), Entity(id="o", **kind, interactions=(deliver,))
+    assert not depot.is_served("open")
+    assert order.is_served("settled") and not order.is_served("waiting")

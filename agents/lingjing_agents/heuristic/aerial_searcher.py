@@ -14,6 +14,7 @@ from typing import ClassVar
 
 from lingjing.plugins.geometry import box_to_plane, ground_footprint, offset_xy
 from lingjing.plugins.policy import (
+    DEAD,
     Action,
     Brief,
     Datum,
@@ -148,7 +149,7 @@ class AerialSearcher:
         own = view_of(observation, self._body.id)
         if own is None or own.position is None:
             return Decision(messages=messages)
-        if own.status == "dead":
+        if own.status == DEAD:
             return Decision(messages=messages)
         command = self._send_boat(observation) if own.busy else self._move(observation, own)
         said, self._outbox = tuple(self._outbox), []
@@ -256,7 +257,7 @@ class AerialSearcher:
             others = [
                 view.position
                 for view in observation.entities
-                if view.id in self._mates and view.position is not None and view.status != "dead"
+                if view.id in self._mates and view.position is not None and view.status != DEAD
             ]
             if crowded(own.position, others):
                 return self._take_off(self._goal, own.position, others)

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import (
+    DEAD,
     Action,
     Brief,
     Decision,
@@ -70,7 +71,7 @@ class BridgeInspector:
                 messages += self._look(picture)
                 self._looked = True
         own = view_of(observation, self._body.id)
-        if own is None or own.position is None or own.busy or own.status == "dead":
+        if own is None or own.position is None or own.busy or own.status == DEAD:
             return Decision(messages=messages)
         return Decision(command=self._move(own.position), messages=messages)
 

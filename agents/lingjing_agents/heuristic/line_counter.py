@@ -10,6 +10,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import (
+    DEAD,
     Action,
     Brief,
     Datum,
@@ -67,7 +68,7 @@ class LineCounter:
             if picture.entity == self._body.id:
                 messages += self._count(picture, places)
         own = view_of(observation, self._body.id)
-        if own is None or own.position is None or own.busy or own.status == "dead":
+        if own is None or own.position is None or own.busy or own.status == DEAD:
             return Decision(messages=tuple(messages))
         left = [name for name in places if name not in self._people]
         if left:

@@ -10,6 +10,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import (
+    DEAD,
     Action,
     Brief,
     Decision,
@@ -83,7 +84,7 @@ class RouteInspector:
             elif picture.entity == self._body.id and self._looks:
                 self._looks, self._flights = self._looks[1:], 0
         own = view_of(observation, self._body.id)
-        if own is None or own.position is None or own.busy or own.status == "dead":
+        if own is None or own.position is None or own.busy or own.status == DEAD:
             return Decision(messages=messages)
         if self._start is None:
             self._start = _ground_start(observation, self._body.id)

@@ -6,6 +6,8 @@ import math
 from itertools import pairwise
 
 from lingjing.plugins.policy import (
+    DEAD,
+    DORMANT,
     PHOTO,
     Action,
     Brief,
@@ -309,7 +311,7 @@ def aircraft_abilities(
 
 def _alive(truth: PrivilegedState, name: str) -> bool:
     state = truth.state(name)
-    return state is not None and state.status not in ("dead", "dormant")
+    return state is not None and state.status not in (DEAD, DORMANT)
 
 
 def _highest(truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
-from lingjing.plugins.policy import PHOTO, Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
+from lingjing.plugins.policy import DEAD, PHOTO, Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap, obstacle_map
 from lingjing_agents.capability import first_argument_bounds
@@ -49,7 +49,7 @@ class DogPath:
             return None
         places = {name: truth.place(name) for name in tasks}
         bodies = {body.id: truth.place(body.id) for body in self._plan.able(*tasks.values())}
-        bodies = {name: place for name, place in bodies.items() if truth.states[name].status != "dead"}
+        bodies = {name: place for name, place in bodies.items() if truth.states[name].status != DEAD}
         if len(bodies) < 2:
             return tasks[shortest(truth.place(self.dog.id), places)[0]]
         order = sorted(places, key=lambda name: min(math.dist(places[name], place) for place in bodies.values()))

@@ -6,6 +6,8 @@ import math
 from functools import cached_property
 
 from lingjing.plugins.policy import (
+    CLEARED,
+    DORMANT,
     BodyState,
     Brief,
     Entity,
@@ -19,7 +21,7 @@ from lingjing.plugins.policy import (
 from lingjing.plugins.tasks import Task, asked, field_named, possible, reported
 from lingjing_agents.ground_plane import GroundPoint
 
-ABSENT = ("dormant", "cleared")
+ABSENT = (DORMANT, CLEARED)
 """Status words of what is not there."""
 
 

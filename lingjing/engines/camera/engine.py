@@ -2,8 +2,8 @@
 
 It owns nothing: every entity of the instance reaches it as a mirror through `advance`, and a picture shows the
 states of the last one. A picture is a function of (city, instance, states, time, pose) alone, whatever was drawn
-before. An entity is not drawn while its status is in `HIDDEN_STATUSES`, nor by its own cameras; one for which no
-mirror has come yet stands where the instance puts it. The context and static meshes stay warm between resets.
+before. An entity is not drawn while it is gone (`lingjing.engines.bodies.is_gone`), nor by its own cameras; one for
+which no mirror has come yet stands where the instance puts it. The context and static meshes stay warm between resets.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import partial
 
 import msgspec
 
+from lingjing.engines.bodies import is_gone
 from lingjing.engines.camera.boxes import entity_boxes
 from lingjing.engines.camera.draw import Renderer, Scenery
 from lingjing.engines.camera.effects import Site, changes_of
@@ -35,9 +36,8 @@ from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.images import JPEG_QUALITY
-from lingjing.trace.records import DORMANT, BodyState, CameraPose, Command, FrameInfo, Receipt
+from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt
 
-HIDDEN_STATUSES = frozenset({"rescued", DORMANT, "cleared"})
 WARM_PLACES = 4
 """So many places, at most, are made ready at a reset."""
 STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
@@ -239,7 +239,7 @@ class CameraEngine:
         shown, own = [], None
         for number, entity in enumerate(self._playing().instance.entities):
             state = self._states[entity.id]
-            here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
+            here = not is_gone(state, entity) and self._schedule.present(entity.id, self._time_s)
             if here and viewer is not None and entity.id == viewer.id:
                 own = state, look_of(entity)
             elif here and entity.id not in without:

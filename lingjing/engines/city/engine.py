@@ -18,9 +18,9 @@ from lingjing.plugins.requests import Refusal, Requests
 from lingjing.plugins.step_clock import StepClock
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import DORMANT, BodyState, Command, Receipt, TaskEvent
+from lingjing.trace.records import DEAD, DORMANT, BodyState, Command, Receipt, TaskEvent
 
-_IDLE = (DORMANT, "dead")
+_IDLE = (DORMANT, DEAD)
 """Who is not there, or is there as a wreck, does nothing."""
 
 

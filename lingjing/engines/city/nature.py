@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.mission.instance import Entity
-from lingjing.trace.records import DORMANT
+from lingjing.trace.records import CLEARED, DORMANT
 
 WAITING = "waiting"
 
@@ -38,7 +38,7 @@ class Nature:
 
 FIRE = Nature("burning", level="heat", over="out", work_s=10.0, growth_hz=1.0 / 60.0)
 LEAK = Nature("leaking", level="flow", over="sealed", work_s=5.0)
-BLOCKAGE = Nature("blocking", gone="cleared", lasts=True)
+BLOCKAGE = Nature("blocking", gone=CLEARED, lasts=True)
 BREAK = Nature("fractured", lasts=True)
 ADRIFT = Nature("adrift")
 QUEUE = Nature("queueing")

@@ -25,13 +25,12 @@ from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
-from lingjing.trace.records import BodyState, Command
+from lingjing.trace.records import CLEARED, BodyState, Command
 
 WARM_UP_STEPS = 100
 """Steps before time 0 in which background traffic gets going; the mission's vehicles stand."""
 
 FARTHEST_ROAD_M = 2000.0
-_CLEARED = "cleared"
 _ROOM_STEPS = 10
 _ROOM_ROUNDS = 3
 
@@ -103,7 +102,7 @@ class RoadEngine(FleetEngine):
         """Take the others' bodies, what they have loaded or unloaded, and which targets have been cleared."""
         self._foreign.look(mirrors, self.clock.time_s)
         self._looked_s = self.clock.time_s
-        self._cleared = {state.id for state in mirrors if state.status == _CLEARED}
+        self._cleared = {state.id for state in mirrors if state.status == CLEARED}
         book = booked(mirrors)
         for vehicle in self._vehicles.values():
             vehicle.stock.read(book)

@@ -13,15 +13,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from lingjing.engines.bodies import floats, mirror_size
+from lingjing.engines.bodies import floats, is_gone, mirror_size
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
 from lingjing.scene.sizes import Size
-from lingjing.trace.records import DORMANT, BodyState
-
-ABSENT = frozenset({DORMANT, "rescued", "served", "cleared"})
-"""Statuses of bodies that are not there."""
+from lingjing.trace.records import BodyState
 
 _HEIGHT_M = 2.5
 _ROAD_M = 60.0
@@ -93,9 +90,9 @@ class ForeignBodies:
     def _near(self, mirrors: Sequence[BodyState]) -> Iterator[ForeignBody]:
         for state in mirrors:
             x, y, z = state.position
-            if z > self._highest_m + _HEIGHT_M or state.status in ABSENT or not self._graph.is_near_road(x, y):
-                continue
             entity = self._entities.get(state.id)
+            if z > self._highest_m + _HEIGHT_M or is_gone(state, entity) or not self._graph.is_near_road(x, y):
+                continue
             size = mirror_size(state, entity)
             afloat = entity is not None and floats(entity)
             if size is None or afloat or abs(z - self._road_height(x, y)) > _HEIGHT_M:

@@ -39,7 +39,7 @@ STROLL_MPS = 1.1
 class DrawnEntity:
     """Who is drawn: `number` feeds its looks, `properties` are its entity's; `kerb_m` is how far to its right the road
     ends, `pipe_m` the radius of the pipe it is on, `facing_deg` the bearing that it is drawn facing, where its
-    surroundings leave it no room for its own."""
+    surroundings leave it no room for its own, `served` whether what it waited for was done to it."""
 
     number: int
     state: BodyState
@@ -48,6 +48,7 @@ class DrawnEntity:
     kerb_m: float = places.KERB_M
     pipe_m: float = PIPE_RADIUS_M
     facing_deg: float | None = None
+    served: bool = False
 
     @property
     def speed_mps(self) -> float:
@@ -69,7 +70,16 @@ def entity_parts(
     look, own = look_of(entity), tuple(map(_part, entity.parts))
     if look in MODELS:
         drawn = MODELS[look](
-            DrawnEntity(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg)
+            DrawnEntity(
+                number=entity.index - 1,
+                state=state,
+                time_s=time_s,
+                properties=entity.properties,
+                kerb_m=kerb_m,
+                pipe_m=pipe_m,
+                facing_deg=facing_deg,
+                served=entity.is_served(state.status),
+            )
         )
         return (*(painted(part, _colour(entity)) for part in drawn), *own)
     if look == BARE or (own and not _measured(entity)):
@@ -249,8 +259,7 @@ def _kerbside(look: Callable[[DrawnEntity], Parts]) -> Callable[[DrawnEntity], P
 
 def _served(key: str, build: Callable[[bool], Mesh]) -> Callable[[DrawnEntity], Parts]:
     def look(who: DrawnEntity) -> Parts:
-        served = who.state.status == "served"
-        return (ModelPart(f"{key}-{int(served)}", build(served)),)
+        return (ModelPart(f"{key}-{int(who.served)}", build(who.served)),)
 
     return look
 
