@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TextIO
 
@@ -43,6 +44,26 @@ def visible(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return text.replace("\r\n", "\n").translate(_SPELLED)
+
+
+def cells(text: str) -> int:
+    """Columns that a terminal gives a text: two for wide characters, none for combining ones."""
+    if text.isascii():
+        return len(text)
+    from unicodedata import combining, east_asian_width
+
+    return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A line for each row, its cells in columns two spaces apart; the last is as long as it is."""
+    sizes = [[cells(visible(cell)) for cell in row] for row in rows]
+    widths = [max(column) for column in zip(*sizes, strict=True)]
+    padded = (
+        (cell + " " * (width - size) for cell, size, width in zip(row, own, widths, strict=True))
+        for row, own in zip(rows, sizes, strict=True)
+    )
+    return ["  ".join(row).rstrip() for row in padded]
 
 
 class Visible(io.TextIOWrapper):

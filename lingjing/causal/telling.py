@@ -9,6 +9,7 @@ from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
 from lingjing.causal.message_value import EpisodeValues, MessageValue, by_kind, by_mode
 from lingjing.causal.placebos import Placebos
+from lingjing.terminal import aligned
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import MessageChange, Substitution
 
@@ -181,7 +182,7 @@ def value_text(episodes: Sequence[EpisodeValues]) -> str:
                 f"{row.ticks:+.1f}",
             )
         ]
-    lines += ["", *_columns(kinds)]
+    lines += ["", *aligned(kinds)]
     modes = by_mode(episodes)
     if len(modes) > 1:
         table: list[tuple[str, ...]] = [("mode", "won", "messages", "value", "decisive", "of no use", "ticks")]
@@ -189,7 +190,7 @@ def value_text(episodes: Sequence[EpisodeValues]) -> str:
             won = f"{one.won}/{one.episodes}"
             means = (f"{one.messages:.1f}", f"{one.value:+.2f}", f"{one.decisive:.1f}", f"{one.moot:.0%}")
             table += [(one.mode, won, *means, f"{one.ticks:.1f}")]
-        lines += ["", "per episode:", *_columns(table)]
+        lines += ["", "per episode:", *aligned(table)]
     decided = [(episode, one) for episode in episodes for one in episode.messages if one.decisive]
     if decided:
         lines += ["", "what decided:"]
@@ -213,8 +214,3 @@ def _decisive_text(episode: EpisodeValues, one: MessageValue) -> str:
     then = f"lost ({one.reason})" if episode.success else "won"
     why = "though nobody decides otherwise" if one.swayed is None else f"decisions differ from boundary {one.swayed} on"
     return f"without {one.id}, a {one.kind} of {one.sender} {one.hop}, {then}: {why}"
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

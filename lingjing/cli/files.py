@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lingjing.cli.process import say
 from lingjing.errors import UsageError
-from lingjing.terminal import write_data
+from lingjing.terminal import aligned, write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
@@ -79,10 +79,8 @@ def say_written(path: str | Path) -> None:
 
 def print_columns(rows: Sequence[tuple[str, ...]]) -> None:
     """Print aligned columns; the last is as long as it is."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths[:-1], strict=True)]
-        print("  ".join([*cells, row[-1]]).rstrip())
+    for line in aligned(rows):
+        print(line)
 
 
 def write_whole(path: str, content: str | bytes) -> None:

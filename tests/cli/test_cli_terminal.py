@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.terminal import visible
+from lingjing.terminal import aligned, visible
 
 EVIL = [
     "\x1b]0;EVIL\x07",
@@ -245,3 +245,14 @@ def test_drawing_goes_through_one_console():
         path.name for path, text in sources.items() if re.search(r"\bConsole\(", text.replace("VisibleConsole(", ""))
     }
     assert not drawing - {"console.py"}
+
+
+def test_columns_stay_in_line_whatever_letters_a_name_has() -> None:
+    """Wide letters take two columns, an accent of its own none, and what is spelled out takes its spelling's."""
+    assert aligned([("名字", "1", "x"), ("e\u0301te", "2", ""), ("\x1b", "3", "z"), ("abcdef", "4", "")]) == [
+        "名字    1  x",
+        "e\u0301te     2",
+        "\x1b    3  z",
+        "abcdef  4",
+    ]
+    assert aligned([]) == []

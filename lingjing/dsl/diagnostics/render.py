@@ -8,7 +8,7 @@ import msgspec
 
 from lingjing.dsl.source.text import SourceText
 from lingjing.mission.diagnostics import Diagnostic, Span
-from lingjing.terminal import visible
+from lingjing.terminal import cells, visible
 
 WIDEST = 140
 """Columns of a snippet; a longer line is cut around the error."""
@@ -79,13 +79,13 @@ def _snippet(span: Span, source: SourceText, margin: str, paint: type[_Plain], c
     end = span.end_column - 1 if span.end_line == span.line else len(text)
     shown, start, end = _cut(text, start, end)
     before, marked = shown[:start], shown[start:end]
-    carets = mark * max(1, _cells(marked))
+    carets = mark * max(1, cells(marked))
     bar = paint.put("frame", "|")
     number = paint.put("frame", str(span.line).rjust(len(margin)))
     return [
         f"{margin} {bar}",
         f"{number} {bar} {_visible(shown)}",
-        f"{margin} {bar} {' ' * _cells(before)}{paint.put(colour, carets)}",
+        f"{margin} {bar} {' ' * cells(before)}{paint.put(colour, carets)}",
     ]
 
 
@@ -101,15 +101,6 @@ def _cut(text: str, start: int, end: int) -> tuple[str, int, int]:
 
 def _visible(text: str) -> str:
     return "".join(character if character.isprintable() else " " if character == "\t" else "�" for character in text)
-
-
-def _cells(text: str) -> int:
-    """Columns a terminal gives a text: two for wide characters, none for combining ones."""
-    if text.isascii():
-        return len(text)
-    from unicodedata import combining, east_asian_width
-
-    return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)
 
 
 def _counted(number: int, noun: str, several: str = "") -> str:
