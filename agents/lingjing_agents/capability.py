@@ -28,6 +28,14 @@ def has_verb(resource: Resource, verb: str) -> bool:
     return any(spec.name == verb for spec in resource.verbs)
 
 
+def walks(verbs: Sequence[VerbSpec]) -> bool:
+    """Whether a body with these verbs turns on the spot, by an angle that it is told, and goes to no place by itself:
+    an aircraft of a plug-in may turn as well."""
+    turns = [verb.arguments for verb in verbs if verb.motion == "turn"]
+    goes = any(verb.motion in ("straight", "route") for verb in verbs)
+    return not goes and any(turns) and all(argument.unit == "deg" for arguments in turns for argument in arguments)
+
+
 def straight_to(resource: Resource, *coordinates: str) -> str:
     """The verb with which a body goes straight to a place that these arguments name; "" if it has none."""
     return _going(resource, "straight", coordinates)

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from lingjing_agents.oracle import deliveries, dogs
+from lingjing_agents.capability import walks
+from lingjing_agents.oracle import deliveries
 from lingjing_agents.oracle.privileged_state import PrivilegedState
 from lingjing_agents.paths.clearance_paths import NARROW_M, find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 
-from lingjing.mission.instance import ArgumentSpec, Entity, VerbSpec
+from lingjing.mission.instance import ArgumentSpec, VerbSpec
 from lingjing.mission.kinds_format import VerbMotion
 from lingjing.plugins.policy import BodyState
 from lingjing.plugins.tasks import Task
@@ -37,14 +38,10 @@ def test_a_way_is_found_however_much_of_the_map_leads_nowhere():
     assert points and math.dist(points[-1], (2.0, 158.0)) <= 1.0
 
 
-@pytest.mark.parametrize(("motion", "walks"), [("step", True), ("straight", False), ("route", False)])
-def test_what_turns_and_goes_to_places_by_itself_is_no_dog(motion: VerbMotion, walks: bool):
+@pytest.mark.parametrize(("motion", "is_dog"), [("step", True), ("straight", False), ("route", False)])
+def test_what_turns_and_goes_to_places_by_itself_is_no_dog(motion: VerbMotion, is_dog: bool):
     turn = VerbSpec(name="left", motion="turn", arguments=(ArgumentSpec(name="angle", unit="deg"),))
-    body = Entity(
-        id="one", group="one", index=0, role="asset", type="any", engine="mine", position=(0.0, 0.0, 0.0),
-        verbs=(turn, VerbSpec(name="go", motion=motion)),
-    )  # fmt: skip
-    assert dogs._walks(body) is walks
+    assert walks((turn, VerbSpec(name="go", motion=motion))) is is_dog
 
 
 def test_a_free_way_is_one_straight_leg_to_within_reach():

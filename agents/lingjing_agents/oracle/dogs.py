@@ -8,7 +8,7 @@ from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import DEAD, PHOTO, Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap, obstacle_map
-from lingjing_agents.capability import first_argument_bounds
+from lingjing_agents.capability import first_argument_bounds, walks
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
@@ -226,21 +226,13 @@ def dog_abilities(
     own = {resource.id for resource in brief.resources if resource.embodied}
     message = composer.with_fields("assignee", "step")
     for entity in plan.instance.entities:
-        if entity.role != "asset" or not _walks(entity) or entity.id not in plan.owners:
+        if entity.role != "asset" or not walks(entity.verbs) or entity.id not in plan.owners:
             continue
         if entity.id in own:
             found.append(DogAbility(DogPath(entity, plan), plan, composer, reports))
         elif message is not None and brief.resources:
             found.append(GuidanceAbility(DogPath(entity, plan), plan, composer, message.kind))
     return found
-
-
-def _walks(entity: Entity) -> bool:
-    """Whether a body turns on the spot, by an angle that it is told, and goes to no place by itself: an aircraft of a
-    plug-in may turn as well."""
-    turns = [verb.arguments for verb in entity.verbs if verb.motion == "turn"]
-    goes = any(verb.motion in ("straight", "route") for verb in entity.verbs)
-    return not goes and any(turns) and all(argument.unit == "deg" for arguments in turns for argument in arguments)
 
 
 def _guidance(truth: PrivilegedState) -> tuple[str, float] | None:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
-from lingjing_agents.capability import has_verb, may_send, route_to
+from lingjing_agents.capability import has_verb, may_send, walks
 from lingjing_agents.heuristic.dogs.building_finder import BuildingFinder
 from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
 from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
@@ -19,15 +19,17 @@ from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.role_rules import RoleRules
 from lingjing_agents.heuristic.target_types import TrainedDetectors
 
+STEPS = ("forward", "left", "right")
+"""The verbs that walkers are sent; no declaration says which way a turn goes."""
+
 REFERENCE = "reference"
 """The camera name of pictures that show what is looked for."""
 
 
 def walking_body(brief: Brief) -> Resource | None:
-    """The first embodied resource that turns by degrees and steps forward by metres, and cannot be sent to a point."""
+    """The first embodied resource that turns on the spot, by degrees, and has the verbs of such steps."""
     for resource in brief.resources:
-        turns = has_verb(resource, "left") and has_verb(resource, "right") and has_verb(resource, "forward")
-        if resource.embodied and turns and not route_to(resource):
+        if resource.embodied and walks(resource.verbs) and all(has_verb(resource, verb) for verb in STEPS):
             return resource
     return None
 
