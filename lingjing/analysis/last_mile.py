@@ -16,7 +16,7 @@ import msgspec
 
 from lingjing.analysis.messages import admitted
 from lingjing.analysis.played_city import city_of
-from lingjing.mission.expression import Call
+from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import InspectionSpec, Instance
 from lingjing.plugins.geometry import distance_xy
@@ -82,11 +82,8 @@ def _place(instance: Instance, entity: str) -> Vector2:
 
 def _inspected(trace: Trace, inspection: InspectionSpec) -> bool:
     """Whether a stage that asks for the inspection alone was done."""
-    wanted = {
-        stage.name
-        for stage in trace.header.instance.stages
-        if isinstance(stage.condition, Call) and stage.condition.function == "inspected"
-    }
+    asked = Call("inspected", (Symbol(inspection.name),))
+    wanted = {stage.name for stage in trace.header.instance.stages if stage.condition == asked}
     return any(change.stage in wanted for record in trace.boundaries for change in record.stages)
 
 

@@ -3,12 +3,14 @@
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import lingjing
 from lingjing.analysis.last_mile import LastMile, last_mile
 from lingjing.data import data_path
 from lingjing.kernel.cities import CityBuilder
+from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.host import PluginHost
@@ -123,3 +125,12 @@ def test_other_missions_have_no_such_stages():
     other = trace()
     header = Header(instance=instance, bindings=(), fingerprint={})
     assert last_mile(Trace(Path("x.mcap"), header, other.boundaries, other.outcome, complete=True)) is None
+
+
+def test_the_inspection_of_another_route_is_not_this_one_s() -> None:
+    replace, played = msgspec.structs.replace, trace(seen=True)
+    instance, other = played.header.instance, Call("inspected", (Symbol("other"),))
+    stages = tuple(replace(one, condition=other) for one in instance.stages if one.name == "inspect")
+    header = replace(played.header, instance=replace(instance, stages=stages))
+    found = last_mile(Trace(played.path, header, played.boundaries, played.outcome, complete=True))
+    assert "S1" in last_mile(played).done and "S1" not in found.done
