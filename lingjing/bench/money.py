@@ -71,7 +71,8 @@ def check_ready(players: Sequence[Player], max_cost: float | None) -> None:
     if unknown and max_cost is not None:
         raise UsageError(
             f"money cannot be capped: the prices of {', '.join(unknown)} are not known",
-            hint="give them as args price_in and price_out (US dollars per million tokens), or in models.toml",
+            hint="give them as args price_in and price_out (US dollars per million tokens), or in your own list of "
+            "models (LINGJING_MODELS=FILE; one that an arg `models` names is read by the policy alone)",
         )
 
 

@@ -155,7 +155,7 @@ def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
         raise UsageError(
             "calls of models cost money",
             hint="say how much may be spent with --max-cost USD; of a server of your own say --policy-arg price_in=0 "
-            "--policy-arg price_out=0",
+            "--policy-arg price_out=0, or name a list with its prices by LINGJING_MODELS=FILE",
         )
 
 
