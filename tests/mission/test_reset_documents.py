@@ -194,6 +194,34 @@ def test_the_oracle_wins_it(name: str, tmp_path: Path) -> None:
     assert (report["mission"], report["success"]) == (MISSIONS[name], True)
 
 
+FLEETS = {
+    "upr_fleet": {"uavs": 2, "dogs": 2, "leaks": 2},
+    "queue_fleet": {"uavs": 2, "dogs": 2},
+    "ssr_fleet": {"uavs": 0, "boats": 2},
+    "ld_fleet": {"uavs": 2, "vans": 2, "dogs": 2, "houses": 2},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FLEETS)
+def test_the_oracle_wins_with_fleets(name: str, tmp_path: Path) -> None:
+    settings = [f"--set={key}={value}" for key, value in FLEETS[name].items()]
+    command = (
+        sys.executable,
+        "-m",
+        "lingjing.cli.main",
+        "run",
+        f"reset/{name}",
+        "--seed=1",
+        "--policy=oracle",
+        "--json",
+    )
+    ended = subprocess.run((*command, *settings), cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    report = json.loads(ended.stdout)
+    assert (report["mission"], report["success"]) == (name, True)
+
+
 def test_the_yaw_of_a_hidden_place_is_its_heading_and_an_empty_place_hides_none() -> None:
     plain, _ = instance_of("uavdog_queue")
     whole = json.loads(text_of("uavdog_queue"))
