@@ -30,12 +30,11 @@ def stand_in(scenario: Mapping[str, Any]) -> dict[str, float]:
         for pair in PLACES:
             given = {name: data.get(name) for name in pair} if isinstance(data, Mapping) else {}
             try:
-                place = Data.model_validate(given)
+                place: dict[str, float] = Data.model_validate(given).model_dump(by_alias=True, exclude_none=True)
             except ValidationError:
                 continue
-            found = {name: float(one) for name, one in zip(("X", "Y", "lon", "lat"), place.pairs, strict=True) if one}
-            if all(abs(one) < _MOST for one in found.values()):
-                return dict.fromkeys(pair, 0.0) | found
+            if all(abs(one) < _MOST for one in place.values()):
+                return place
     return {"X": 0.0, "Y": 0.0}
 
 
