@@ -69,7 +69,7 @@ def instance(scene: SceneSpec, size: tuple[int, int] = SIZE) -> Instance:
     )  # fmt: skip
 
 
-class Ours:
+class OurTown:
     """The camera engine with all channels over a city."""
 
     def __init__(self, given: Instance, city: City) -> None:
@@ -87,7 +87,7 @@ class Ours:
         return frame.rgb, frame.depth, frame.semantic
 
 
-class Mujoco:
+class MujocoTown:
     """The same triangles as static geoms: one for each material of a tile, one for each prop."""
 
     def __init__(self, city: City, given: Instance) -> None:
@@ -203,7 +203,7 @@ def render() -> None:
     scene = SceneSpec(kind="map", options={"file": str(MAP)}) if MAP.is_file() else SceneSpec(kind="commercial")
     given = instance(scene)
     city = PluginHost().scene(scene.kind).build(scene)
-    ours, theirs = Ours(given, city), Mujoco(city, given)
+    ours, theirs = OurTown(given, city), MujocoTown(city, given)
     print(f"{city.id}: {theirs.model.ngeom} geoms, {theirs.triangles} triangles, {SIZE[0]}x{SIZE[1]}, "
           f"RGB + depth + ids, median of {ROUNDS}, milliseconds wall / CPU\n")  # fmt: skip
     print("| view | this camera | MuJoCo, shadows | no shadows | ratios, wall | ratios, CPU | depths that agree |")
@@ -215,7 +215,7 @@ def render() -> None:
     theirs.renderer.close()
 
 
-def row(view: str, look: Callable[[], None], shoot: Callable[[], tuple], theirs: Mujoco) -> None:
+def row(view: str, look: Callable[[], None], shoot: Callable[[], tuple], theirs: MujocoTown) -> None:
     """Time one view of both sides, in turn."""
     times: dict[str, list[tuple[float, float]]] = {"ours": [], "shaded": [], "plain": []}
     for turn in range(ROUNDS + 1):
@@ -234,7 +234,7 @@ def row(view: str, look: Callable[[], None], shoot: Callable[[], tuple], theirs:
           flush=True)  # fmt: skip
 
 
-def agreement(shoot: Callable[[], tuple], theirs: Mujoco, view: str) -> float:
+def agreement(shoot: Callable[[], tuple], theirs: MujocoTown, view: str) -> float:
     """The share of pixels that are equally far in both."""
     picture, mine, _ = shoot()
     theirs.look(view, True)
@@ -295,7 +295,7 @@ def fly(store: str, centre: tuple[float, float]) -> dict[str, float]:
 
     city = read_store(Path(store))
     given = instance(WIDE)
-    ours = Ours(given, city)
+    ours = OurTown(given, city)
     found: dict[str, float] = {}
     for camera in ("nadir", "front"):
         spent = []

@@ -18,7 +18,7 @@ META = {
 }
 
 
-class Toy(mosaik_api_v3.Simulator):
+class MosaikToy(mosaik_api_v3.Simulator):
     """One body that moves a metre a tick and looks at where the others were."""
 
     def __init__(self):
@@ -44,7 +44,7 @@ class Toy(mosaik_api_v3.Simulator):
 def main():
     engines, ticks = int(sys.argv[1]), int(sys.argv[2])
     logger.remove()
-    world = mosaik.World({"Toy": {"python": "__main__:Toy"}}, skip_greetings=True)
+    world = mosaik.World({"Toy": {"python": "__main__:MosaikToy"}}, skip_greetings=True)
     bodies = [world.start("Toy").Body() for _ in range(engines)]
     for source in bodies:
         for target in bodies:

@@ -75,7 +75,7 @@ def instance() -> Instance:
     )  # fmt: skip
 
 
-class Ours:
+class OurBay:
     """The camera engine with all channels."""
 
     def __init__(self, given: Instance) -> None:
@@ -95,7 +95,7 @@ class Ours:
         return frame.rgb, frame.depth, frame.semantic
 
 
-class Mujoco:
+class MujocoBay:
     """The same scene as geoms of one static model."""
 
     def __init__(self, given: Instance) -> None:
@@ -181,7 +181,7 @@ def timed(shoot: Callable[[], object]) -> tuple[float, float]:
 def main() -> None:
     """Print the table."""
     given = instance()
-    ours, theirs = Ours(given), Mujoco(given)
+    ours, theirs = OurBay(given), MujocoBay(given)
     print(f"{theirs.model.ngeom} geoms, {theirs.triangles} triangles, {SIZE[0]}x{SIZE[1]}, RGB + depth + ids, "
           f"median of {ROUNDS}, milliseconds wall / CPU")  # fmt: skip
     print(f"GL: {ours.engine.fingerprint()['gl']}; MuJoCo {mujoco.__version__}\n")
@@ -193,7 +193,7 @@ def main() -> None:
     theirs.renderer.close()
 
 
-def report(view: str, ours: Ours, theirs: Mujoco) -> None:
+def report(view: str, ours: OurBay, theirs: MujocoBay) -> None:
     """One row; the two sides must agree on where the picture's middle is."""
     sides: tuple[tuple[str, Callable[[], None], Callable[[], object]], ...] = (
         ("ours", lambda: ours.look(view), ours.shoot),
@@ -216,7 +216,7 @@ def report(view: str, ours: Ours, theirs: Mujoco) -> None:
     print(f"| {view:16} | {cells[0]:>13} | {cells[1]:>15} | {cells[2]:>13} | {ratio:>13} |", flush=True)
 
 
-def check(view: str, ours: Ours, theirs: Mujoco) -> None:
+def check(view: str, ours: OurBay, theirs: MujocoBay) -> None:
     """The scenes are the same: nearly every pixel is equally far in both."""
     ours.look(view)
     theirs.look(view, True)

@@ -29,7 +29,7 @@ DegreeBox = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class MapSpot:
     """A node that has tags; degrees."""
 
     id: int
@@ -61,7 +61,7 @@ class MapData:
     """What a file holds. `nodes` are (latitude, longitude) by id; `box` is what the file says it covers, if it does."""
 
     nodes: dict[int, tuple[float, float]]
-    spots: tuple[Spot, ...]
+    spots: tuple[MapSpot, ...]
     ways: tuple[Way, ...]
     relations: tuple[MapRelation, ...]
     box: DegreeBox | None
@@ -90,7 +90,7 @@ def read(path: Path) -> MapData:
                     continue
                 nodes[item.id] = (item.location.lat, item.location.lon)
                 if len(item.tags):
-                    spots.append(Spot(item.id, _tags(item), item.location.lat, item.location.lon))
+                    spots.append(MapSpot(item.id, _tags(item), item.location.lat, item.location.lon))
             elif item.is_way():
                 ways.append(Way(item.id, _tags(item), tuple(node.ref for node in item.nodes)))
             elif item.is_relation() and item.tags.get("type") in ("multipolygon", "restriction"):
