@@ -104,12 +104,12 @@ def many(column: str, count: int) -> None:
     """What is left after more and more episodes of one run."""
     servers: list[ForkServer] = []
 
-    class Watched(ForkServer):
+    class TimedStart(ForkServer):
         def __init__(self, imports: list[str]) -> None:
             super().__init__(imports)
             servers.append(self)
 
-    parallel.ForkServer = Watched  # type: ignore[misc]
+    parallel.ForkServer = TimedStart  # type: ignore[misc]
     print_row(
         "episodes", "memory of the server, MB", "its descriptors", "its processes", "ours: memory, MB", "descriptors"
     )
