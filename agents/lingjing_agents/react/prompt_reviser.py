@@ -137,8 +137,9 @@ def revised_prompt(answer: ModelCompletion, known: Iterable[str]) -> str:
     if not worded:
         if cut:
             raise ValueError("was cut off before </prompt>: write a shorter prompt")
-        few = f" of at least {FEWEST_WORDS} words" if found else ""
-        raise ValueError(f"has no text{few} between <prompt> and </prompt>")
+        if found:
+            raise ValueError(f"holds a prompt of fewer than {FEWEST_WORDS} words")
+        raise ValueError("has no text between <prompt> and </prompt>")
     fenced = _FENCED.fullmatch(worded[-1])
     prompt = (fenced[1] if fenced else worded[-1]).strip()
     check_text(prompt)
