@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lingjing.bench.folder import ResultsFolder
     from lingjing.bench.planning import SuiteCell, SuitePlan
     from lingjing.bench.rows import SuiteRow
-    from lingjing.bench.running import Shard, SuiteRun
+    from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
 
 KINDS = (
     "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "failures", "drift", "paired",
@@ -121,14 +121,15 @@ def _play(args: argparse.Namespace) -> int:
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
     seeds = seeds[: args.limit] if args.limit else seeds
     if args.check:
-        _say(f"{plan.path}: {_size(cells, len(seeds))}")
-        _tell_cost(plan, cells, seeds)
+        episodes = _episodes(cells, seeds, shard)
+        _say(f"{plan.path}: {_size(cells, len(seeds), shard)}{len(episodes)} episodes")
+        _tell_cost(plan, episodes)
         return ExitCode.OK
     players = tuple({cell.player.name: cell.player for cell in cells}.values())
     if args.calls != "replay":
         check_ready(players, args.max_cost)
     if args.calls != "replay" and any(map(is_paid, players)) and args.max_cost is None:
-        _tell_cost(plan, cells, seeds)
+        _tell_cost(plan, _episodes(cells, seeds, shard))
         raise UsageError("calls of models cost money", hint="say how much may be spent with --max-cost USD")
     code = code_sha256(plan.files)
     part = f"-{shard.number}of{shard.count}" if shard else ""
@@ -319,22 +320,29 @@ def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def _size(cells: Sequence[SuiteCell], seeds: int) -> str:
-    """`2 entrants in 12 columns, 20 seeds: 480 episodes`."""
+def _episodes(cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> list[SuiteEpisode]:
+    """What is to be played, whatever a folder has of it."""
+    from lingjing.bench.running import WHOLE, SuiteEpisode
+
+    part = shard or WHOLE
+    return [SuiteEpisode(cell, seed) for seed in seeds for cell in cells if part.has(cell, seed)]
+
+
+def _size(cells: Sequence[SuiteCell], seeds: int, shard: Shard | None) -> str:
+    """`2 entrants in 12 columns, 20 seeds: `, with which part of it that is."""
     entrants = len({cell.player.name for cell in cells})
     columns = len({cell.key[1:] for cell in cells})
     return (
         f"{entrants} entrant{'s' * (entrants > 1)} in {columns} column{'s' * (columns > 1)}, "
-        f"{seeds} seed{'s' * (seeds > 1)}: {len(cells) * seeds} episodes"
+        f"{seeds} seed{'s' * (seeds > 1)}: {f'part {shard.number} of {shard.count}, ' if shard else ''}"
     )
 
 
-def _tell_cost(plan: SuitePlan, cells: Sequence[SuiteCell], seeds: Sequence[int]) -> None:
+def _tell_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:
     """What the episodes will cost, a line for each entrant whose calls cost money."""
     from lingjing.bench.money import estimates, in_words
-    from lingjing.bench.running import SuiteEpisode
 
-    for line in in_words(estimates([SuiteEpisode(cell, seed) for seed in seeds for cell in cells], plan.missions, ())):
+    for line in in_words(estimates(episodes, plan.missions, ())):
         _say(line)
 
 

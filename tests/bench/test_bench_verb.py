@@ -95,3 +95,13 @@ def test_the_word_play_may_be_left_out_and_help_names_the_actions(capsys: pytest
     assert {"play", "table", "list"} <= set(re.findall(r"^    (\w+)", capsys.readouterr().out, re.M))
     assert main(["bench", "list"]) == 0
     assert "reference" in capsys.readouterr().out
+
+
+def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.CaptureFixture[str]) -> None:
+    counts = []
+    for part in ("1/3", "2/3", "3/3"):
+        assert main(["bench", "reference", "--policy", "oracle", "--limit", "2", "--check", "--shard", part]) == 0
+        told = capsys.readouterr().err
+        assert f"14 columns, 2 seeds: part {part[0]} of 3, " in told
+        counts.append(int(told.split()[-2]))
+    assert sum(counts) == 28 and max(counts) < 28
