@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from lingjing.cli.process import deaf, endable, leave, open_streams, say, say_error, silence_stdout
 from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.signals import unheard
 
 BROKEN_PIPE = 141
 """128 + SIGPIPE: what a shell reports for any tool whose reader went away."""
@@ -136,6 +137,9 @@ def _dispatch(arguments: list[str]) -> int:
         from lingjing.numerics import pin
 
         pin()
+    if chosen is not None:
+        with unheard():  # interrupted while it loads, msgspec 0.22 may crash the process where it is used
+            import_module("msgspec")
     module = import_module(chosen.module) if chosen else None
     shown = (chosen,) if chosen is not None and arguments[0] == chosen.name else VERBS
     for verb in shown:  # where a verb comes first, nothing that is printed names the others

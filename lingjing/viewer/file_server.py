@@ -17,7 +17,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from lingjing.errors import UsageError
-from lingjing.viewer.server import HOST, PATIENCE_S, LocalHttpServer, asked_for, unheard
+from lingjing.signals import unheard
+from lingjing.viewer.server import HOST, PATIENCE_S, LocalHttpServer, asked_for
 
 ORIGIN = "https://app.foxglove.dev"
 """Whose page may read the answers; the desktop app has no origin that is checked."""

@@ -28,6 +28,7 @@ from urllib.parse import quote
 
 from lingjing.analysis.played_city import surroundings_of
 from lingjing.errors import UsageError
+from lingjing.signals import unheard
 from lingjing.trace import foxglove
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.following import TraceFollower
@@ -38,7 +39,7 @@ from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
 from lingjing.trace.writer import PART, nanoseconds
 from lingjing.viewer.file_server import ORIGIN
 from lingjing.viewer.live import POLL_S
-from lingjing.viewer.server import HOST, asked_for, unheard
+from lingjing.viewer.server import HOST, asked_for
 from lingjing.viewer.told import ToldEpisode
 
 PROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")

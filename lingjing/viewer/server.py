@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import hmac
 import secrets
-import signal
 import threading
 import zlib
 from collections.abc import Callable, Iterator
@@ -20,6 +19,7 @@ from typing import Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from lingjing.errors import LingjingError, UsageError
+from lingjing.signals import unheard
 from lingjing.viewer.page import element, page, policy
 
 HOST = "127.0.0.1"
@@ -87,16 +87,6 @@ class ViewServer:
         self._http.shutdown()
         self._http.server_close()
         self._thread.join()
-
-
-@contextlib.contextmanager
-def unheard() -> Iterator[None]:
-    """Threads that begin here leave signals to the main thread, which would sleep on if another one took them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def asked_for(target: str) -> tuple[str, dict[str, str]]:

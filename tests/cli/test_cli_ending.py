@@ -321,3 +321,25 @@ def test_the_score_is_grouped_and_says_what_is_undefined() -> None:
     assert groups["Perception"]["reports"] == "4, 1 of them false"
     assert groups["Perception"]["localisation error"] == "N/A"
     assert groups["Communication"]["payload"] == "5.69 kB"
+
+
+INTERRUPTED_WHILE_MSGSPEC_LOADS = """
+import os, signal, sys
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "msgspec._core":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+from lingjing.cli.main import main
+code = main(["validate", "none.ljs"])
+print(code, hasattr(sys.modules.get("msgspec._core"), "Struct"))
+"""
+
+
+def test_msgspec_is_loaded_whole_before_an_interrupt_is_heard(tmp_path: Path) -> None:
+    """It crashed the process later, where a value was decoded."""
+    command = [sys.executable, "-c", INTERRUPTED_WHILE_MSGSPEC_LOADS]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    assert (done.stdout, done.stderr) == ("130 True\n", "interrupted\n")
