@@ -122,12 +122,7 @@ class _Completer:
         return settings.scene_keys(head[1].text if len(head) > 1 else "")
 
     def _type(self) -> TypeDecl | None:
-        head = next((head for head in reversed(self.at.blocks) if head and head[0].type in ("ASSET", "TARGET")), None)
-        if head is None:
-            return None
-        colon = next((i for i, token in enumerate(head) if token.type == "COLON"), None)
-        name = head[colon + 1].text if colon is not None and colon + 1 < len(head) else ""
-        return self.scope.types.get(name)
+        return self.scope.types.get(self.at.type_name())
 
     def _verbs(self) -> Iterator[Item]:
         decl = self._type()
@@ -229,11 +224,12 @@ class _Completer:
 
     def _names(self, spaces: tuple[str, ...]) -> Iterator[Item]:
         for space in spaces:
-            for (declared, name, _), one in self.analysis.names.declared.items():
-                if declared == space:
-                    yield Item(name, "name", type(one.node).__name__ if space != "symbol" else self._kind_of(name))
             if space == "type":
                 yield from (Item(name, "type", decl.role) for name, decl in self.scope.types.items())
+                continue
+            for declared, name, _ in self.analysis.names.declared:
+                if declared == space:
+                    yield Item(name, "name", space if space != "symbol" else self._kind_of(name))
 
     def _kind_of(self, name: str) -> str:
         symbol = self.scope.symbols.get(name)

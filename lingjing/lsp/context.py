@@ -43,6 +43,12 @@ class Context:
         """Whether any block around is of that kind."""
         return any(head and head[0].type == kind for head in self.blocks)
 
+    def type_name(self) -> str:
+        """The type of the entity whose block is around; "" where there is none, or none is named."""
+        head = next((head for head in reversed(self.blocks) if head and head[0].type in ("ASSET", "TARGET")), [])
+        colon = next((at for at, token in enumerate(head) if token.type == "COLON"), len(head))
+        return head[colon + 1].text if colon + 1 < len(head) else ""
+
     def before(self, place: int = 1) -> str:
         """The type of the token that many places before the cursor; empty if the statement begins later."""
         return self.statement[-place].type if len(self.statement) >= place else ""

@@ -8,6 +8,7 @@ from lingjing.dsl.checking.typenames import word as type_word
 from lingjing.dsl.syntax.lexer import MASTER
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.lsp.analysis import Analysis, comment_above, library_file
+from lingjing.lsp.context import context_at
 from lingjing.lsp.names import Occurrence
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS, Signature
 from lingjing.mission.kinds import engine_kind
@@ -168,7 +169,8 @@ def _token(analysis: Analysis, offset: int) -> tuple[str, int, int] | None:
     start = source.line_starts()[line - 1]
     for match in MASTER.finditer(source.text, start, start + len(source.line_text(line))):
         if match.start() <= offset <= match.end() and match.lastgroup in ("WORD", "NUMBER", "UNIT"):
-            said = _number(match[0], match["UNIT"] or "") if match["NUMBER"] else _word(analysis, match[0])
+            number = match["NUMBER"] is not None
+            said = _number(match[0], match["UNIT"] or "") if number else _word(analysis, match[0], match.start())
             if said:
                 return said, match.start(), match.end()
     return None
@@ -183,12 +185,14 @@ def _number(text: str, unit: str) -> str:
     return f"{dimension_name(known.dimension)}: `{value:g}{f' {base}' if base else ''}`"
 
 
-def _word(analysis: Analysis, word: str) -> str:
+def _word(analysis: Analysis, word: str, offset: int) -> str:
     if word in FUNCTIONS or word in DISTRIBUTIONS:
         return _signature(FUNCTIONS.get(word) or DISTRIBUTIONS[word])
     if word in STATE_FIELDS:
         return f"**{word}**: {with_article(STATE_FIELDS[word][1])}, of every entity while the mission runs"
-    for decl in analysis.scope.types.values():
+    types = analysis.scope.types
+    own = types.get(context_at(analysis.source.text, offset).type_name())
+    for decl in (*((own,) if own is not None else ()), *types.values()):
         if word in decl.attributes:
             return f"**{word}**: {with_article(decl.attributes[word].type)} of `{decl.name}`"
         if word in decl.verbs:

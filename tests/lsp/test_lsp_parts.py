@@ -137,6 +137,24 @@ def test_hover(word: str, due: str) -> None:
     assert due in hovered(word)
 
 
+def test_hover_tells_of_the_type_whose_block_it_is() -> None:
+    """The van and the dog have a `speed` each."""
+    text = data_path("scenarios", "ld.ljs").read_text(encoding="utf-8")
+    head = "asset dog : robot_dog {"
+    assert "of `robot_dog`" in hovered("speed = 1.5", text=text.replace(head, f"{head}\n    speed = 1.5 m/s"))
+
+
+def test_completion_tells_what_a_name_is_in_the_language_s_words() -> None:
+    text = "ljs 1\nasset mule : quadruped { engine = x }\n" + SSR.removeprefix("ljs 1\n")
+    offset = text.index("success when") + len("success when ")
+    items = complete(Analysis(text, "<test>"), offset).items
+    details = {item.detail for item in items if item.kind in ("name", "type")}
+    assert not any(detail.endswith(("Block", "Line")) for detail in details), details
+    assert [item.detail for item in items if item.label == "searcher"] == ["role"]
+    named = [item.label for item in items if item.kind in ("name", "type")]
+    assert len(named) == len(set(named))
+
+
 def test_hover_shows_the_comment_above() -> None:
     text = SSR.replace("  param altitude", "  # How high they search.\n  # Above the sea.\n  param altitude")
     assert "How high they search.\nAbove the sea." in hovered("altitude", text=text)
