@@ -186,8 +186,7 @@ def _noted(what: Sequence[object], said: str) -> Iterator[str]:
 
 
 def _search(folder: Path) -> PromptTrial:
-    found = _decoded(folder / RESULTS, KeptSearch).candidates
-    return PromptTrial(folder.name, tuple(one for one in found if not one.fault))
+    return PromptTrial(folder.name, _decoded(folder / RESULTS, KeptSearch).candidates)
 
 
 def _probe(folder: Path) -> tuple[ProbeCell, ...]:

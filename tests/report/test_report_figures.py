@@ -234,7 +234,8 @@ def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
     episode = PromptEpisode(seed=1000, success=False, scr=0.5, answers=10, valid=4)
     better = msgspec.structs.replace(episode, success=True, scr=1.0, valid=10)
     found = (PromptCandidate(number=0, text="start", episodes=(episode, episode)),
-             PromptCandidate(number=1, text="more", episodes=(episode, better)))  # fmt: skip
+             PromptCandidate(number=1, text="more", episodes=(episode, better)),
+             PromptCandidate(number=2, text="", fault="is empty"))  # fmt: skip
     kept = KeptSearch(
         start="start", seeds=(1000, 1001), mission="ssr", options=PlayOptions(mission="ssr"), candidates=found
     )
@@ -242,6 +243,7 @@ def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
     (part,) = parts_of("prompts", gather([tmp_path]))
     told = entries(part.tables[0])
     assert told["start",]["JSON %"] == "40 [40, 40]" and told["revision 1",]["TSR %"] == "50 [9, 91]"
+    assert len(told) == 2 and part.notes[1] == "no prompt was given in round 2"
 
 
 def test_a_probe_and_its_pairs(tmp_path: Path) -> None:

@@ -47,13 +47,15 @@ def _evaluated(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 def _developed(trial: PromptTrial) -> FigurePart:
     """The trajectory of a search on its development episodes."""
-    steps = [f"{one.number}" for one in trial.candidates]
-    wins = tuple(share(each.success for each in one.episodes) for one in trial.candidates)
-    kept = tuple(pooled((each.valid, each.answers) for each in one.episodes).times(100.0) for one in trial.candidates)
-    done = tuple(mean(each.scr for each in one.episodes).times(100.0) for one in trial.candidates)
+    played = [one for one in trial.candidates if not one.fault]
+    lost = [f"{one.number}" for one in trial.candidates if one.fault]
+    steps = [f"{one.number}" for one in played]
+    wins = tuple(share(each.success for each in one.episodes) for one in played)
+    kept = tuple(pooled((each.valid, each.answers) for each in one.episodes).times(100.0) for one in played)
+    done = tuple(mean(each.scr for each in one.episodes).times(100.0) for one in played)
     series = [ChartSeries("TSR", wins, 0), ChartSeries("SCR", done, 1), ChartSeries("JSON", kept, 2)]
     lines = []
-    for at, one in enumerate(trial.candidates):
+    for at, one in enumerate(played):
         values = (cells[at].cell() for cells in (wins, done, kept))
         entries = (ResultCell(str(len(one.episodes)), len(one.episodes)), *values, ResultCell(one.sha256[:12]))
         lines.append(ResultLine("", (f"revision {one.number}" if one.number else "start",), entries))
@@ -63,7 +65,10 @@ def _developed(trial: PromptTrial) -> FigurePart:
         heading=title,
         drawings=(line_chart(title, steps, series, unit="%", most=100.0, below="revision"),),
         tables=(ResultTable("trajectory", title, ("Prompt",), heads, tuple(lines)),),
-        notes=("the best one so far is revised, so that a revision may be worse than the one before",),
+        notes=(
+            "the best one so far is revised, so that a revision may be worse than the one before",
+            *([f"no prompt was given in round {', '.join(lost)}"] if lost else []),
+        ),
     )
 
 
