@@ -79,7 +79,7 @@ class RoadMap:
         if first.segment == last.segment and last.at_m >= first.at_m:
             ids: tuple[str, ...] | None = (first.segment,)
         else:
-            ids = self._path(first.segment, last.segment, end)
+            ids = self._path(first.segment, last.segment, last.point)
         return None if ids is None else self._way(ids, first, last)
 
     def _path(self, start: str, goal: str, end: Vector2) -> tuple[str, ...] | None:

@@ -5,8 +5,9 @@ import math
 import pytest
 
 from lingjing.errors import UsageError
+from lingjing.mission.geometry2d import Vector2
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
-from lingjing.scene.road_map import read_road_map
+from lingjing.scene.road_map import RoadMap, RoadSegment, read_road_map
 
 NODES = [
     StreetNode(id="a", east=0, north=0),
@@ -54,3 +55,24 @@ def test_a_file_that_is_no_network_is_refused(tmp_path):
     (tmp_path / "x.net.xml").write_text("<notes/>")
     with pytest.raises(UsageError, match="is no road network"):
         read_road_map(str(tmp_path / "x.net.xml"))
+
+
+def test_the_way_to_a_place_far_from_every_road_is_the_shortest_too() -> None:
+    """What is left is counted to where the place is reached by road, and not to the place itself."""
+
+    def segment(name: str, start: Vector2, end: Vector2, length_m: float, *following: str) -> RoadSegment:
+        return RoadSegment(
+            id=name, start="", end="", shape=(start, end), length_m=length_m, speed_mps=10.0, following=following
+        )
+
+    roads = RoadMap(
+        (
+            segment("start", (-50.0, 0.0), (0.0, 0.0), 50.0, "short", "long"),
+            segment("short", (0.0, 0.0), (40.0, -20.0), 110.0, "goal"),
+            segment("long", (0.0, 0.0), (40.0, 20.0), 111.0, "goal"),
+            segment("goal", (100.0, 0.0), (200.0, 0.0), 100.0),
+        )
+    )
+    way = roads.way((-25.0, 0.0), (150.0, 300.0))
+    assert way is not None and way.segments == ("start", "short", "goal")
+    assert way.length_m == pytest.approx(25.0 + 110.0 + math.hypot(60.0, 20.0) + 50.0)
