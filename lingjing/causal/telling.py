@@ -213,4 +213,4 @@ def _episode_lines(episode: EpisodeValues) -> list[str]:
 def _decisive_text(episode: EpisodeValues, one: MessageValue) -> str:
     then = f"lost ({one.reason})" if episode.success else "won"
     why = "though nobody decides otherwise" if one.swayed is None else f"decisions differ from boundary {one.swayed} on"
-    return f"without {one.id}, a {one.kind} of {one.sender} {one.hop}, {then}: {why}"
+    return f"without {one.id} ({one.kind} of {one.sender}, {one.hop}) {then}: {why}"
