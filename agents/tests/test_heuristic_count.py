@@ -105,6 +105,13 @@ def test_two_counters_share_the_lines_at_levels_of_their_own():
     assert abs(going[0].arguments["z"] - going[1].arguments["z"]) >= 2.5
 
 
+def test_who_has_no_line_left_lets_the_others_count_for_a_while():
+    rules, heard = counter(2), envelope("counter[1]", TALLY, {"people": 5.0, "position": SHOPS["shop[2]"]})
+    assert rules.act(seen(2, tick=3), Inbox(messages=(heard,))).command is None
+    assert rules.act(seen(2, tick=14), Inbox()).command is None
+    assert rules.act(seen(2, tick=15), Inbox()).command is not None
+
+
 def test_what_others_counted_is_not_counted_again_and_the_first_sends_the_nearest_walker():
     heard = tuple(
         envelope("counter[2]", TALLY, {"people": float(people), "position": place})

@@ -35,7 +35,8 @@ ABOVE_M = 45.0
 """Over roofs, and low enough that somebody is a dozen pixels wide."""
 TRIES = 3
 AGAIN_TICKS = 12
-"""The order to go to the longest line is said again so often: it may not have been heard."""
+"""The order to go to the longest line is said again so often: it may not have been heard. Who has no line left waits
+as long for the counts of the others before counting for them."""
 
 
 class LineCounter:
@@ -57,22 +58,29 @@ class LineCounter:
         self._z = FlightLevels(self._rank, self._mates, low, high).level(min(ABOVE_M, high))
         self._people: dict[str, int] = {}
         self._tries: dict[str, int] = {}
-        self._said_at = -AGAIN_TICKS
+        self._said_at, self._counted_at = -AGAIN_TICKS, 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Count in the picture that came, then go on to the next place or say which line is the longest."""
         places = {view.id: view.position for view in observation.entities if view.type == self._class and view.position}
         messages: list[Outgoing] = []
+        known = len(self._people)
         self._listen(inbox, places)
         for picture in observation.pictures:
             if picture.entity == self._body.id:
                 messages += self._count(picture, places)
+        if len(self._people) > known:
+            self._counted_at = observation.tick
         own = view_of(observation, self._body.id)
         if own is None or own.position is None or own.busy or own.status == DEAD:
             return Decision(messages=tuple(messages))
         left = [name for name in places if name not in self._people]
         if left:
             mine = [name for number, name in enumerate(places) if number % self._mates == self._rank and name in left]
+            if (
+                not mine and observation.tick < self._counted_at + AGAIN_TICKS
+            ):  # who helps now is in the others' pictures
+                return Decision(messages=tuple(messages))
             return Decision(command=self._visit(own, places, mine or left), messages=tuple(messages))
         return Decision(messages=(*messages, *self._send(places, observation)))
 
