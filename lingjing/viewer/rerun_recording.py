@@ -47,6 +47,9 @@ def write_rerun(trace: Trace, path: Path, *, truth: bool) -> None:
             pass
         _Recording(rerun, trace, truth=truth).save(partial)
         partial.replace(path)
+    except _WriterError as error:  # it names no reason: a full disk is one
+        hint = "make room, or choose another place with -o"
+        raise UsageError(f"cannot write {path}: Rerun's own writer says: {error}", hint=hint) from error
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}", hint="choose another place with -o") from error
     finally:
@@ -62,6 +65,10 @@ def _rerun() -> Any:
         hint = "pip install 'lingjing[rerun]'"
         raise UsageError("a Rerun recording needs rerun-sdk, which is not installed", hint=hint) from error
     return rerun
+
+
+class _WriterError(Exception):
+    """Rerun could not write what it was given."""
 
 
 class _Recording:
@@ -89,7 +96,10 @@ class _Recording:
         for record in self._trace.boundaries:
             told, found = self._told.take(record)
             self._boundary(told, found)
-        recording.flush()
+        try:
+            recording.flush()
+        except RuntimeError as error:
+            raise _WriterError(str(error)) from error
         recording.disconnect()
 
     # -- what is told once

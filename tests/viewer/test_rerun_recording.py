@@ -64,3 +64,16 @@ def test_what_cannot_be_written_is_told(trace: Trace, tmp_path: Path, monkeypatc
     with pytest.raises(UsageError, match=r"cannot write .*No such file"):
         write_rerun(trace, tmp_path / "no" / "episode.rrd", truth=False)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_fills_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
+
+    def full(*_: object, **__: object) -> None:
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    monkeypatch.setattr(rerun.RecordingStream, "flush", full)
+    short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, trace.places)
+    with pytest.raises(UsageError, match="File-writer thread") as caught:
+        write_rerun(short, tmp_path / "episode.rrd", truth=False)
+    assert "make room" in str(caught.value.hint) and not list(tmp_path.iterdir())
