@@ -52,7 +52,8 @@ def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def import_module(name: str):
         module = real(name)
-        monkeypatch.setattr(module, "handler", lambda args: seen.append(args.verb) or 0)
+        if hasattr(module, "handler"):  # else it is one that is loaded beside a verb
+            monkeypatch.setattr(module, "handler", lambda args: seen.append(args.verb) or 0)
         return module
 
     monkeypatch.setattr(door, "import_module", import_module)
