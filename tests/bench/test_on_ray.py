@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -37,11 +36,13 @@ SUITE = (
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    """A cluster of two nodes with one CPU each."""
+    """A cluster of two nodes with one CPU each. Its workers stand back for nobody: Ray gives them a niceness of 15,
+    with which an episode takes an hour beside other work."""
     import ray
     from ray.cluster_utils import Cluster
 
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    head = {"num_cpus": 1, "_system_config": {"worker_niceness": 0}}
+    cluster = Cluster(initialize_head=True, head_node_args=head)
     cluster.add_node(num_cpus=1)
     cluster.wait_for_nodes()
     yield cluster.address
@@ -89,32 +90,34 @@ def test_a_worker_killed_in_mid_episode_costs_that_episode_only(address: str, tm
     suite = tmp_path / "small.toml"
     suite.write_text(SUITE)
     killed: list[int] = []
+    over = threading.Event()
 
     def kill_one() -> None:
         runs = tmp_path / "out" / "runs"
-        deadline = time.monotonic() + 200
-        while not killed and time.monotonic() < deadline:
+        while not killed and not over.wait(0.1):
             started = list(runs.glob("heuristic-upr*/trace.mcap.part")) if runs.is_dir() else []
             if started and started[0].stat().st_size > 0:
                 killed.extend(_workers_playing(started[0].parent))
-            time.sleep(0.1)
         for pid in killed:
             os.kill(pid, signal.SIGKILL)
 
     plan = read_plan(suite, PluginHost())
-    cells = [cell for cell in plan.cells if (cell.player.name, cell.column.mission) != ("heuristic", "bi")]
+    cells = [cell for cell in plan.cells if cell.column.mission == "upr"]
     with open_results(tmp_path / "out") as results:
         run = SuiteRun(plan, results, "code", RayExecutor(tmp_path / "out" / "lock", address))
         killer = threading.Thread(target=kill_one)
         killer.start()
-        run.play(run.due((3,), cells))
-        killer.join()
+        try:
+            run.play(run.due((3,), cells))
+        finally:
+            over.set()
+            killer.join()
     assert len(killed) == 1
     rows = read_results(tmp_path / "out")
     told = sorted((row.entrant, row.mission, row.tries, row.standing) for row in rows)
     assert told == [
         ("heuristic", "upr", 1, "aborted"), ("heuristic", "upr", 2, "counted"),
-        ("oracle", "bi", 1, "counted"), ("oracle", "upr", 1, "counted"),
+        ("oracle", "upr", 1, "counted"),
     ]  # fmt: skip
     (aborted,) = [row for row in rows if row.standing == "aborted"]
     assert aborted.report.detail.startswith("its Ray worker was lost: ")
