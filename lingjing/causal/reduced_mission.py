@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Scope
-from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.mission.instance import Datum, Entity, Instance, MessageSpec
 from lingjing.mission.instance_entities import holds
 from lingjing.mission.vocabulary import EVERYONE
 
@@ -60,8 +60,15 @@ class ReducibleMission:
             *(RemovablePart("agent", one.id) for one in instance.agents),
             *(RemovablePart("asset", one.id) for one in entities if one.role == "asset" and one.id not in controlled),
             *(RemovablePart("event", one.name) for one in instance.events),
-            *(RemovablePart("message", one.kind) for one in instance.messages),
+            *(RemovablePart("message", one.kind) for one in instance.messages if not self._is_asked_for(one)),
         )
+
+    def _is_asked_for(self, message: MessageSpec) -> bool:
+        """Whether somebody must be assigned by such messages: without them none could be, whoever played."""
+        mission = self._mission
+        asked = (*(one.condition for one in mission.rules), *(one.condition for one in mission.stages), mission.success)
+        calls = (part for one in asked for part in ex.parts(one) if isinstance(part, ex.Call))
+        return message.category == "assignment" and any(call.function == "assigned" for call in calls)
 
     def keeping(self, kept: Iterable[RemovablePart], ticks: int) -> ReducedMission:
         """The mission with these parts and none of the others, and so many ticks."""

@@ -76,6 +76,12 @@ def test_a_body_that_another_may_command_stays_without_its_agent(ssr: tuple[Miss
     assert {one.id for one in left.agents} == {"scout[1]", "scout[2]", "scout[3]"}
 
 
+def test_messages_by_which_somebody_must_be_assigned_stay(ssr: tuple[Mission, Instance]) -> None:
+    """A stage asks for it: without them every handoff breaks, and not as the episode's did."""
+    kinds = [part.name for part in ReducibleMission(*ssr).parts if part.kind == "message"]
+    assert kinds == ["detection", "progress"]
+
+
 def test_what_cannot_be_said_without_a_part_is_no_mission(ssr: tuple[Mission, Instance]) -> None:
     whole = ReducibleMission(*ssr)
     without_reports = whole.keeping([part for part in whole.parts if part.name != "detection"], 40)
