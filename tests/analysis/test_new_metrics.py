@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -338,7 +339,8 @@ def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsy
     assert main(["metrics", str(trace.path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "mission: ssr" and "tsr: 1" in lines and "json_compliance: N/A" in lines
-    assert main(["metrics", "-j", "2", "--output-format", "json", str(trace.path), str(trace.path)]) == 0
+    copy = shutil.copy(trace.path, tmp_path / "copy.mcap")
+    assert main(["metrics", "-j", "2", "--output-format", "json", str(trace.path), str(copy)]) == 0
     told = json.loads(capsys.readouterr().out)
     assert len(told["episodes"]) == 2 and told["together"]["tsr"] == 1.0
     assert set(told["together"]["terciles"]) == {"early", "mid", "late"}

@@ -54,7 +54,7 @@ def test_the_gradients_are_those_of_the_loss(tool: ModuleType) -> None:
 
 def test_a_lesson_marks_the_middle_of_a_target_and_its_sides(tool: ModuleType) -> None:
     none = np.empty((0, 4))
-    crop = tool.Crop(np.zeros((96, 96, 3), np.uint8), np.array([[30.0, 40.0, 50.0, 56.0]]), none)
+    crop = tool.Cutout(np.zeros((96, 96, 3), np.uint8), np.array([[30.0, 40.0, 50.0, 56.0]]), none)
     wanted, sides = tool.lesson(crop)
     rows, columns = np.nonzero(wanted == 1)
     assert {(int(r), int(c)) for r, c in zip(rows, columns, strict=True)} == {
@@ -62,14 +62,14 @@ def test_a_lesson_marks_the_middle_of_a_target_and_its_sides(tool: ModuleType) -
     }  # fmt: skip
     assert sides[12, 10].tolist() == [10.5, 8.5, 9.5, 7.5, 16.0]
     assert wanted[0, 0] == 0 and wanted[11, 8] == -1
-    hidden = tool.lesson(tool.Crop(crop.picture, none, crop.targets))[0]
+    hidden = tool.lesson(tool.Cutout(crop.picture, none, crop.targets))[0]
     assert set(np.unique(hidden)) == {-1.0, 0.0}
 
 
 def test_turning_a_square_turns_its_boxes(tool: ModuleType) -> None:
     picture = np.zeros((96, 96, 3), np.uint8)
     picture[40:56, 30:50] = 200
-    crop = tool.Crop(picture, np.array([[30.0, 40.0, 50.0, 56.0]]), np.empty((0, 4)))
+    crop = tool.Cutout(picture, np.array([[30.0, 40.0, 50.0, 56.0]]), np.empty((0, 4)))
     for seed in range(12):
         turned = tool.turned(crop, np.random.Generator(np.random.PCG64(seed)), upright=False)
         rows, columns = np.nonzero(turned.picture[..., 0] > 100)
