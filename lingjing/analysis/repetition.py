@@ -28,6 +28,7 @@ The terms of that definition are read from a trace as follows.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -71,14 +72,13 @@ class _TargetEvents:
     """The target events counted so far: `events` of which `repeated`.
 
     `executors_needed` is by target (1 where it is not named); `assigned` maps a target to its assignees, each with the
-    sender that assigned it; `completed` are targets; `inside` are the pairs (executor, target) whose executor is in the
-    target's region now.
+    sender that assigned it; `completed` are targets; `inside` maps executors to the targets whose regions they are in.
     """
 
     executors_needed: dict[str, int]
     assigned: dict[str, dict[str, str]] = field(default_factory=dict)
     completed: set[str] = field(default_factory=set)
-    inside: set[tuple[str, str]] = field(default_factory=set)
+    inside: defaultdict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
     events: int = 0
     repeated: int = 0
 
@@ -105,13 +105,14 @@ class _TargetEvents:
     def move(self, body: BodyState, targets: Iterable[BodyState], radius_m: float) -> None:
         """Take in where an executor and targets are: coming within the radius of one is an entry."""
         east, north, _ = body.position
+        inside = self.inside[body.id]
         for target in targets:
             to_east, to_north, _ = target.position
-            pair = (body.id, target.id)
             if not -radius_m <= east - to_east <= radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
-                self.inside.discard(pair)
-            elif pair not in self.inside:
-                self.inside.add(pair)
+                if inside:
+                    inside.discard(target.id)
+            elif target.id not in inside:
+                inside.add(target.id)
                 self.entry(target.id, body.id)
 
 
@@ -222,8 +223,11 @@ class Assignments:
         self.radii = service_radii(instance)
         self.groups = _group_of_target(instance)
         self.served = tuple(
-            (served, tuple(target for target, group in self.groups.items() if group == served.group))
-            for served in self.radii
+            (
+                tuple(target for target, of in self.groups.items() if of == group),
+                tuple(served for served in self.radii if served.group == group),
+            )
+            for group in dict.fromkeys(served.group for served in self.radii)
         )
         self._entities = frozenset(entity.id for entity in instance.entities)
 
@@ -278,14 +282,15 @@ def _count_entries(
         performed = [event for event in waiting if event.time_s <= snapshot.time_s]
         waiting = [event for event in waiting if event.time_s > snapshot.time_s]
         for target, executor in (event.entities[:2] for event in performed if len(event.entities) > 1):
-            if (executor, target) not in counted.inside:
-                counted.inside.add((executor, target))
+            if target not in counted.inside[executor]:
+                counted.inside[executor].add(target)
                 counted.entry(target, executor)
-        for served, targets in assignments.served:
-            body = states.get(served.executor)
-            if body is not None:
-                there = (states[target] for target in targets if target in states)
-                counted.move(body, there, served.radius_m)
+        for targets, executors in assignments.served:
+            there = [states[target] for target in targets if target in states]
+            for served in executors:
+                body = states.get(served.executor)
+                if body is not None:
+                    counted.move(body, there, served.radius_m)
         finished = [event for event in performed if not _left(event)]
         counted.completed |= {name for event in finished for name in event.entities if name in groups}
     counted.completed |= completed_at(instance, record)

@@ -97,15 +97,21 @@ def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], Episo
 
 
 def _one(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
+    from lingjing.trace.reader import collector_paused
+
+    with collector_paused():  # until the trace is gone too: to look through it takes as long as to read it
+        return _read(path)
+
+
+def _read(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
     from lingjing.analysis.pooled import counts_of
     from lingjing.cli.files import say_if_cut
-    from lingjing.trace.reader import collector_paused, read_trace
+    from lingjing.trace.reader import read_trace
 
-    with collector_paused():
-        trace = read_trace(path)
-        say_if_cut(trace)
-        counts = counts_of(trace)
-        return _row(trace, counts), counts
+    trace = read_trace(path)
+    say_if_cut(trace)
+    counts = counts_of(trace)
+    return _row(trace, counts), counts
 
 
 def _row(trace: Trace, counts: EpisodeCounts) -> dict[str, Any]:
