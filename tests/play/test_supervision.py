@@ -262,8 +262,8 @@ def test_an_interrupt_ends_the_episode_once(number: signal.Signals, tmp_path: Pa
 
 def test_an_interrupt_without_a_report_is_one_for_the_caller(tmp_path: Path) -> None:
     def wait(seed: int) -> None:
-        (tmp_path / "begun").touch()
         try:
+            (tmp_path / "begun").touch()
             time.sleep(3600)
         finally:
             await_file(tmp_path / "shot")
@@ -316,8 +316,8 @@ def test_an_interrupt_that_another_thread_hears_is_passed_on(tmp_path: Path) -> 
         held.acquire()
         threading.Thread(target=time.sleep, args=(3600,), daemon=True).start()
         (tmp_path / "player").write_text(str(os.getpid()))
-        (tmp_path / "begun").touch()
         try:
+            (tmp_path / "begun").touch()  # from here on it may be interrupted
             held.acquire()
         except KeyboardInterrupt:
             (tmp_path / "told").touch()
