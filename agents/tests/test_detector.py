@@ -135,6 +135,21 @@ def test_a_painted_person_is_boxed_tightly():
     assert 0.0 < finds[0].confidence <= 1.0
 
 
+@pytest.mark.parametrize("far", [(60, 40), (1040, 1850), (500, 1500)])
+def test_a_person_is_found_alike_wherever_else_warm_colours_are(far: tuple[int, int]):
+    alone = paint("person")
+    beside = alone.copy()
+    beside[far[0] : far[0] + 30, far[1] : far[1] + 40] = (230, 180, 60)
+    assert find_people(beside, POSE, LEVEL) == find_people(alone, POSE, LEVEL) != ()
+
+
+@pytest.mark.parametrize("cut", ["top", "left", "bottom", "right"])
+def test_who_is_cut_by_the_border_is_not_judged(cut: str):
+    shown = {"top": np.s_[499:], "left": np.s_[:, 900:], "bottom": np.s_[:499], "right": np.s_[:, :900]}
+    rgb = np.ascontiguousarray(paint("person")[shown[cut]])
+    assert find_people(rgb, POSE, LEVEL) == ()
+
+
 def test_under_water_there_is_nothing_to_see():
     below = camera_pose((0.0, 0.0, LEVEL - 1.0), 0.0, NADIR)
     assert find_people(paint("person"), below, LEVEL) == ()

@@ -13,6 +13,7 @@ ByteImage = npt.NDArray[np.uint8]
 
 FloatArray = npt.NDArray[np.float64]
 GreyPlane = npt.NDArray[np.float32]
+IntArray = npt.NDArray[np.intp]
 MaskArray = npt.NDArray[np.bool_]
 
 ImageBox = tuple[float, float, float, float]

@@ -12,6 +12,7 @@ on rendered frames of other seeds than the studies use.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,13 +20,15 @@ import numpy as np
 
 from lingjing.plugins.geometry import focal_px
 from lingjing.plugins.policy import CameraPose
-from lingjing_agents.perception.images import ByteImage, GreyPlane, ImageBox, MaskArray, PixelBox, opencv
+from lingjing_agents.perception.images import ByteImage, GreyPlane, ImageBox, IntArray, MaskArray, PixelBox, opencv
 
 COLOUR = 18.0
 WHITE = 0.4
 WARM, WARM_COLOUR = 26.0, 24.0
 """Grey levels by which red must exceed blue (more than the water does) for skin, wood or a vest, and the colour that
 must go with it."""
+WARM_LEAST = 2
+"""So many warm pixels a person has at least."""
 PALE, PALE_COLOUR = 0.45, 45.0
 """Skin in the sun: at least this white, at most this coloured."""
 GAPS_M = (0.0, 0.15)
@@ -46,6 +49,7 @@ RULES: tuple[tuple[str, tuple[float, float, float, float]], ...] = (
 )
 """For each measure the interval where it speaks for a person fully (the middle two), and where not at all (beyond the
 outer two)."""
+LONGEST_M = dict(RULES)["length_m"][3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +85,23 @@ def find_people(rgb: ByteImage, pose: CameraPose, water_level_m: float) -> tuple
     if above_m <= 0.0 or not rgb.any():
         return ()
     metres_per_px = above_m / focal_px(pose)
-    seen = planes(rgb)
+    gaps_px = tuple(round(gap_m / metres_per_px) for gap_m in GAPS_M)
+    water = local_water(rgb)
+    rows, columns = warm_pixels(rgb, water)
+    if len(rows) < WARM_LEAST:
+        return ()
+    reach = math.ceil(LONGEST_M / metres_per_px) + 2 * max(gaps_px) + 2  # whatever is longer is nobody
+    y0, x0 = (max(0, int(found.min()) - reach) for found in (rows, columns))
+    around = slice(y0, int(rows.max()) + reach + 1), slice(x0, int(columns.max()) + reach + 1)
+    seen = contrast(rgb[around], water[around])
     finds = []
-    for gap_m in GAPS_M:
-        for blob in blobs(seen, metres_per_px, round(gap_m / metres_per_px)):
+    for gap_px in gaps_px:
+        for blob in blobs(seen, metres_per_px, gap_px):
             confidence = likelihood(blob.measures)
             if confidence > 0.0:
-                x0, y0, x1, y1 = blob.box
-                finds.append(FoundBox((x0 / width, y0 / height, x1 / width, y1 / height), confidence))
+                left, top, right, bottom = blob.box
+                box = ((x0 + left) / width, (y0 + top) / height, (x0 + right) / width, (y0 + bottom) / height)
+                finds.append(FoundBox(box, confidence))
     return _distinct(sorted(finds, key=lambda find: (-find.confidence, find.box)))
 
 
@@ -105,25 +118,46 @@ def _overlap(a: ImageBox, b: ImageBox) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def planes(rgb: ByteImage) -> WaterContrast:
-    """Split each pixel's difference from the local water colour into whiteness and colour."""
+def local_water(rgb: ByteImage) -> ByteImage:
+    """The colour of the water around each pixel, (height, width, 3)."""
     cv2 = opencv()
     height, width = rgb.shape[:2]
     size = (max(1, width // BACKGROUND_SCALE), max(1, height // BACKGROUND_SCALE))
     small = cv2.medianBlur(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), BACKGROUND_WINDOW)
-    water = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
-    to_white = 255.0 - water
-    length2 = np.maximum(np.einsum("ijk,ijk->ij", to_white, to_white), 1.0)
-    difference = rgb.astype(np.float32) - water
-    whiteness = np.einsum("ijk,ijk->ij", difference, to_white) / length2
-    distance2 = np.einsum("ijk,ijk->ij", difference, difference) - whiteness * whiteness * length2
-    warmth = difference[..., 0] - difference[..., 2]
-    return WaterContrast(whiteness, np.sqrt(np.maximum(distance2, 0.0)), warmth)
+    water: ByteImage = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
+    return water
+
+
+def warm_pixels(rgb: ByteImage, water: ByteImage) -> tuple[IntArray, IntArray]:
+    """The rows and columns of the pixels that are warm."""
+    cv2 = opencv()
+    redder = cv2.subtract(rgb[..., 0], water[..., 0], dtype=cv2.CV_16S)
+    bluer = cv2.subtract(rgb[..., 2], water[..., 2], dtype=cv2.CV_16S)
+    rows, columns = np.divmod(np.flatnonzero(cv2.subtract(redder, bluer) > WARM), rgb.shape[1])
+    warm = contrast(rgb[rows, columns], water[rows, columns]).colour > WARM_COLOUR
+    return rows[warm], columns[warm]
+
+
+def contrast(rgb: ByteImage, water: ByteImage) -> WaterContrast:
+    """Split the difference of pixels (…, 3) from the local water colour into whiteness and colour."""
+    levels = np.moveaxis(water, -1, 0).astype(np.float32, order="C")
+    to_white = 255.0 - levels
+    difference = np.moveaxis(rgb, -1, 0).astype(np.float32, order="C") - levels
+    length2 = np.maximum(_dot(to_white, to_white), 1.0)
+    whiteness: GreyPlane = np.divide(_dot(difference, to_white), length2)
+    distance2 = _dot(difference, difference) - whiteness * whiteness * length2
+    return WaterContrast(whiteness, np.sqrt(np.maximum(distance2, 0.0)), difference[0] - difference[2])
+
+
+def _dot(left: GreyPlane, right: GreyPlane) -> GreyPlane:
+    """The sum over three channels, which come first; whole numbers below 2^24, so exact in any order."""
+    product: GreyPlane = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
+    return product
 
 
 def blobs(seen: WaterContrast, metres_per_px: float, gap_px: int) -> Iterator[ColourPatch]:
-    """Patches with at least two warm pixels, wholly inside the picture and not too big for a person; pieces that are
-    at most `gap_px` apart are one patch."""
+    """Patches with at least `WARM_LEAST` warm pixels, wholly inside and not too big for a person; pieces that are at
+    most `gap_px` apart are one patch."""
     cv2 = opencv()
     warm = (seen.colour > WARM_COLOUR) & (seen.warmth > WARM)
     patches = ((seen.colour > COLOUR) | (seen.whiteness > WHITE)).astype(np.uint8)
@@ -131,8 +165,8 @@ def blobs(seen: WaterContrast, metres_per_px: float, gap_px: int) -> Iterator[Co
     count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
     warm_counts = np.bincount(labels[warm & (patches > 0)], minlength=count)
     height, width = patches.shape
-    longest_px = dict(RULES)["length_m"][3] / metres_per_px
-    for label in np.flatnonzero(warm_counts >= 2).tolist():
+    longest_px = LONGEST_M / metres_per_px
+    for label in np.flatnonzero(warm_counts >= WARM_LEAST).tolist():
         x, y, wide, high = (int(value) for value in stats[label, :4])
         if label == 0 or max(wide, high) > longest_px + gap_px:
             continue
