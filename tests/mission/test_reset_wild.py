@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from benchmarks.mutated_documents import read_mutated
+from benchmarks.silent_guesses import silent_guesses
 from lingjing.cli.main import main
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import ExitCode, MissionError
@@ -126,6 +127,7 @@ def test_yaw_stands_in_the_place_and_is_unreals() -> None:
     [
         (lambda w: {"type": "COMMAND", "data": w}, "the wire's envelope is taken off"),
         (lambda w: {"type": "COMMAND", "data": w["scenario"]}, "the wire's envelope is taken off"),
+        (lambda w: {"Data": {"type": "COMMAND", "data": w}}, "the wire's envelope is taken off; $.Data.data is read"),
         (lambda w: _rows(w, w["scenario"]["taskMatrix"][0]), "taskMatrix: is one object"),
         (lambda w: json.dumps(w).replace('"taskId"', '// 说明\n"taskId" /* id */', 1), "comments are no JSON"),
         (lambda w: json.dumps(w).replace("}]", "} , ]").replace("]}", "],\n}"), "commas before a bracket are no JSON"),
@@ -516,6 +518,17 @@ def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_di
     assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (7,000 m" in told
 
 
+def test_what_is_beside_a_scenario_stays_beside_it() -> None:
+    """The document comes back with its template whatever is called `data` or spelt `Scenario` beside it."""
+    whole = document({"goalFirePosition": [PLACE]}, drones=1)
+    play({**whole, "data": 3})
+    play({"Data": {"scenario": 1}, "scenario": None, "Scenario": whole["scenario"]})
+    with pytest.raises(MissionError, match=r"\$\.Data\.Scenario\.equipmentList"):
+        play({"Data": {"Scenario": {**whole["scenario"], "equipmentList": []}}})
+    own = {**whole["scenario"], "Lingjing": {"mission": "fire_search"}}
+    assert emit(read(json.dumps(own), "w.json", TEMPLATES)[0]) == json.dumps(own)
+
+
 def test_what_no_template_binds_is_an_error() -> None:
     with pytest.raises(MissionError, match="no template has anything for 'pollutionPosition'"):
         play(document({"pollutionPosition": [PLACE]}, drones=1))
@@ -529,3 +542,21 @@ def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
     """A hundred thousand are read by `benchmarks/mutated_documents.py`."""
     ends = read_mutated(250, seed, lambda number, ends: None)
     assert set(ends) <= {"read", "MissionError", "UsageError"} and 25 < ends["read"] < 225
+
+
+@pytest.mark.parametrize(
+    ("said", "other", "guess"),
+    [
+        ('"x": 5000.0', '"x": 5000.5', "says (50.005, 30.0), fire[1] lies at (50.0, 30.0, 0.0)"),
+        ('"y": -3000.0', '"y": 3000.0', "says (50.0, -30.0), fire[1] lies at (50.0, 30.0, 0.0)"),
+        ('"z": 100.0', '"z": 200.0', "heights are lowered by [0.0, 1.0] m"),
+        ('"yaw": 0.0', '"yaw": 5.0', "turns to 95.0, uav[1] to 90.0"),
+        ('"droneEntityList": [', '"droneEntityList": [1, ', "droneEntityList lists 2, 1 are played"),
+    ],
+)
+def test_the_search_for_silent_guesses_finds_them(said: str, other: str, guess: str) -> None:
+    text = json.dumps(document({"goalFirePosition": [PLACE]}, drones=1))
+    mission, notes = read(text, "w.json", TEMPLATES)
+    assert not list(silent_guesses(text, mission, notes, TEMPLATES))
+    assert text.count(said) == 1
+    assert guess in "; ".join(silent_guesses(text.replace(said, other), mission, notes, TEMPLATES))

@@ -1,6 +1,6 @@
 """A `resetScenario` document that was read: its scenario, its plain values, and notes on how it is spelt.
 
-Either spelling may come in the wire's own envelope (`{"type": "COMMAND", "data": …}`). A field that is null counts as
+_Either spelling may come in the wire's own envelope (`{"type": "COMMAND", "data": …}`). A field that is null counts as
 absent, of equal keys the last one counts; the latter is noted, and so are other spellings and unread fields.
 """
 
@@ -16,7 +16,7 @@ from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.reset.faults import document_error, faults_of
 from lingjing.mission.reset.repair import mended, stand_in
-from lingjing.mission.reset.shapes import CommandEnvelope, DocumentPart, Free, P, Scenario, TaskRow
+from lingjing.mission.reset.shapes import CommandEnvelope, DocumentPart, Free, P, Scenario, TaskRow, folded
 from lingjing.mission.reset.spelling import Spelt
 
 
@@ -112,7 +112,10 @@ def parse(text: str, path: str) -> Parsed:
     """Read a document; `UsageError` if it is not JSON, `MissionError` if it is no scenario and cannot be mended."""
     notes: list[str] = []
     faults: list[Fault] = []
-    value, root = _unwrapped(_without_nulls(jsontext.load(text, path, notes, faults)), notes)
+    value, carriers = _unwrapped(_without_nulls(jsontext.load(text, path, notes, faults)))
+    if carriers:
+        notes.append(f"$: the wire's envelope is taken off; {_path(carriers)} is read")
+    root = _path(carriers)
     spelt = Spelt({})
     if isinstance(value, dict):
         spelt.rename(value, _Either, root)
@@ -123,7 +126,8 @@ def parse(text: str, path: str) -> Parsed:
         )
     shape: type[CommandEnvelope | Scenario] = CommandEnvelope if "scenario" in value else Scenario
     spelt.unify(value, shape, root)
-    inner, where = (value["scenario"], f"{root}.scenario") if shape is CommandEnvelope else (value, root)
+    own = spelt.key(value, "scenario")
+    inner, where = (value["scenario"], f"{root}.{own}") if shape is CommandEnvelope else (value, root)
     raw = inner if isinstance(inner, dict) else {}
     place = stand_in(raw)
     decided = True
@@ -149,12 +153,29 @@ class _Either(DocumentPart):
     equipment_list: Free = None
 
 
-def _unwrapped(value: object, notes: list[str]) -> tuple[object, str]:
-    """What the wire's envelope carries, and its JSON path."""
-    if isinstance(value, dict) and "data" in value and not {"scenario", "equipmentList"} & value.keys():
-        notes.append("$: the wire's envelope is taken off; $.data is read")
-        return value["data"], "$.data"
-    return value, "$"
+def scenario_keys(text: str) -> tuple[str, ...]:
+    """The keys that lead to the scenario of a document that can be read; none if it is the document."""
+    value, carriers = _unwrapped(_without_nulls(jsontext.load(text, "", [], [])))
+    spelt = Spelt({})
+    if isinstance(value, dict):
+        spelt.rename(value, _Either, "$")
+    return (*carriers, spelt.key(value, "scenario")) if isinstance(value, dict) and "scenario" in value else carriers
+
+
+def _path(keys: tuple[str, ...]) -> str:
+    return ".".join(("$", *keys))
+
+
+def _unwrapped(value: object) -> tuple[object, tuple[str, ...]]:
+    """What the wire's envelope carries, which may be one again, and the keys on the way there."""
+    carriers: tuple[str, ...] = ()
+    while isinstance(value, dict):
+        keys = {folded(key): key for key in value}
+        if "data" not in keys or not keys.keys().isdisjoint(("scenario", "equipmentlist")):
+            break
+        carriers = (*carriers, keys["data"])
+        value = value[keys["data"]]
+    return value, carriers
 
 
 def _without_nulls(root: object) -> object:

@@ -17,6 +17,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import frames, jsontext, model
 from lingjing.mission.instance import Entity, Instance, Region
 from lingjing.mission.instantiate import instantiate
+from lingjing.mission.reset.document import scenario_keys
 from lingjing.mission.reset.fields import FIELDS
 from lingjing.mission.reset.groups import MEASURES
 from lingjing.mission.reset.reading import search_region
@@ -70,7 +71,7 @@ def _without_template(mission: model.Mission, scenario: dict[str, Json]) -> None
 def with_template(text: str, name: str) -> str:
     """The document with `"lingjing": {"mission": name}` as its scenario's first field; unchanged if it has one."""
     start, keys = _scenario_span(text)
-    if "lingjing" in keys:
+    if any(folded(key) == "lingjing" for key in keys):
         return text
     inner = text[start + 1 :]
     margin = inner[: len(inner) - len(inner.lstrip())]
@@ -84,10 +85,9 @@ def _scenario_span(text: str) -> tuple[int, set[str]]:
     plain = jsontext.without_extras(text)
     start = len(plain) - len(plain.removeprefix("\ufeff").lstrip())
     members = _members(plain, start)
-    for envelope in ("data", "scenario"):
-        inner = next((at for key, at in members.items() if folded(key) == envelope), None)
-        if inner is not None and not any(folded(key) == "equipmentlist" for key in members):
-            start, members = inner, _members(plain, inner)
+    for key in scenario_keys(text):
+        start = members[key]
+        members = _members(plain, start)
     return start, set(members)
 
 
@@ -96,8 +96,6 @@ def _members(text: str, start: int) -> dict[str, int]:
     decoder = json.JSONDecoder()
     found: dict[str, int] = {}
     position = _blank(text, start + 1)
-    if text[start] != "{":
-        raise MissionError("the document's scenario is no object", hint="read the document before it is written back")
     while text[position] != "}":
         key, position = decoder.raw_decode(text, position)
         position = _blank(text, _blank(text, position) + 1)

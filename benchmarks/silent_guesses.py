@@ -1,0 +1,153 @@
+"""What the mission of a `resetScenario` document has that the document does not say and no note tells.
+
+`silent_guesses` reads the document again, by rules of its own: the place of each entity and hidden thing that was
+placed (east = X/100, north = -Y/100, elevation = Z/100 m, or degrees on the scene's origin), its heading (`heading`,
+`raw`, or 90 degrees more than `yaw`), how many of each list are played, and that the document written back reads as
+the same mission.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from lingjing.errors import LingjingError
+from lingjing.mission import expression as ex
+from lingjing.mission import frames
+from lingjing.mission.model import Group, Mission
+from lingjing.mission.reset.emit import emit
+from lingjing.mission.reset.groups import origin_of
+from lingjing.mission.reset.reading import instantiate_document
+from lingjing.mission.reset.shapes import LISTS, folded
+
+EAST, NORTH = ("x",), ("y",)
+LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude"), ("lat", "latitude")
+ALTITUDE = ("alt", "altitude")
+SAME_M = 0.001
+Values = Mapping[str, Any]
+
+
+def silent_guesses(
+    text: str, mission: Mission, notes: Sequence[str], templates: Callable[[str], Mission]
+) -> Iterator[str]:
+    """What the mission has that the document does not say and that no note tells."""
+    whole = json.loads(text)
+    groups = {group.name: group for group in mission.groups}
+    origin = origin_of(mission)
+    raised: set[float] = set()
+    for member, path in mission.origin.places.items():
+        row = _at(whole, path.removesuffix(".data"))
+        place = _place(row)
+        if place is None:
+            if groups[member.partition("[")[0]].engine != "satellite":
+                yield f"{path} says no place of {member}"
+            continue
+        played = _value(groups, member, "position")
+        said = _said(place, origin)
+        if said is None or played is None or max(abs(a - b) for a, b in zip(said, played, strict=False)) > SAME_M:
+            yield f"{path} says {said}, {member} lies at {played}"
+        heights = [one for one in (_first(place, ("z",)), _first(place, ALTITUDE)) if one is not None]
+        if len(heights) == 1 and played is not None:
+            metres = heights[0] / (1.0 if _first(place, ("z",)) is None else 100.0)
+            raised.add(round(metres - (played[2] if len(played) > 2 else math.inf), 3))
+        turn, turned = _turn(row, place), _value(groups, member, "heading_deg")
+        if turn is not None and (turned is None or abs((turn - turned + 180.0) % 360.0 - 180.0) > SAME_M):
+            yield f"{path} turns to {turn}, {member} to {turned}"
+    moved = "datum_m" in text or any("heights begin at" in note for note in notes)
+    if len(raised) > 1 or (raised - {0.0} and not moved):
+        yield f"heights are lowered by {sorted(raised)[:4]} m"
+    yield from _uncounted(whole, mission, notes)
+    yield from _changed(mission, templates)
+
+
+def _changed(mission: Mission, templates: Callable[[str], Mission]) -> Iterator[str]:
+    """Whether the document written back reads as another mission."""
+    try:
+        again, _ = instantiate_document(emit(mission), "m.json", templates)
+    except LingjingError as error:
+        yield f"is refused when it is written back: {error}"
+    else:
+        if msgspec.structs.replace(again, origin=mission.origin) != mission:
+            yield "reads as another mission when it is written back"
+
+
+def _uncounted(whole: Any, mission: Mission, notes: Sequence[str]) -> Iterator[str]:
+    """The lists of which others are played than are listed, and no note says so."""
+    lists = _get(_get(whole, "data") or whole, "equipmentList") or _get(_get(whole, "scenario"), "equipmentList")
+    names = {folded(one.name) for one in LISTS}
+    for name, rows in lists.items() if isinstance(lists, dict) else ():
+        listed = len(rows) if isinstance(rows, list) else 1
+        if folded(name) not in names or not rows:
+            continue
+        played = sum(f".{name}[" in path for path in mission.origin.places.values())
+        if listed != played and not any(f".{name}: " in note and "not played" in note for note in notes):
+            yield f"{name} lists {listed}, {played} are played"
+
+
+# -- the document by rules of its own --------------------------------------------------------------------------------
+
+
+def _at(value: Any, path: str) -> Any:
+    """What lies at a JSON path; one object may stand for a list."""
+    for part in re.findall(r"[^.\[\]]+", path.removeprefix("$")):
+        if isinstance(value, list):
+            value = value[int(part)]
+        elif part in value:
+            value = value[part]
+    return value
+
+
+def _get(holder: Any, key: str) -> Any:
+    """The value of a key, whatever its case."""
+    if not isinstance(holder, dict):
+        return None
+    return next((value for name, value in holder.items() if folded(name) == folded(key) and value is not None), None)
+
+
+def _first(holder: Values, names: Sequence[str]) -> float | None:
+    return next((value for name in names if (value := _get(holder, name)) is not None), None)
+
+
+def _place(row: Any) -> Values | None:
+    """What holds the coordinates of an entity or a hidden thing."""
+    for holder in (_get(row, "data"), _get(row, "position"), row):
+        if isinstance(holder, dict) and any(
+            all(_first(holder, one) is not None for one in pair) for pair in ((EAST, NORTH), (LONGITUDE, LATITUDE))
+        ):
+            return holder
+    return None
+
+
+def _said(place: Values, origin: tuple[float, float]) -> tuple[float, float] | None:
+    """East and north in metres; None where one is no number."""
+    x, y, longitude, latitude = (_first(place, names) for names in (EAST, NORTH, LONGITUDE, LATITUDE))
+    pair = (latitude, longitude) if x is None or y is None else (x, y)
+    if not all(isinstance(one, int | float) and not isinstance(one, bool) and abs(one) < math.inf for one in pair):
+        return None
+    if x is None or y is None:
+        return frames.from_geodetic(latitude or 0.0, longitude or 0.0, origin)
+    return x / 100.0, -y / 100.0
+
+
+def _turn(row: Values, place: Values) -> float | None:
+    """The compass heading that is said, degrees."""
+    yaw = _first(row, ("yaw",))
+    yaw = _first(place, ("yaw",)) if yaw is None else yaw
+    given = (_first(row, ("heading",)), _first(row, ("raw",)), None if yaw is None else yaw + 90.0)
+    return next((one for one in given if one is not None), None)
+
+
+def _value(groups: Mapping[str, Group], member: str, name: str) -> Any:
+    """The fixed value of a member's property, places as numbers; None where it has none."""
+    stem, _, index = member.rstrip("]").partition("[")
+    value = next((one.value for one in groups[stem].properties if one.name == name), None)
+    if isinstance(value, ex.Call) and isinstance(value.arguments[1], ex.Sequence):
+        value = value.arguments[1].items[int(index) - 1]
+    if isinstance(value, ex.Point):
+        return tuple(item.value for item in value.items if isinstance(item, ex.Number))
+    return value.value if isinstance(value, ex.Number) else None
