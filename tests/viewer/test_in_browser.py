@@ -143,6 +143,44 @@ def test_a_hostile_episode_is_shown_as_text(
         assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 
 
+def test_a_phone_shows_how_many_more_events_a_tick_had(
+    chromium: Any, trace: Trace, written: Callable[..., Trace], file_of: Callable[..., str]
+) -> None:
+    first, second, *_ = trace.boundaries
+    agents = [agent.id for agent in trace.header.instance.agents]
+    broken = tuple(
+        DecisionRecord(agent=agent, decision=Decision(), substituted="policy_error", detail="out of memory " * 40)
+        for agent in agents
+    )
+    made = written([first, msgspec.structs.replace(second, decisions=broken)], trace.header, finish=False)
+    with opened(chromium, file_of(made), viewport={"width": 390, "height": 844}, has_touch=True) as page:
+        page.wait_for_selector(READY)
+        page.keyboard.press("End")
+        rest = page.locator("#toast .rest")
+        assert rest.inner_text() == f"and {len(agents) - 2} more"
+        toast, inside = page.locator("#toast").bounding_box(), rest.bounding_box()
+        assert inside["y"] + inside["height"] <= toast["y"] + toast["height"]
+        assert toast["y"] + toast["height"] < page.locator("#stage").bounding_box()["height"]
+
+
+def test_an_episode_of_200_000_ticks_is_drawn(
+    chromium: Any, trace: Trace, written: Callable[..., Trace], file_of: Callable[..., str]
+) -> None:
+    first, second, *_ = trace.boundaries
+    with opened(chromium, file_of(written([first, second], trace.header, finish=False))) as page:
+        page.wait_for_selector(READY)
+        last = page.evaluate(
+            """() => {
+                const { steps, source } = player.episode, one = steps[1];
+                source.details = async () => [];
+                while (steps.length < 200000) steps.push({ ...one, time: one.time + steps.length, tick: steps.length });
+                player.go(steps.length - 1);
+                return player.step;
+            }"""
+        )
+        assert last == 199_999 and tick(page) == last
+
+
 def test_a_crowd_of_agents_a_single_tick_and_no_picture(
     chromium: Any, trace: Trace, written: Callable[..., Trace], file_of: Callable[..., str]
 ) -> None:

@@ -109,9 +109,12 @@ class Player {
     const box = byId("toast"), back = Math.max(1, Math.round(Number(byId("speed").value) * 1.6));
     for (let k = n; k >= 0 && k > n - back; k--) {
       const told = (this.episode.steps[k].events || []).filter((e) => e.kind !== "plain");
-      if (told.length) { box.textContent = told.slice(0, 2).map((e) => short(e.text, 110)).join(" · ") + (told.length > 2 ? ` · and ${told.length - 2} more` : ""); box.className = told.some((e) => e.kind === "bad") ? "bad" : "good"; return; }
+      if (!told.length) continue;
+      box.replaceChildren(node("span", told.slice(0, 2).map((e) => short(e.text, 110)).join(" · "), "told"));
+      if (told.length > 2) box.append(node("span", `and ${told.length - 2} more`, "rest")); // a line of its own, which long texts cannot push out
+      box.className = told.some((e) => e.kind === "bad") ? "bad" : "good"; return;
     }
-    box.textContent = "";
+    box.replaceChildren();
   }
   timeline(n) {
     const canvas = byId("line"), pen = canvas.getContext("2d"), steps = this.episode.steps, r = this.ratio, wide = canvas.width / r, high = canvas.height / r;
@@ -120,9 +123,9 @@ class Player {
     if (this.lined !== key) { // what does not move is drawn once
       this.lined = key; const kept = this.kept = document.createElement("canvas"); kept.width = canvas.width; kept.height = canvas.height;
       const c = kept.getContext("2d"), ink = (name) => style.getPropertyValue(name); c.scale(r, r);
-      const most = Math.max(1, ...steps.map((s) => s.said || 0)), bar = Math.max(1, (wide - 2 * pad) / Math.max(1, steps.length) - 0.5);
+      const most = highest(steps, (s) => s.said || 0), bar = Math.max(1, (wide - 2 * pad) / Math.max(1, steps.length) - 0.5);
       c.fillStyle = ink("--rule"); steps.forEach((s, k) => { const h = (s.said || 0) / most * (high - 20); if (h) c.fillRect(x(k) - bar / 2, high - 4 - h, bar, h); });
-      const top = Math.max(1, ...steps.map((s) => s.score)); c.beginPath(); c.moveTo(x(0), high - 4);
+      const top = highest(steps, (s) => s.score); c.beginPath(); c.moveTo(x(0), high - 4);
       steps.forEach((s, k) => { const y = high - 4 - Math.max(0, s.score) / top * (high - 20); if (k) c.lineTo(x(k), high - 4 - Math.max(0, steps[k - 1].score) / top * (high - 20)); c.lineTo(x(k), y); });
       c.lineTo(x(steps.length - 1), high - 4); c.closePath(); c.globalAlpha = 0.22; c.fillStyle = ink("--good"); c.fill(); c.globalAlpha = 1; c.strokeStyle = ink("--good"); c.lineWidth = 1.2; c.stroke();
       c.fillStyle = ink("--accent"); (this.episode.shots.get(this.agent) || []).forEach(([k]) => c.fillRect(x(k) - 1, high - 4, 2, 4));
@@ -321,6 +324,7 @@ class Player {
 }
 
 function message(m, who) { const dd = node("dd"); dd.append(node("span", `${who} `, "dim"), node("b", m.kind), ` ${m.text || ""}`); return dd; }
+function highest(steps, of) { return steps.reduce((top, step) => Math.max(top, of(step)), 1); } // at least 1; spreading into Math.max ends at about 100,000 steps
 function short(text, most) { return text.length > most ? `${text.slice(0, most - 1)}…` : text; }
 function clock(s) { const m = Math.floor(s / 60); return m >= 60 ? `${Math.floor(m / 60)} h ${String(m % 60).padStart(2, "0")} min` : m ? `${m} min ${String(Math.floor(s % 60)).padStart(2, "0")} s` : `${s.toFixed(0)} s`; }
 
