@@ -249,18 +249,36 @@ def ends_properly(path: Path) -> bool:
         return file.read() == MAGIC
 
 
-def _opened(path: Path) -> IO[bytes]:
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[IO[bytes]]:
+    """The file of a trace, open. Raises `UsageError` where there is none, and where it can be read no further."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise UsageError(
+            f"cannot read the trace {path}: it is a pipe or a device",
+            hint="a trace is read at several places at once: write it into a file first",
+        )
     try:
-        file = path.open("rb")
+        with path.open("rb") as file:
+            yield file
     except OSError as error:
-        inside = path / "trace.mcap"
-        hint = f"name the file in it: {inside}" if inside.is_file() else ""
-        raise UsageError(f"cannot read the trace {path}: {error.strerror}", hint=hint) from error
-    if file.read(len(MAGIC)) != MAGIC:
-        file.close()
-        raise UsageError(f"{path} is not a trace", hint="a trace is an MCAP file such as runs/…/trace.mcap")
-    file.seek(0)
-    return file
+        raise UsageError(f"cannot read the trace {path}: {error.strerror}", hint=_other_place(path)) from error
+
+
+def _other_place(path: Path) -> str:
+    """Where the trace may be that was looked for at `path`."""
+    if str(path) == "-":
+        return "a trace is read from a file, not from standard input"
+    inside = path / "trace.mcap"
+    return f"name the file in it: {inside}" if inside.is_file() else ""
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[IO[bytes]]:
+    with reading(path) as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise UsageError(f"{path} is not a trace", hint="a trace is an MCAP file such as runs/…/trace.mcap")
+        file.seek(0)
+        yield file
 
 
 def _messages(

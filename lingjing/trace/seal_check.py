@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from lingjing.errors import UsageError
+from lingjing.trace.container import reading
 from lingjing.trace.seal_difference import first_difference, seal_fields, sealed_part
 from lingjing.trace.seals import (
     MAGIC,
@@ -45,10 +46,8 @@ class SealReport(NamedTuple):
 def check_seals(path: Path, key: bytes | None = None) -> SealReport:
     """Compare a file's bytes with its seals. Raises `UsageError` if it cannot be read."""
     try:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        with reading(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             return _checked(data, key)
-    except OSError as error:
-        raise UsageError(f"cannot read the trace {path}: {error.strerror}") from error
     except ValueError as error:  # mmap refuses an empty file
         raise UsageError(f"{path} is not a trace: it is empty") from error
 

@@ -26,6 +26,7 @@ from lingjing.trace.digest import verify
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT, Outcome, Reason
 from lingjing.trace.topics import CAMERAS
+from lingjing.trace.verification import verify_file
 from lingjing.trace.writer import TraceWriter, part_path
 
 WORDS = {
@@ -194,6 +195,24 @@ def test_what_is_no_trace_is_a_clear_error(content: bytes | None, tmp_path: Path
     with pytest.raises(UsageError) as caught:
         read_trace(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_pipe_is_refused_before_it_is_opened(trace: Trace, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)  # nobody writes: whoever opened it would wait for ever
+    for read in (read_trace, verify_file):
+        with pytest.raises(UsageError, match="it is a pipe or a device") as caught:
+            read(pipe)
+        assert "write it into a file first" in caught.value.hint
+    with pytest.raises(UsageError) as caught:
+        read_trace("-")
+    assert "not from standard input" in caught.value.hint
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="a file that cannot be read at its beginning is due")
+def test_a_disk_that_cannot_be_read_is_not_one_that_cannot_be_written() -> None:
+    with pytest.raises(UsageError, match="cannot read the trace /proc/self/mem"):
+        read_trace("/proc/self/mem")
 
 
 def test_a_folder_is_no_trace(tmp_path: Path) -> None:
