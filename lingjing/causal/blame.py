@@ -15,6 +15,7 @@ All branches of a trace are played under common random numbers: what a branch do
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import cast
@@ -30,7 +31,7 @@ from lingjing.causal.narrowing import Narrowing, Windows
 from lingjing.causal.placebos import PlaceboKind, Placebos, judged_placebos, placebo_plans
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.shapley import AgentFaculty, Share, coalitions, shapley_shares
-from lingjing.errors import InfrastructureError, UsageError
+from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Faculty, Substitution
 
@@ -95,9 +96,11 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
 
     `repairs` are all smallest repairing sets, those that replace the fewest records first, of equals the earlier one;
     with `complete` all sets of that size were tried. `departed` counts the pairs in which agents departed from their
-    references in the trace. `exhausted` says that the budget of branches did not suffice for everything. `cpu_s` is
-    that of the branches, those included that idle workers began ahead for nothing; `driven_s` that of running the
-    episode again, `camera_s` that of pictures, of which the branches needed `drawn` that the trace does not hold.
+    references in the trace, `tried` the sets of them that were replaced to find the smallest. `exhausted` says that the
+    budget of branches did not suffice for everything. `unanswered` counts the branches in which answers of policies
+    were replaced for reasons for which none was in the trace. `cpu_s` is that of the branches, those included that idle
+    workers began ahead for nothing; `driven_s` that of running the episode again, `camera_s` that of pictures, of which
+    the branches needed `drawn` that the trace does not hold.
     """
 
     path: str
@@ -112,6 +115,8 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
     placebos: Placebos | None = None
     branches: int = 0
     exhausted: bool = False
+    tried: int = 0
+    unanswered: dict[str, int] = {}
     cpu_s: float = 0.0
     driven_s: float = 0.0
     drawn: int = 0
@@ -157,6 +162,8 @@ class _Search:
         self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
         self._masked: dict[AgentFaculty, int] = {}
         self._short = False
+        self._unanswered: Counter[str] = Counter()
+        self._own_failures = {made.substituted for one in host.trace.boundaries for made in one.decisions}
 
     def run(self, told: Blame) -> Blame:
         """The whole search."""
@@ -170,6 +177,7 @@ class _Search:
         )
         if null.differs is None:
             sets, complete = self._smallest()
+            told = replace(told, tried=len(self._won))
             repairs = self._narrowed(sets)
             shares = self._shares(sets) if sets and self._options.shares else ()
             told = replace(told, repairs=repairs, complete=complete, shares=shares, placebos=self._placebos(sets))
@@ -177,6 +185,7 @@ class _Search:
             told,
             branches=self._host.played,
             exhausted=self._short,
+            unanswered=dict(sorted(self._unanswered.items())),
             cpu_s=self._host.cpu_s + self._host.unused_s,
             driven_s=self._host.driven_s,
             drawn=self._host.drawn,
@@ -195,7 +204,8 @@ class _Search:
         results = self._host.play(plans, what, ahead)
         for one in results:
             if one.failed:
-                raise InfrastructureError(f"a branch was cut short: {one.failed}", hint=one.hint)
+                raise one.error()
+            self._unanswered.update(one.unanswered.keys() - self._own_failures)
         return results
 
     def _try(self, sets: Iterable[frozenset[AgentFaculty]], what: str) -> list[bool]:

@@ -137,14 +137,14 @@ class BranchHost:
         try:
             self._channel.send(msgspec.msgpack.encode(message))
         except ChannelClosedError:
-            raise _gone() from None
+            raise self._gone() from None
 
     def _expect(self, kind: type[ReplyT]) -> ReplyT:
         while True:
             try:
                 packet = self._channel.receive()
             except ChannelClosedError:
-                raise _gone() from None
+                raise self._gone() from None
             told: HostReply = msgspec.msgpack.decode(packet.payload, type=HostReply)
             if isinstance(told, kind):
                 return told
@@ -153,6 +153,11 @@ class BranchHost:
             elif isinstance(told, HostFailed):
                 raise error_of(told.exit_code, told.message, told.hint)
 
-
-def _gone() -> InfrastructureError:
-    return InfrastructureError("the process that plays the branches has ended", hint="what it said is above")
+    def _gone(self) -> InfrastructureError:
+        """That the process has ended, and how."""
+        code = self._process.wait()
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return InfrastructureError(
+            f"the process that plays the branches has ended ({how})",
+            hint="what it said is above; policies and engines run in it, and one that ends it does this",
+        )

@@ -113,7 +113,7 @@ def main() -> None:
     guard_streams()
     os.set_inheritable(options.fd, False)
     _Server(PacketSocket(socket.socket(fileno=options.fd))).run()
-    sys.stdout.flush()
+    _write_out()
     os._exit(0)  # no shutdown of the interpreter: what its policies left behind is not to hold it up
 
 
@@ -189,6 +189,7 @@ class _Server:
                 self._held.pop(boundary).close()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         chance, parent = random.getstate(), os.getpid()
+        _write_out()
         if os.fork() == 0:
             random.setstate(chance)  # a fork starts it anew
             self._stand_still(theirs, ours, parent)
@@ -229,8 +230,7 @@ class _Server:
             spent = time.process_time() - started + fork_s
             channel.sendall(msgspec.msgpack.encode(msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)))
         finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
+            _write_out()
             os._exit(0)
 
     def _played(self, plan: BranchPlan) -> BranchResult:
@@ -238,10 +238,10 @@ class _Server:
         try:
             return play_branch(self._episode, plan)
         except LingjingError as error:
-            return BranchResult(failed=str(error), hint=error.hint)
+            return BranchResult(failed=str(error), hint=error.hint, exit_code=error.exit_code)
         except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
             traceback.print_exc()
-            return BranchResult(failed=f"the branch failed: {type(error).__name__}: {error}")
+            return BranchResult(failed=f"the branch failed: {type(error).__name__}: {error}", exit_code=ExitCode.BUG)
 
     # -- branches
 
@@ -266,6 +266,12 @@ class _Server:
         with theirs:
             socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [theirs.fileno()])
         return ours
+
+
+def _write_out() -> None:
+    """Write what policies have printed: a fork would print it once more."""
+    sys.stdout.flush()
+    sys.stderr.flush()
 
 
 def _refuse_threads() -> None:

@@ -46,7 +46,10 @@ class _Running:
 
     def result(self) -> BranchResult:
         """What it has told."""
-        lost = BranchResult(failed="the process of the branch ended without a word")
+        lost = BranchResult(
+            failed="the process of the branch ended without a word",
+            hint="it was killed, or a policy that ran in it ended it",
+        )
         return msgspec.msgpack.decode(self.told, type=BranchResult) if self.told else lost
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from msgspec.structs import replace
 from lingjing.analysis.relations import RelationTracker
 from lingjing.causal.interventions import BranchPlan, InterveningPolicies, ReplacedPart, transit
 from lingjing.causal.redriven import RedrivenEpisode
-from lingjing.errors import UsageError
+from lingjing.errors import ExitCode, LingjingError, UsageError, error_of
 from lingjing.kernel.episode import play
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.scene.city import City
@@ -31,9 +32,10 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     `differs` is the first boundary whose digest is not the trace's (None: all are equal, to the end). `swayed` is the
     first that other decisions led to, but for what was withheld (None: nobody decided otherwise). `replaced` are the
     records that the plan replaced, `departed` those in which agents departed from their references in other faculties,
-    if the plan watches. `drawn` pictures had to be drawn. `cpu_s` is what the branch took, its fork's
-    `fork_s` included, without the camera. `failed` says why the branch says nothing: an engine, the camera or a
-    reference failed.
+    if the plan watches. `drawn` pictures had to be drawn. `unanswered` counts the answers of policies that were
+    replaced in the branch, by reason. `cpu_s` is what the branch took, its fork's `fork_s` included, without the
+    camera. `failed` says why the branch says nothing (an engine, the camera or a reference failed), `exit_code` which
+    kind of error that is.
     """
 
     success: bool = False
@@ -48,11 +50,17 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     replaced: tuple[ReplacedPart, ...] = ()
     departed: tuple[ReplacedPart, ...] = ()
     drawn: int = 0
+    unanswered: dict[str, int] = {}
     cpu_s: float = 0.0
     fork_s: float = 0.0
     failed: str = ""
     hint: str = ""
+    exit_code: int = ExitCode.INFRASTRUCTURE
     path: str = ""
+
+    def error(self) -> LingjingError:
+        """That of a branch that `failed`."""
+        return error_of(self.exit_code, f"a branch was cut short: {self.failed}", self.hint)
 
 
 def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
@@ -88,6 +96,7 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
         replaced=tuple(policies.replaced),
         departed=tuple(policies.departed) if plan.watch else (),
         drawn=pictures.drawn,
+        unanswered=dict(Counter(made.substituted for one in records[1:] for made in one.decisions if made.substituted)),
         failed=(outcome.detail or outcome.reason) if outcome.reason in CUT_SHORT else "",
         hint=outcome.hint,
         path=str(writer.end(outcome)) if writer is not None else "",

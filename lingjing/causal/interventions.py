@@ -85,8 +85,12 @@ def check(plan: BranchPlan, trace: Trace) -> None:
         )
     for one in plan.substitutions:
         _check_substitution(one, trace.header.instance)
-    for change in plan.messages:
+    for number, change in enumerate(plan.messages):
         _check_message(change, trace)
+        if any(one.message == change.message for one in plan.messages[:number]):
+            raise UsageError(
+                f"`{change.message}` is changed twice", hint="one thing can be done to a message at a time"
+            )
 
 
 def boundary_of(trace: Trace, message: str) -> int:

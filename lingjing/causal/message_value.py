@@ -20,7 +20,7 @@ from lingjing.analysis.messages import admitted
 from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
-from lingjing.errors import InfrastructureError, UsageError
+from lingjing.errors import UsageError
 from lingjing.mission.instance import Instance
 from lingjing.trace.admitted import AdmittedMessage
 from lingjing.trace.reader import Trace
@@ -124,7 +124,7 @@ def message_values(
         spent = host.cpu_s
     failed = next((one for one in (null, *results) if one.failed), None)
     if failed is not None:
-        raise InfrastructureError(f"a branch was cut short: {failed.failed}", hint=failed.hint)
+        raise failed.error()
     instance = trace.header.instance
     return EpisodeValues(
         path=str(trace.path),

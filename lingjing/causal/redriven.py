@@ -237,12 +237,20 @@ def _plugins(trace: Trace, options: BranchOptions, host: PluginHost) -> dict[str
         except LingjingError as error:
             raise UsageError(
                 f"the policy `{name}` of `{agent.id}` is not to be had here: {error}",
-                hint=f"say where it is: --policy FOLDER/{name}" if ".py" in name else "install what offers it",
+                hint=_whereabouts(name, options.files),
             ) from error
     unknown = [name for name in options.policies if not _names(name, trace)]
     if unknown:
         raise UsageError(f"no role or agent is called `{unknown[0]}`", hint=f"there are: {', '.join(agents)}")
     return found
+
+
+def _whereabouts(name: str, files: Sequence[str]) -> str:
+    """How a policy that is not to be had may be."""
+    if ".py" not in name:
+        return "install what offers it"
+    other = f", not {', '.join(files)}" if files and name not in files else ""
+    return f"say where it is: --policy FOLDER/{name}{other}"
 
 
 def _names(name: str, trace: Trace) -> bool:

@@ -9,12 +9,14 @@ from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
 from lingjing.causal.message_value import EpisodeValues, MessageValue, by_kind, by_mode
 from lingjing.causal.placebos import Placebos
+from lingjing.causal.redriven import LATE
 from lingjing.terminal import aligned
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import MessageChange, Substitution
 
 _SHOWN = 8
 _DECISIVE = 20
+_LATE_HINT = "whether an answer comes in time hangs on this machine: the same search may find others"
 
 
 def branch_text(trace: Trace, plan: BranchPlan, result: BranchResult) -> str:
@@ -30,6 +32,9 @@ def branch_text(trace: Trace, plan: BranchPlan, result: BranchResult) -> str:
     ]
     if plan.substitutions:
         lines += [f"  replaced: {parts_text(result.replaced)}"]
+    if result.unanswered:
+        said = ", ".join(f"{_count(number, 'answer')} ({reason})" for reason, number in result.unanswered.items())
+        lines += [f"  policies that failed in it, and did nothing then: {said}"]
     if result.path:
         lines += [f"trace: {result.path}"]
     return "\n".join(lines)
@@ -105,14 +110,26 @@ def blame_text(told: Blame) -> str:
     lines += ["null fork: identical to the end, digest by digest"]
     if told.placebos is not None:
         lines += [_placebo_line(told.placebos)]
-    return "\n".join([*lines, _cost(told)])
+    return "\n".join([*lines, *_unanswered_lines(told), _cost(told)])
+
+
+def _unanswered_lines(told: Blame) -> list[str]:
+    """In how many branches policies failed, which is nothing that the truth replaced."""
+    lines = [
+        f"policies failed in {_count(number, 'branch')} ({reason}), and did nothing then"
+        for reason, number in told.unanswered.items()
+    ]
+    return lines + [_LATE_HINT] * (LATE in told.unanswered)
 
 
 def _repair_lines(told: Blame) -> list[str]:
     if not told.departed:
         return ["No agent ever decided otherwise than its reference: nothing is there to be replaced.", ""]
+    if not told.tried:
+        return ["Nothing was replaced: the branches did not suffice for it.", ""]
     if not told.repairs:
-        return ["Nothing that was replaced wins this episode.", ""]
+        rest = ", and not all was tried" if told.exhausted else ""
+        return [f"Nothing that was replaced wins this episode{rest}.", ""]
     size = len(told.repairs[0].causes)
     kind = "Any one of these alone" if size == 1 else f"Any of these sets of {size}"
     all_tried = "" if told.complete else " (not all of this size were tried)"
@@ -145,6 +162,8 @@ def _share_lines(told: Blame) -> list[str]:
 
 def _placebo_line(placebos: Placebos) -> str:
     tried = placebos.nudges + placebos.uninvolved
+    if not tried + placebos.same:
+        return "placebos: none was played, so how often luck repairs is not known"
     same = (
         f"{_count(placebos.same, 'record')} replaced by {'itself' if placebos.same == 1 else 'themselves'}: "
         f"{placebos.changed} of {placebos.same} changed anything"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, get_args
 
@@ -46,6 +47,12 @@ def add_branch_options(parser: argparse.ArgumentParser) -> None:
 
 def branch_options(args: argparse.Namespace, trace: Trace, referenced: tuple[str, ...] | None = None) -> BranchOptions:
     """The options as given. Raises `UsageError`."""
+    for spec in args.policy:
+        path, _, _ = spec.partition(":")
+        if not Path(path).is_file():
+            raise UsageError(
+                f"--policy {spec}: there is no file `{path}`", hint="for example: --policy ./mine.py:Scout"
+            )
     return BranchOptions(
         trace=str(trace.path),
         files=tuple(args.policy),
@@ -59,13 +66,13 @@ def branch_options(args: argparse.Namespace, trace: Trace, referenced: tuple[str
 
 def parse_faculty(text: str, instance: Instance) -> tuple[tuple[Faculty, str], ...]:
     """`FACULTY:AGENT`, or `FACULTY` for every agent that has it. Raises `UsageError`."""
-    name, _, agent = text.partition(":")
+    name, colon, agent = text.partition(":")
     faculty = next((one for one in FACULTY_NAMES if one == name), None)
     if faculty is None:
         close = nearest(name, FACULTY_NAMES)
         known = f"did you mean `{close}`?" if close else f"there are: {', '.join(FACULTY_NAMES)}"
         raise UsageError(f"--substitute {text}: no faculty is called `{name}`", hint=known)
-    if agent:
+    if colon:
         return ((faculty, agent),)
     having = tuple((faculty, one.id) for one in instance.agents if faculty in faculties_of(instance, one))
     if not having:

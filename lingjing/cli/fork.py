@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import msgspec
 
@@ -12,8 +15,9 @@ from lingjing.causal.interventions import BranchPlan, boundary_of, check, check_
 from lingjing.causal.telling import branch_text
 from lingjing.cli.arguments import parse_amount, whole_number
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
-from lingjing.errors import ExitCode, InfrastructureError, UsageError
+from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.instance import Datum
+from lingjing.play.folders import claim_folder, release_if_empty
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import MessageChange, Substitution
 
@@ -52,7 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default=[],
         help="the message arrives with these fields changed",
     )
-    parser.add_argument("-o", "--output", metavar="DIR", help="write the branch as a trace into this folder")
+    parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder for the branch as a trace")
     add_branch_options(parser)
     parser.set_defaults(handler=handler)
 
@@ -70,7 +74,12 @@ def handler(args: argparse.Namespace) -> int:
     if early:
         raise UsageError(f"`{early[0]}` was sent before boundary {at}", hint="leave --at away, or branch earlier")
     until = _boundary("--until", args.until) if args.until is not None else None
-    pairs = [pair for text in args.substitute for pair in parse_faculty(text, trace.header.instance)]
+    if until is not None and (until < at or not args.substitute):
+        raise UsageError(
+            f"--until {until}: no faculty is replaced there",
+            hint=f"it says where what --substitute replaces from boundary {at} on ends",
+        )
+    pairs = dict.fromkeys(pair for text in args.substitute for pair in parse_faculty(text, trace.header.instance))
     plan = BranchPlan(
         at=at,
         substitutions=tuple(Substitution(faculty=what, agent=who, first=at, last=until) for what, who in pairs),
@@ -79,15 +88,28 @@ def handler(args: argparse.Namespace) -> int:
     )
     check(plan, trace)
     options = branch_options(args, trace, tuple(dict.fromkeys(agent for _, agent in pairs)))
-    with BranchProgress("starting") as progress, BranchHost(trace, options, progress) as host:
+    with _claimed(args.output), BranchProgress("starting") as progress, BranchHost(trace, options, progress) as host:
         (result,) = host.play([plan])
     if result.failed:
-        raise InfrastructureError(f"the branch was cut short: {result.failed}", hint=result.hint)
+        raise result.error()
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode({"plan": plan, "branch": result}).decode() + "\n")
     else:
         print(branch_text(trace, plan, result))
     return ExitCode.OK
+
+
+@contextmanager
+def _claimed(output: str | None) -> Iterator[None]:
+    """The folder of the branch's trace, told before anything is played if it cannot be had; none is left empty."""
+    if output is None:
+        yield
+        return
+    folder = claim_folder(Path(output))
+    try:
+        yield
+    finally:
+        release_if_empty(folder)
 
 
 def _changes(args: argparse.Namespace) -> tuple[MessageChange, ...]:

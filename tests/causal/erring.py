@@ -1,6 +1,8 @@
 """Policies for branches of traces: oracles with one fault, and policies that cannot be run again."""
 
+import os
 import random
+import sys
 import threading
 from typing import Any
 
@@ -59,4 +61,30 @@ class Unseeing:
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         if observation.privileged is not None:
             raise AssertionError("the truth was handed over")
+        return Decision()
+
+
+class Brittle(Unseeing):
+    """Fails as soon as its body is on its way, which it never orders."""
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        if any(one.busy for one in observation.entities):
+            raise RuntimeError("it moves")
+        return Decision()
+
+
+class Leaving(Unseeing):
+    """Ends the process in which it is run again."""
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        if "branch_process" in str(sys.modules["__main__"].__spec__):
+            os._exit(7)
+        return Decision()
+
+
+class Printing(Unseeing):
+    """Prints a line at each boundary."""
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        print(f"{observation.agent} at {observation.tick}")
         return Decision()

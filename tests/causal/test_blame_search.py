@@ -143,6 +143,30 @@ def test_what_no_replacement_wins_is_said() -> None:
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
 
 
+class Hasty(MadeUp):
+    """Policies are late in each branch that changes something."""
+
+    def _result(self, plan: BranchPlan) -> BranchResult:
+        late = {"policy_timeout": 2} if plan.substitutions else {}
+        return replace(super()._result(plan), unanswered=late)
+
+
+def test_answers_that_came_late_in_branches_are_said_to_hang_on_the_machine() -> None:
+    told = searched(Hasty(WAY))
+    assert told.unanswered == {"policy_timeout": told.branches - 1}
+    said = blame_text(told)
+    assert "(policy_timeout), and did nothing then\nwhether an answer comes in time hangs on this machine" in said
+
+
+def test_a_budget_of_one_branch_says_that_nothing_was_replaced() -> None:
+    told = searched(MadeUp(WAY), branches=1)
+    assert (told.branches, told.tried, told.exhausted) == (1, 0, True)
+    assert "Nothing was replaced: the branches did not suffice for it." in blame_text(told)
+    some = searched(MadeUp(WAY, ORDER), branches=2)
+    assert "Nothing that was replaced wins this episode, and not all was tried." in blame_text(some)
+    assert "placebos: none was played" in blame_text(some)
+
+
 def test_all_pairs_of_ten_were_tried_and_of_eleven_not() -> None:
     """Forty-five sets of two are tried, which are all of ten."""
 

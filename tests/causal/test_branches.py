@@ -14,12 +14,12 @@ import pytest
 from lingjing.bench.columns import shipped
 from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
-from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.interventions import BranchPlan, check
 from lingjing.causal.redriven import BranchOptions
-from lingjing.causal.telling import blame_text
+from lingjing.causal.telling import blame_text, branch_text
 from lingjing.cli.main import main
 from lingjing.dsl.loading.load import load_mission
-from lingjing.errors import ExitCode, UsageError
+from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.expression import Number
 from lingjing.play.episode import run
 from lingjing.trace.reader import Trace, read_trace
@@ -106,7 +106,7 @@ def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lo
     assert origin.substitutions == plan.substitutions and origin.reference == "oracle"
     assert all(branch.picture(frame).rgb.shape == (1080, 1920, 3) for frame in branch.frames)
     (again,) = host.play([plan])
-    assert "is there already" in again.failed
+    assert "is there already" in again.failed and again.exit_code == ExitCode.USAGE
 
 
 def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
@@ -169,6 +169,7 @@ def test_blame_names_agent_faculty_and_boundary_however_many_run_at_once(lost: T
 def test_a_budget_that_does_not_suffice_is_said(lost: Trace) -> None:
     told = blame(lost, BlameOptions(branches=1, files=(f"{ERRING}:Astray",)))
     assert told.branches == 1 and told.exhausted and told.repairs == ()
+    assert "Nothing was replaced" in blame_text(told)
 
 
 @pytest.mark.parametrize(
@@ -183,8 +184,49 @@ def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Pat
     assert words in str(caught.value)
 
 
-def test_nobody_but_the_reference_sees_the_truth(tmp_path: Path) -> None:
-    trace = played(tmp_path / "episode", "Unseeing", ticks=4.0)
+@pytest.fixture(scope="module")
+def idle(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """Four ticks in which nobody did anything."""
+    return played(tmp_path_factory.mktemp("idle") / "episode", "Unseeing", ticks=4.0)
+
+
+def of_idle(idle: Trace, policy: str) -> BranchOptions:
+    """Branches of it in which others, who did nothing either, have its agents' places."""
+    files = (f"{ERRING}:Unseeing",)
+    return BranchOptions(trace=str(idle.path), files=files, policies={"rescuer": f"{ERRING}:{policy}"}, jobs=2)
+
+
+def test_policies_that_fail_in_a_branch_are_told(idle: Trace) -> None:
+    plan = BranchPlan(at=1, substitutions=(of("execution", "skipper", 1, 1),))
+    with BranchHost(idle, of_idle(idle, "Brittle")) as host:
+        (result,) = host.play([plan])
+    assert result.failed == "" and result.unanswered == {"policy_error": 2}
+    assert "did nothing then: 2 answers (policy_error)" in branch_text(idle, plan, result)
+
+
+def test_a_policy_that_ends_the_process_is_told_with_its_exit_code(idle: Trace) -> None:
+    ended = pytest.raises(InfrastructureError, match=r"has ended \(exit code 7\)")
+    with ended as caught, BranchHost(idle, of_idle(idle, "Leaving")) as host:
+        host.play([BranchPlan(at=2)])
+    assert "policies" in caught.value.hint
+
+
+def test_what_policies_print_is_printed_once(idle: Trace, capfd: pytest.CaptureFixture[str]) -> None:
+    with BranchHost(idle, of_idle(idle, "Printing")) as host:
+        host.play([BranchPlan(at=3)])
+    said = capfd.readouterr()
+    assert said.out == "" and [said.err.count(f"skipper at {tick}\n") for tick in range(4)] == [1, 1, 1, 1]
+
+
+def test_a_message_is_changed_in_one_way(lost: Trace) -> None:
+    edge = next(edge for record in lost.boundaries for edge in record.messages)
+    changes = MessageChange(message=edge.id, act="drop"), MessageChange(message=edge.id, act="delay", ticks=1)
+    with pytest.raises(UsageError, match=f"`{edge.id}` is changed twice"):
+        check(BranchPlan(at=0, messages=changes), lost)
+
+
+def test_nobody_but_the_reference_sees_the_truth(idle: Trace, tmp_path: Path) -> None:
+    trace = idle
     options = BranchOptions(trace=str(trace.path), files=(f"{ERRING}:Unseeing",))
     plan = BranchPlan(at=1, substitutions=(of("execution", "skipper", 1),), out=str(tmp_path / "branch"))
     with BranchHost(trace, options) as host:
@@ -236,6 +278,12 @@ def members(group: int) -> list[int]:
         (["--drop", "m99-1"], "no message is called `m99-1`"),
         (["--at", "3", "--substitute", "waypoint", "--reference", "random"], "it does not see the truth"),
         (["--at", "3"], "there is no policy file `erring.py`"),
+        (["--at", "3", "--substitute", "waypoint:"], "there is no agent ``"),
+        (["--at", "3", "--substitute", "waypoint", "--until", "2"], "--until 2: no faculty is replaced there"),
+        (["--at", "3", "--until", "5"], "--until 5: no faculty is replaced there"),
+        (["--at", "3", "--policy", "none.py:Astray"], "--policy none.py:Astray: there is no file `none.py`"),
+        (["--at", "3", "-o", "."], "`.` is not empty"),
+        (["--at", "3", "-o", "trace.mcap"], "`trace.mcap` is a file, not a folder"),
     ],
 )
 def test_mistakes_are_told_in_one_message(
