@@ -53,19 +53,21 @@ ODD: tuple[Any, ...] = (
 
 def spots(value: Any) -> list[tuple[Any, Any]]:
     """(container, key) of everything in a document."""
-    found, stack = [], [value]
+    found: list[tuple[Any, Any]] = []
+    stack = [value]
     while stack:
         one = stack.pop()
-        keys = list(one) if isinstance(one, dict) else range(len(one)) if isinstance(one, list) else ()
-        for key in keys:
+        inner = one.items() if isinstance(one, dict) else enumerate(one)
+        for key, item in inner:
             found.append((one, key))
-            stack.append(one[key])
+            if isinstance(item, dict | list):
+                stack.append(item)
     return found
 
 
-def mutate(whole: Any, chance: random.Random) -> Any:
-    """The document with something changed in it."""
-    holder, key = chance.choice(spots(whole))
+def mutate(found: Sequence[tuple[Any, Any]], chance: random.Random) -> None:
+    """Change something in a document of which these are the spots."""
+    holder, key = chance.choice(found)
     change = chance.randrange(7)
     if change == 0 or isinstance(holder, list):
         holder[key] = copy.deepcopy(chance.choice(ODD))
@@ -81,7 +83,6 @@ def mutate(whole: Any, chance: random.Random) -> Any:
         holder[key] = {"data": holder[key]}
     else:
         holder[f"{key}2"] = holder[key]
-    return whole
 
 
 def mutated(texts: Sequence[str], chance: random.Random) -> str:
@@ -90,8 +91,8 @@ def mutated(texts: Sequence[str], chance: random.Random) -> str:
     if chance.random() < 0.5 and isinstance(whole.get("scenario"), dict):
         whole["scenario"].pop("lingjing", None)
     for _ in range(chance.randint(1, 4)):
-        if isinstance(whole, dict) and spots(whole):
-            whole = mutate(whole, chance)
+        if found := spots(whole):
+            mutate(found, chance)
     return json.dumps(whole, ensure_ascii=False)
 
 

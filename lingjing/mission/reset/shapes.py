@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -48,6 +48,7 @@ LISTS: tuple[EntityList, ...] = (
 )
 
 
+@lru_cache(maxsize=4096)  # the keys of a document are few, and each is compared many times
 def folded(word: str) -> str:
     """Letters and digits of a spelling, lower case, each in its plain form: `Ｆｉｒｅ－１` is `fire1`."""
     return "".join(letter for letter in unicodedata.normalize("NFKC", word) if letter.isalnum()).casefold()
