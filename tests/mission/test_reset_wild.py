@@ -537,6 +537,53 @@ def test_what_no_template_binds_is_an_error() -> None:
     assert play(document({"pollutionPosition": [], "goalFirePosition": [PLACE]}, drones=1))[0].mission == "fire_search"
 
 
+@pytest.mark.parametrize(
+    ("mission", "word", "state", "lists"),
+    [
+        ("vdn_fleet", "multi dogs", {"target_house": {"position": PLACE}}, {"dogs": 2}),
+        ("idf", "multi dogs", {"goalFirePosition": [PLACE]}, {"dogs": 2}),
+        ("upr_fleet", "多机器狗", {"leakPosition": [PLACE]}, {"dogs": 2, "drones": 1}),
+        ("fire_search", "multi UAVs", {"goalFirePosition": [PLACE]}, {"drones": 3}),
+        ("air_delivery", "multi UAVs", {"goalDelPosition": [PLACE]}, {"drones": 3}),
+        ("air_delivery", "UAV", {"goalDelPosition": [PLACE]}, {"drones": 1}),
+    ],
+)
+def test_who_is_there_does_not_say_what_is_to_be_done(mission: str, word: str, state: Json, lists: Json) -> None:
+    instance, notes = play(document(state, task_type=word, **lists))
+    assert instance.mission == mission and "kept, not played" not in "".join(notes)
+
+
+def test_a_length_in_another_unit_is_a_fault_and_places_in_a_few_metres_are_noted() -> None:
+    for unit in ({"unit": "m"}, {"单位": "米"}):
+        with pytest.raises(MissionError, match=r"says '.+', and X, Y and Z are read in centimetres"):
+            play(document({"goalFirePosition": [PLACE], **unit}, drones=1))
+        with pytest.raises(MissionError, match=r"goalFirePosition\[0\]\.\w+: says"):
+            play(document({"goalFirePosition": [{**PLACE, **unit}]}, drones=1))
+    play(document({"goalFirePosition": [{**PLACE, "unit": "cm"}], "unit": "Brigade 3"}, drones=1))
+    near = document({"goalFirePosition": [{"x": 90, "y": -120, "z": 0}]}, drones=1)
+    near["scenario"]["equipmentList"]["droneEntityList"][0]["data"] = {"x": 109.94, "y": 39.83, "z": 2}
+    assert any("all X and Y lie within 1.2 m of the origin" in note for note in play(near)[1])
+
+
+def test_one_fault_hides_no_other() -> None:
+    """A value of several possible types has a fault for each of them, and is mended once."""
+    bad = document({"goalFirePosition": [{"x": 1}, {"lon": 3, "lat": 121.5}], "weather": 7}, drones=1, task_type=3)
+    bad["scenario"]["equipmentList"]["droneEntityList"][0]["equipmentCode"] = {"a": 1}
+    with pytest.raises(MissionError) as raised:
+        play(bad)
+    assert [fault.where.rpartition(".")[2] for fault in raised.value.faults] == [
+        "equipmentCode",
+        "task_type",
+        "weather",
+        "goalFirePosition[0]",
+        "lat",
+    ]
+    assert raised.value.faults[-1].hint == "are lon and lat swapped?"
+    with pytest.raises(MissionError) as packed:
+        play({"type": "COMMAND", "data": json.dumps(document({}))})
+    assert packed.value.hint is not None and "packed into a text" in packed.value.hint
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
     """A hundred thousand are read by `benchmarks/mutated_documents.py`."""

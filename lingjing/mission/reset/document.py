@@ -120,9 +120,12 @@ def parse(text: str, path: str) -> Parsed:
     if isinstance(value, dict):
         spelt.rename(value, _Either, root)
     if not isinstance(value, dict) or not ({"scenario", "equipmentList"} & value.keys()):
+        packed = isinstance(value, str) and value.lstrip().startswith("{")
         raise MissionError(
             f"{path}: {root} is not a resetScenario: it holds neither 'scenario' nor 'equipmentList'",
-            hint="give a resetScenario document, a mission.json or an .ljs file",
+            hint="the document is packed into a text: put the object itself there"
+            if packed
+            else "give a resetScenario document, a mission.json or an .ljs file",
         )
     shape: type[CommandEnvelope | Scenario] = CommandEnvelope if "scenario" in value else Scenario
     spelt.unify(value, shape, root)

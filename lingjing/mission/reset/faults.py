@@ -9,13 +9,21 @@ from pydantic import ValidationError
 
 from lingjing.errors import Fault, MissionError
 from lingjing.mission.faults import kind_of
-from lingjing.mission.reset.shapes import PLACELESS, PLACES
+from lingjing.mission.reset.shapes import PLACELESS, PLACES, folded
 from lingjing.mission.reset.spelling import Spelt
 from lingjing.validation import due_for, limit, shown
 
 _PLACE = "give X and Y in centimetres, or lon and lat in degrees"
 _PLACE_INSIDE = '"data" holds the place: ' + _PLACE
+_SWAPPED = "are lon and lat swapped?"
 _SCHEMA = "schemas/reset-scenario.schema.json describes the document"
+
+_UNIT_KEYS = frozenset({"unit", "units", "lengthunit", "coordinateunit", "coordinateunits", "单位", "坐标单位"})
+_OTHER_LENGTHS = frozenset({
+    "m", "metre", "metres", "meter", "meters", "米", "mm", "millimetre", "millimetres", "millimeter", "millimeters",
+    "毫米", "km", "kilometre", "kilometres", "kilometer", "kilometers", "千米", "公里", "ft", "foot", "feet", "inch",
+})  # fmt: skip
+"""Lengths that a document may say its coordinates are in, folded."""
 
 
 def document_error(file: str, faults: Sequence[Fault]) -> MissionError:
@@ -41,6 +49,35 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
             yield Fault(where, *_worded(one, missing))
         if _lacks_a_place(one["loc"][-1:], holder):
             yield Fault(where.rpartition(".")[0], f"has {PLACELESS}", _PLACE)
+
+
+def foreign_lengths(root: Mapping[str, Any], path: str) -> Iterator[Fault]:
+    """A fault for each object that says its lengths are in another unit than `X`, `Y` and `Z` are read in."""
+    stack: list[tuple[object, str]] = [(root, path)]
+    while stack:
+        value, where = stack.pop()
+        if isinstance(value, list):
+            stack.extend((one, f"{where}[{k}]") for k, one in enumerate(value))
+        elif isinstance(value, Mapping):
+            stack.extend((one, f"{where}.{key}") for key, one in value.items() if isinstance(one, Mapping | list))
+            for key, one in value.items():
+                other = isinstance(one, str) and folded(key) in _UNIT_KEYS and folded(one) in _OTHER_LENGTHS
+                if other and _holds_centimetres(value):
+                    hint = "give X, Y and Z in centimetres, and leave the unit out"
+                    yield Fault(f"{where}.{key}", f"says '{one}', and X, Y and Z are read in centimetres", hint)
+
+
+def _holds_centimetres(root: object) -> bool:
+    stack = [root]
+    while stack:
+        value = stack.pop()
+        if isinstance(value, list):
+            stack.extend(value)
+        elif isinstance(value, Mapping):
+            if any(folded(key) in ("x", "y") for key in value):
+                return True
+            stack.extend(value.values())
+    return False
 
 
 def _lacks_a_place(key: tuple[int | str, ...], holder: object) -> bool:
@@ -91,5 +128,6 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
     if kind in ("too_short", "missing_argument"):
         return "is empty", "give at least one entry"
     if bound := limit(limits):
-        return f"is {shown(given)}, {bound} is due", _SCHEMA
+        swapped = one["loc"][-1:] == ("lat",) and abs(given) <= 180.0
+        return f"is {shown(given)}, {bound} is due", _SWAPPED if swapped else _SCHEMA
     return one["msg"][:1].lower() + one["msg"][1:], _SCHEMA

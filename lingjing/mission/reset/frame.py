@@ -20,6 +20,9 @@ from lingjing.mission.reset.shapes import LISTS, Coordinates
 FAR_M = 20_000.0
 """A scene is a few kilometres wide: what lies farther off is noted, and degrees farther off give the origin."""
 
+NEAR_M = 10.0
+"""Where all that a document places by centimetres lies within this of the origin, they may be metres or degrees."""
+
 LOW_M = -100.0
 GROUND_HIGH_M, HIDDEN_HIGH_M, FLYING_HIGH_M = 80.0, 450.0, 3_000.0
 """Heights over a scene's datum lie between these: of what walks, drives or floats (a bridge's deck is 80 m high), of
@@ -75,6 +78,11 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
         frame = DocumentFrame(worked_out)
     if given is not None and given.datum_m is not None:
         return DocumentFrame(frame.origin, given.datum_m)
+    if (crowded := _crowded(every)) is not None:
+        parsed.notes.append(
+            f"{parsed.path}: all X and Y lie within {crowded:.2g} m of the origin, as centimetres; "
+            "are they metres or degrees?"
+        )
     heights = _heights(frame, [*on_ground, *hidden]) or _heights(frame, flying)
     high_m = (
         GROUND_HIGH_M if _heights(frame, on_ground) else HIDDEN_HIGH_M if _heights(frame, hidden) else FLYING_HIGH_M
@@ -99,6 +107,13 @@ def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], 
             rows = getattr(parsed.scenario.equipment_list, one.attribute)
             (on_ground if one.engine in ON_THE_GROUND else flying).extend(row.data for row in rows)
     return on_ground, hidden, flying
+
+
+def _crowded(places: Sequence[Coordinates]) -> float | None:
+    """How far from the origin the farthest of several places lies, metres, where that is hardly anywhere."""
+    given = [abs(one) / 100.0 for data in places for one in (data.x, data.y) if one is not None]
+    farthest = max(given, default=0.0)
+    return farthest if len(given) > 2 and 0.0 < farthest < NEAR_M else None
 
 
 def _heights(frame: DocumentFrame, places: Iterable[Coordinates]) -> list[float]:

@@ -21,7 +21,7 @@ from lingjing.mission import geometry2d, model
 from lingjing.mission.instance import Weather
 from lingjing.mission.instantiate import choose_settings
 from lingjing.mission.reset.document import Parsed, parse
-from lingjing.mission.reset.faults import document_error
+from lingjing.mission.reset.faults import document_error, foreign_lengths
 from lingjing.mission.reset.fields import Found, hidden_fields
 from lingjing.mission.reset.frame import DocumentFrame, frame_of
 from lingjing.mission.reset.groups import Spot, draw_of, filled, origin_of, plays, point, with_default, world
@@ -67,6 +67,7 @@ def instantiate_document(
     parsed.notes.insert(0, f"template '{name}': {why}")
     template = _of_several(template, parsed, found, templates)
     mission = _placed(template, parsed, found)
+    parsed.faults.extend(foreign_lengths(parsed.raw, parsed.path))
     if parsed.faults:
         raise document_error(path, followed(parsed.faults, first, parsed.task_path))
     parsed.notes.extend(leftovers(text, parsed, found))

@@ -17,6 +17,9 @@ ROUNDS = 8
 _MOST = 1e7
 """Coordinates beyond are not taken for a place."""
 
+_UNION_TYPES = ("str", "int", "dict[str,any]")
+"""What pydantic calls the types of a union, in a location where a document has keys."""
+
 _DECIDING = {"scenario", "equipmentList", "taskMatrix", "initial_state", "lingjing", *(one.name for one in LISTS)}
 """What decides which template a document is for, with the task types."""
 
@@ -75,8 +78,10 @@ def _mend(value: Any, kind: str, location: tuple[int | str, ...], place: Mapping
     for part in location:
         inside = isinstance(value, dict) and isinstance(part, str)
         if inside and part not in value:
+            if part in _UNION_TYPES:
+                break
             if kind != "missing":
-                break  # pydantic names the types of a union where a document has keys
+                return True  # taken out for another of its faults
             value[part] = {"data": dict(place), "equipmentList": {}, "taskMatrix": [{}]}.get(str(part), {})
             return part not in _DECIDING
         if inside or (isinstance(value, list) and isinstance(part, int) and part < len(value)):
