@@ -22,6 +22,7 @@ from lingjing.bench.suite import (
     read_document,
     readable,
 )
+from lingjing.dsl.feasibility.absent import missing_files
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import Fault, LingjingError, MissionError, UsageError
@@ -260,6 +261,8 @@ class _Reader:
             except UsageError as error:
                 self._fault(f"missions[{at}]", str(error), did_you_mean(word, shipped_missions(), "missions"))
                 continue
+            for fault in missing_files(mission):
+                self._fault(f"missions[{at}]", f"`{word}`: {fault.message}", fault.hint)
             if mission.name in self.missions:
                 self._fault(f"missions[{at}]", f"`{mission.name}` is there twice")
             self.missions[mission.name] = mission

@@ -37,6 +37,10 @@ def handler(args: argparse.Namespace) -> int:
     if args.plain and args.emit != "reset-scenario":
         raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
     mission = read_mission(args.file)
+    from lingjing.dsl.feasibility.absent import missing_files
+
+    for fault in missing_files(mission):
+        print(f"note: {fault.message}" + (f"; {fault.hint}" if fault.hint else ""), file=sys.stderr)
     if args.emit == "mission":
         from lingjing.mission.document import encode
 

@@ -158,8 +158,8 @@ def _scene_option(name: str, option: SceneOption) -> OptionSpec:
 
 
 _SCENE_TYPES = {
-    "text": "text", "number": "number", "metres": "metres", "size": "rows by columns", "range": "range in metres",
-    "positions": "list of positions", "region": "region",
+    "text": "text", "path": "path", "number": "number", "metres": "metres", "size": "rows by columns",
+    "range": "range in metres", "positions": "list of positions", "region": "region",
 }  # fmt: skip
 """The types of scenes' options, as `lingjing.mission.kinds` has them, in words."""
 

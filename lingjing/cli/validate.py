@@ -124,15 +124,16 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
 def _check_document(source: SourceText, *, as_text: bool) -> Checked:
     """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
     from lingjing.cli.installed import offers
-    from lingjing.dsl.feasibility.absent import missing
+    from lingjing.dsl.feasibility.absent import missing, missing_files
     from lingjing.dsl.loading.load import place_of, proofs, read_document
     from lingjing.mission.diagnostics import Diagnostic
 
     mission, notes = read_document(source)
     start = source.span(0, 0)
     found = [*proofs(mission, source)]
-    absent = [f"no {kind} called `{name}` is installed" for kind, name, _ in missing(mission, offers)]
-    found += [Diagnostic("LJ0505", start, one, severity="warning") for one in absent]
+    absent = [(f"no {kind} called `{name}` is installed", "") for kind, name, _ in missing(mission, offers)]
+    absent += [(fault.message, fault.hint) for fault in missing_files(mission)]
+    found += [Diagnostic("LJ0505", start, said, hint, severity="warning") for said, hint in absent]
     if mission.origin.places and not absent and not any(one.severity == "error" for one in found):
         try:
             notes += _displacements(mission)

@@ -37,7 +37,7 @@ def compile_file(path: str) -> Compilation:
 def compile_source(source: SourceText, *, offers: Offers | None = None) -> Compilation:
     """Compile a source: parse, check, and look whether the mission can be won.
 
-    With `offers` (the names that plug-ins offer) a scene or an engine that is not installed is a warning.
+    With `offers` (the names that plug-ins offer) a scene, an engine or a map that is not there is a warning.
     """
     from lingjing.dsl.syntax.collector import collector_at_rest
 

@@ -9,7 +9,8 @@ no file describes nothing is known, and nothing is refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -96,6 +97,17 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
     if has_shore(spec) and spec.datum_m > -DRY_M:
         message = f"scene `{kind.name}`: the sea at {spec.datum_m:g} m would flood the ground, which is at 0 m"
         yield SceneFault("datum", message, "write: datum = sea level at -3 m")
+
+
+def missing_paths(kind: str, texts: Mapping[str, str]) -> Iterator[SceneFault]:
+    """The files and folders that the options of a scene name, of those given as texts, and that are not there: what
+    another machine or working folder may have."""
+    known = scene_kind(kind)
+    for name, option in known.options.items() if known else ():
+        path = texts.get(name, "") if option.type == "path" else ""
+        if path and not os.path.exists(path):  # noqa: PTH110 - a path that cannot be one is not there either
+            hint = f"a path begins in the working folder, `{os.getcwd()}`"  # noqa: PTH109
+            yield SceneFault(name, f"scene `{kind}`: there is no `{path}`", "" if os.path.isabs(path) else hint)  # noqa: PTH117
 
 
 def check_scene(spec: SceneSpec) -> None:
@@ -225,7 +237,7 @@ def _option_faults(spec: SceneSpec, kind: SceneKind, spelled: str, option: Scene
 
 def _value_fault(spec: SceneSpec, kind: SceneKind, option: SceneOption, value: Option) -> tuple[str, str]:
     """What is wrong with one value of an option, and the way out; "" for a good one."""
-    if option.type == "text":
+    if option.type in ("text", "path"):
         return (
             ("", "") if isinstance(value, str) and value else (f"is {value!r}, not a text in quotes", kind.one_of_hint)
         )

@@ -28,10 +28,10 @@ class SceneOption(_Record, frozen=True, kw_only=True):
     `low` and `high` bound a number and both numbers of a size or a range, `points` says how many points a line or an
     outline has at least, `within` that it lies in the scene. `default` is what counts where a mission names none.
     `needs_shore`: it makes no sense in a scene without a shore. `without` is an option that excludes this one.
-    `drawn`: an author may draw the value (`~`).
+    `drawn`: an author may draw the value (`~`). A `path` is a text that names a file or folder which must be there.
     """
 
-    type: Literal["text", "number", "metres", "size", "range", "positions", "region"]
+    type: Literal["text", "path", "number", "metres", "size", "range", "positions", "region"]
     help: str = ""
     low: float | None = None
     high: float | None = None

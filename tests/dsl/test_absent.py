@@ -36,6 +36,44 @@ def test_an_unknown_engine_is_said_once(small: str) -> None:
     assert [item[3] for item in warned(text)] == ["no engine called `airboat` is installed"]
 
 
+def test_a_map_that_is_not_there(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = small[: small.index("scene bay")].count("\n") + 1
+    scene = small[small.index("scene bay") :].partition("\n")[0]
+    for option in ("folder", "file", "map"):
+        (one,) = warned(small.replace(scene, f'scene map {{ {option} = "town" }}'))
+        hint = f"a path begins in the working folder, `{tmp_path}`"
+        assert one == ("warning", line, 9, "scene `map`: there is no `town`", hint)
+    Path("town").mkdir()
+    assert warned(small.replace(scene, 'scene map { map = "town" }')) == []
+
+
+def test_the_verbs_that_look_at_a_mission_say_that_its_map_is_not_there(
+    small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    scene = small[small.index("scene bay") :].partition("\n")[0]
+    Path("m.ljs").write_text(small.replace(scene, 'scene map { file = "town.osm" }'))
+    Path("s.toml").write_text(
+        'suite = 1\nname = "s"\nmissions = ["m.ljs"]\nseeds = "1"\n[[entrants]]\npolicy = "random"\n'
+    )
+    said = "there is no `town.osm`"
+    for there in (False, True, False):  # nothing that is kept of an earlier look may count
+        if there:
+            Path("town.osm").write_text("<osm/>")
+        else:
+            Path("town.osm").unlink(missing_ok=True)
+        assert main(["validate", "m.ljs"]) == ExitCode.OK
+        assert (said in capsys.readouterr().out) != there
+        assert main(["compile", "m.ljs", "-o", "m.json"]) == ExitCode.OK
+        assert (said in capsys.readouterr().err) != there
+        assert main(["validate", "m.json"]) == ExitCode.OK
+        assert (said in capsys.readouterr().out) != there
+        assert main(["bench", "s.toml", "--check"]) == (ExitCode.OK if there else ExitCode.USAGE)
+        assert (f"missions[0]: `m.ljs`: scene `map`: {said}" in capsys.readouterr().err) != there
+
+
 def test_the_built_in_names_are_those_that_are_installed() -> None:
     host = PluginHost()
     assert (host.scenes.keys(), host.engines.keys()) == (builtin_scenes().keys(), builtin_engines().keys())

@@ -34,8 +34,8 @@ _SCENE_KEYS = keyed(
 """What every scene reads; `layout` is a number that picks another one of the same kind."""
 
 _OPTION_TYPES = {
-    "text": TEXT, "number": NUMBER, "metres": METRES, "size": Type("size"), "range": Type("range", LENGTH),
-    "positions": POSITIONS, "region": REGION,
+    "text": TEXT, "path": TEXT, "number": NUMBER, "metres": METRES, "size": Type("size"),
+    "range": Type("range", LENGTH), "positions": POSITIONS, "region": REGION,
 }  # fmt: skip
 
 

@@ -72,7 +72,7 @@ CODES: dict[str, str] = {
     "LJ0502": "star mode without a hub",
     "LJ0503": "a sweep with too many combinations",
     "LJ0504": "the mode `single` with more than one agent",
-    "LJ0505": "a scene or an engine that is not installed",
+    "LJ0505": "a scene, an engine or a map that is not there",
     "LJ0506": "pictures that are far wider than the scene",
     "LJ0507": "a declaration that cannot be evaluated",
     "LJ0508": "a scene that cannot be built as it is described",

@@ -1,8 +1,8 @@
-"""`absent`: scenes and engines that a mission names and nobody here offers.
+"""`absent`: scenes, engines and maps that a mission names and that are not here.
 
-A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed. What a file
-of kinds describes (`lingjing.mission.kinds`), built in or a plug-in's, is there, and nothing is imported to know it.
-Who offers what no file describes is the caller's to say, because plug-ins lie behind the language.
+A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed or the map
+lies. What a file of kinds describes (`lingjing.mission.kinds`), built in or a plug-in's, is there, and nothing is
+imported to know it. Who offers what no file describes is the caller's to say, because plug-ins lie behind the language.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import Literal
 
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
-from lingjing.mission.kinds import builtin_engines, builtin_scenes, is_described
+from lingjing.mission import expression as ex
+from lingjing.mission.kinds import SceneFault, builtin_engines, builtin_scenes, is_described, missing_paths
 from lingjing.mission.model import Mission
 from lingjing.suggest import did_you_mean
 
@@ -23,7 +24,7 @@ Offers = Callable[[Offered], tuple[str, ...]]
 
 
 def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> None:
-    """Warn of every scene and engine that is not installed, once each, where the mission names it."""
+    """Warn of every scene, engine and map that is not here, once each, where the mission names it."""
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if node is None:
         return
@@ -31,6 +32,16 @@ def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> 
         place = _place(node, kind, owner)
         what = f"no {kind} called `{name}` is installed"
         report.at("LJ0505", place, what, did_you_mean(name, offers(kind)), severity="warning")
+    for fault in missing_files(mission):
+        report.at("LJ0505", _place(node, "scene", ""), fault.message, fault.hint, severity="warning")
+
+
+def missing_files(mission: Mission) -> Iterator[SceneFault]:
+    """What the mission's scene is to be made of and is not there."""
+    options = mission.scene.options
+    return missing_paths(
+        mission.scene.kind, {one.name: one.value.value for one in options if isinstance(one.value, ex.Text)}
+    )
 
 
 def missing(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:

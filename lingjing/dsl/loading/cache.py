@@ -70,12 +70,12 @@ def compile_cached(source: SourceText) -> Compilation:
 def keep(compilation: Compilation) -> None:
     """Keep a compilation if it has no error. Never fails: what cannot be kept is made again.
 
-    One that needs a plug-in is not kept either: by the next time that may be installed, or gone.
+    One that needs a plug-in or a map is not kept either: by the next time that may be there, or gone.
     """
     source = compilation.source
     if cache_is_off() or any(item.severity == "error" for item in compilation.diagnostics):
         return
-    if compilation.mission is not None and _needs_plugins(compilation.mission):
+    if compilation.mission is not None and _needs_others(compilation.mission):
         return
     mission = b"" if compilation.mission is None else msgspec.msgpack.encode(compilation.mission)
     if len(mission) > LARGEST_ENTRY:
@@ -92,10 +92,15 @@ def keep(compilation: Compilation) -> None:
 # -- private
 
 
-def _needs_plugins(mission: Mission) -> bool:
+def _needs_others(mission: Mission) -> bool:
     from lingjing.dsl.feasibility.absent import strange
+    from lingjing.mission.kinds import scene_kind
 
-    return next(strange(mission), None) is not None
+    if next(strange(mission), None) is not None:
+        return True
+    kind = scene_kind(mission.scene.kind)
+    paths = {name for name, option in kind.options.items() if option.type == "path"} if kind else set()
+    return any(option.name in paths for option in mission.scene.options)
 
 
 def _entry(source: SourceText) -> CacheEntry | None:

@@ -111,10 +111,7 @@ def check(path: Path) -> None:
     if path.is_dir():
         raise UsageError(f"`{path}` is a folder, not a map", hint="name an .osm or .osm.pbf file")
     if not path.is_file():
-        raise UsageError(
-            f"no map at `{path}`: the file does not exist",
-            hint="paths are relative to the working folder, a mission's `map` to the mission",
-        )
+        raise UsageError(f"no map at `{path}`: the file does not exist", hint="a path begins in the working folder")
     if not path.name.lower().endswith(SUFFIXES):
         raise UsageError(f"`{path}` is not named like a map", hint=f"known are {', '.join(SUFFIXES)}")
     try:
