@@ -55,6 +55,11 @@ def test_overrides_stand_where_the_overridden_stood_and_new_ones_at_the_end(proj
     assert len(instantiate(found.mission, mode="broadcast").agents) == 5
 
 
+def test_an_override_that_cannot_be_read_is_told_once(project: Path) -> None:
+    found = compiled(project, "  override scene { layout = 3 }\n  override region search")
+    assert codes(found) == [("LJ0010", 4), ("LJ0010", 5)]
+
+
 def test_settings_and_entities_keep_the_lines_that_are_not_named(project: Path) -> None:
     found = compiled(project, "  override weather { visibility = 2 km }\n  override asset boat { speed <= 5 m/s }")
     assert found.diagnostics == ()

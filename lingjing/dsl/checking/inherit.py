@@ -135,6 +135,8 @@ def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
     assert node.base is not None
     for item in node.block.items:
         if isinstance(item, s.Override):
+            if isinstance(item.item, s.Faulty):
+                continue  # what is wrong with it has been told
             at = places.get(_key(item.item) or ("", ""))
             if at is None:
                 _no_such(report, item, list(places), node.base)
