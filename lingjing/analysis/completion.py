@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from lingjing.analysis.memo import once_per_trace
 from lingjing.mission.expression import Call, parts
+from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Supply
 from lingjing.mission.feasibility.outline import of_instance
-from lingjing.mission.feasibility.unfolding import mentions
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord

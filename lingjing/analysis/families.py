@@ -43,9 +43,9 @@ from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, mat
 from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import Assignments
 from lingjing.mission.expression import Aggregate, Attr, Call, Quantified, Ref, parts
+from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Handover
 from lingjing.mission.feasibility.outline import Outline, of_instance
-from lingjing.mission.feasibility.unfolding import mentions
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Rule, Stage
 from lingjing.trace.reader import Trace

@@ -6,7 +6,7 @@ Modules in the order a mission passes them:
 - `expression`, `model`: the typed graph `Mission`, a template that still holds parameters, modes and seeded draws.
 - `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
-  `feasibility.unfolding` (what must have happened), the kernel's rules and `condition_words` (conditions in plain
+  `feasibility.condition_needs` (what must have happened), the kernel's rules and `condition_words` (conditions in plain
   words, and the bounds they set).
 - `hidden_reads`: whether a condition reads what agents may not know.
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as

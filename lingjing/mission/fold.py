@@ -1,8 +1,8 @@
 """The one evaluator: an expression becomes a function of bound names and a world, as a reading understands it.
 
 A `Reading` says what the parts of an expression mean: values (`evaluate`, the kernel's rules), bounds before a mission
-runs (`bounds`), what must have happened (`feasibility.unfolding`), words (`condition_words`). `meaning` walks the tree
-once and gives a `Meaning`, which is called as often as needed. What the operators and functions mean stands in
+runs (`bounds`), what must have happened (`feasibility.condition_needs`), words (`condition_words`). `meaning` walks the
+tree once and gives a `Meaning`, which is called as often as needed. What the operators and functions mean stands in
 `lingjing.mission.functions`; a reading adds what names and fields refer to.
 """
 

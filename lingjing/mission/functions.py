@@ -3,7 +3,7 @@
 A `Signature` holds the types that the checker reads, what the function means over values (`operations`) and over bounds
 (`intervals`), its wording, and what depends on it: whether it moves with time, whether it reads what is hidden. The
 readings that fold expressions over the table are `evaluate` (before the run), the kernel's rules (in the run), `bounds`
-(certain for every run), `feasibility.unfolding` and `condition_words`. A type is a kind with, for quantities, a
+(certain for every run), `feasibility.condition_needs` and `condition_words`. A type is a kind with, for quantities, a
 dimension (None: any, the same for every `same` parameter).
 """
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from lingjing.mission.certain import Knowledge, known, truth
 from lingjing.mission.expression import Expr, Ref
+from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Performed
 from lingjing.mission.feasibility.outline import Outline, of_instance
-from lingjing.mission.feasibility.unfolding import mentions
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.intervals import exactly
 from lingjing.mission.values import Value

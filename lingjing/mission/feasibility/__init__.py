@@ -8,7 +8,7 @@ In the order of the work:
 
 - `proof`: the result, and comparisons with slack. `spread`: places and numbers before the seed is known.
 - `motion`: ceilings of speed and flight time. `outline`: a mission (every seed) or an instance (one) as checks see it.
-- `unfolding`: a condition → the tree of what must have happened (`needs`). `limits`: the time there is for it.
+- `condition_needs`: a condition → the tree of what must have happened (`needs`). `limits`: the time there is for it.
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `speech`: messages and
   assignments. `payload`: loads and trips. `counting`: counted budgets. `order`: circles. `placing`: room for draws.
   `standing`: where assets begin.
@@ -28,6 +28,7 @@ import msgspec
 from lingjing.errors import LingjingError
 from lingjing.mission import model
 from lingjing.mission.evaluate import number
+from lingjing.mission.feasibility.condition_needs import needs, some_member
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
 from lingjing.mission.feasibility.needs import Need
 from lingjing.mission.feasibility.order import refute_order
@@ -36,7 +37,6 @@ from lingjing.mission.feasibility.placing import refute_places
 from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute
 from lingjing.mission.feasibility.standing import refute_standing
-from lingjing.mission.feasibility.unfolding import needs, some_member
 from lingjing.mission.instance import Instance
 
 __all__ = ["Proof", "prove", "prove_instance", "prove_outline"]

@@ -1,4 +1,4 @@
-"""What must have happened for a condition to be true: the tree of `Need`s that `unfolding` makes of it."""
+"""What must have happened for a condition to be true: the tree of `Need`s that `condition_needs` makes of it."""
 
 from __future__ import annotations
 

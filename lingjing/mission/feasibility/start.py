@@ -48,13 +48,13 @@ def lost_at_start(mission: model.Mission) -> tuple[Proof, ...]:
 
 
 def _hints(
-    mission: model.Mission, told: Callable[[Beginning], Iterable[tuple[str, str]]], of: Hint
+    mission: model.Mission, told: Callable[[StartKnowledge], Iterable[tuple[str, str]]], of: Hint
 ) -> tuple[Proof, ...]:
     found: dict[tuple[str, str], list[str]] = {}
     for mode in mission.modes.allowed:
         try:
             if not too_large(mission, mode):
-                for one in told(Beginning(of_mission(mission, mode))):
+                for one in told(StartKnowledge(of_mission(mission, mode))):
                     found.setdefault(one, []).append(mode)
         except LingjingError:
             continue
@@ -65,7 +65,7 @@ def _hints(
     )
 
 
-class Beginning(Knowledge):
+class StartKnowledge(Knowledge):
     """What is known at boundary 0 of an outline."""
 
     def __init__(self, outline: Outline) -> None:

@@ -48,26 +48,26 @@ NODES_MOST = 20_000
 
 def needs(expr: ex.Expr, outline: Outline, at: str) -> Need:
     """What the condition of the declaration at path `at` requires."""
-    return Unfolding(outline).need(expr, {}, at)
+    return ConditionNeeds(outline).need(expr, {}, at)
 
 
 def some_member(condition: ex.Expr, variable: str | None, domain: str | None, outline: Outline, at: str) -> Need:
     """What a condition requires that is stated per member of a group: of one member at least, for a start."""
-    unfolding = Unfolding(outline)
+    reading = ConditionNeeds(outline)
     if variable is None or domain is None:
-        return unfolding.need(condition, {}, at)
+        return reading.need(condition, {}, at)
     members = outline.groups.get(domain, ())
     if not members:
         return NOTHING
-    return AtLeast(1, tuple(unfolding.need(condition, {variable: member}, at) for member in members))
+    return AtLeast(1, tuple(reading.need(condition, {variable: member}, at) for member in members))
 
 
 def of_groups(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> Need:
     """What a condition requires of groups: a body whose id is that of its group stands for each member, and what must
     come before an interaction is left out. `domains` are the groups of bound names."""
-    unfolding = Unfolding(outline, whole_groups=True)
-    names = {name: unfolding.member(group) for name, group in (domains or {}).items()}
-    return unfolding.need(expr, names, "")
+    reading = ConditionNeeds(outline, whole_groups=True)
+    names = {name: reading.member(group) for name, group in (domains or {}).items()}
+    return reading.need(expr, names, "")
 
 
 def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> tuple[NeedLeaf, ...]:
@@ -91,8 +91,8 @@ class _Declared(Knowledge):
             return None
 
 
-class Unfolding:
-    """One condition of an outline being unfolded; rules and, unless `whole_groups`, unlocks are looked through."""
+class ConditionNeeds:
+    """What one condition of an outline needs; rules and, unless `whole_groups`, unlocks are looked through."""
 
     def __init__(self, outline: Outline, *, whole_groups: bool = False) -> None:
         self.outline = outline
@@ -248,13 +248,13 @@ class _Needs:
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         made = _applied(node, operands)
 
-        def counted(names: Mapping[str, Value], on: Unfolding) -> Value:
+        def counted(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
             return NOTHING if on.exhausted() else made(names, on)
 
         return counted
 
     def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
-        def each(names: Mapping[str, Value], on: Unfolding) -> Value:
+        def each(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
             if on.exhausted():
                 return NOTHING
             if isinstance(node, ex.Quantified):
@@ -287,7 +287,7 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
     return lambda names, on: _computed(node, [one(names, on) for one in operands], on)
 
 
-def _declared(node: ex.Ref, on: Unfolding) -> Value:
+def _declared(node: ex.Ref, on: ConditionNeeds) -> Value:
     try:
         return known(on.outline.scope.refer(node)) if node.name != "now" else None
     except MissionError:
@@ -299,7 +299,7 @@ def _sole(members: tuple[Body, ...], name: str) -> Value:
     return members[0] if len(members) == 1 else None if members else name
 
 
-def _picked(group: str, index: Value, on: Unfolding) -> Body | None:
+def _picked(group: str, index: Value, on: ConditionNeeds) -> Body | None:
     members, place = on.outline.groups.get(group, ()), _bounds(index)
     inside = place.exact and 1 <= place.low <= len(members) and place.low == int(place.low)
     return members[int(place.low) - 1] if inside else None
@@ -321,7 +321,7 @@ def _field(base: Value, name: str) -> Value:
     return None
 
 
-def _computed(node: Composite, values: list[Value], on: Unfolding) -> Value:
+def _computed(node: Composite, values: list[Value], on: ConditionNeeds) -> Value:
     seen = next((value for value in values if isinstance(value, _Seen)), None)
     if seen is not None:
         return seen
@@ -333,7 +333,7 @@ def _computed(node: Composite, values: list[Value], on: Unfolding) -> Value:
     return exact(done.value, on.outline.scope, values)
 
 
-def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: Unfolding) -> Need:
+def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: ConditionNeeds) -> Need:
     if on.is_kind(node.domain):
         if node.quantifier == "forall":
             return _mentioned((as_need(body({**names, node.variable: None}, on)),))
@@ -346,7 +346,7 @@ def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], 
     return _any(parts) if parts else Impossible(f"there is no `{node.domain}` in this mission", on.at)
 
 
-def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], on: Unfolding) -> Value:
+def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], on: ConditionNeeds) -> Value:
     if on.is_kind(node.domain):
         return None
     parts = tuple(body({**names, node.variable: member}, on) for member in on.members(node.domain))
@@ -355,7 +355,7 @@ def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], o
     return _Least(parts) if node.function == "min" and parts else None
 
 
-def _about(node: ex.Quantified, names: Mapping[str, Value], on: Unfolding) -> tuple[str, bool]:
+def _about(node: ex.Quantified, names: Mapping[str, Value], on: ConditionNeeds) -> tuple[str, bool]:
     """The one entity that a report of a matching rule is about."""
     call = node.body
     if not isinstance(call, ex.Call) or not call.rule or not _matching(call.function, on):
@@ -365,7 +365,7 @@ def _about(node: ex.Quantified, names: Mapping[str, Value], on: Unfolding) -> tu
     return (found[0], True) if len(found) == 1 else ("", False)
 
 
-def _matching(name: str, on: Unfolding) -> bool:
+def _matching(name: str, on: ConditionNeeds) -> bool:
     """Whether the rule is matched one to one, or needs one that is, on the same two parameters."""
     rule = on.rules.get(name)
     if rule is None or len(rule.parameters) != 2:
@@ -378,7 +378,7 @@ def _matching(name: str, on: Unfolding) -> bool:
     return any(on.rules[one.function].matching for one in inner if one.function in on.rules)
 
 
-def _ruled(call: ex.Call, values: list[Value], on: Unfolding) -> Need:
+def _ruled(call: ex.Call, values: list[Value], on: ConditionNeeds) -> Need:
     rule = on.rules.get(call.function)
     if rule is None or len(rule.parameters) != len(values):
         return NOTHING
@@ -386,17 +386,17 @@ def _ruled(call: ex.Call, values: list[Value], on: Unfolding) -> Need:
     return on.inside(f"rule/{rule.name}", rule.condition, names)
 
 
-def _truth(on: Unfolding, entity: Value, frame: Value = None) -> Value:
+def _truth(on: ConditionNeeds, entity: Value, frame: Value = None) -> Value:
     body = _body(entity)
     return None if body is None else _Seen(body)
 
 
-def _assigned(on: Unfolding, asset: Value, target: Value) -> Value:
+def _assigned(on: ConditionNeeds, asset: Value, target: Value) -> Value:
     one, other = _body(asset), _body(target)
     return Handover(one, other, on.at) if one and other else NOTHING
 
 
-def _emitted(on: Unfolding, name: Value, target: Value = None) -> Need:
+def _emitted(on: ConditionNeeds, name: Value, target: Value = None) -> Need:
     """An interaction was performed: someone able to came near enough, and it was unlocked."""
     body = _body(target)
     done = Performed(str(name), body, on.at)
@@ -406,7 +406,7 @@ def _emitted(on: Unfolding, name: Value, target: Value = None) -> Need:
     return _all((done, *visits, *(() if on.whole_groups else (_unlocked(str(name), body, on),))))
 
 
-def _visit(one: InteractionSpec, target: Body, on: Unfolding) -> Need:
+def _visit(one: InteractionSpec, target: Body, on: ConditionNeeds) -> Need:
     movers = on.outline.actors(one)
     if not movers:
         what = f"`{one.name}` of `{target.id}` takes an asset of the engine or role `{one.by}`"
@@ -414,7 +414,7 @@ def _visit(one: InteractionSpec, target: Body, on: Unfolding) -> Need:
     return VisitNeed(movers, target, one.within_m, on.at)
 
 
-def _unlocked(name: str, target: Body, on: Unfolding) -> Need:
+def _unlocked(name: str, target: Body, on: ConditionNeeds) -> Need:
     unlocks = on.unlocks.get(name, ())
     rules = [one for one in unlocks if len(one.parameters) == 1 and one.parameters[0].domain == target.entity.group]
     if len(rules) != 1 or len(unlocks) != 1:
@@ -422,7 +422,7 @@ def _unlocked(name: str, target: Body, on: Unfolding) -> Need:
     return on.inside(f"unlock/{name}", rules[0].condition, {rules[0].parameters[0].name: target})
 
 
-def _distance(on: Unfolding, one: Value, other: Value) -> Value:
+def _distance(on: ConditionNeeds, one: Value, other: Value) -> Value:
     return _Distance(one, other)
 
 
@@ -438,7 +438,7 @@ _CALLS: Mapping[str, Callable[..., Value]] = {
 _TURNED = (">", ">=")
 
 
-def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
+def _compared(symbol: str, left: Value, right: Value, on: ConditionNeeds) -> Need:
     seen = tuple(PictureNeed(value.body, on.at) for value in (left, right) if isinstance(value, _Seen))
     if seen:
         return _all(seen)
@@ -453,7 +453,7 @@ def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
     return _at_most(left, right, on)
 
 
-def _never(node: Composite, on: Unfolding) -> Need | None:
+def _never(node: Composite, on: ConditionNeeds) -> Need | None:
     """That a condition is false by what is declared alone, if it is."""
     if on.whole_groups or truth(node, {}, on.declared) is not False:
         return None
@@ -462,13 +462,13 @@ def _never(node: Composite, on: Unfolding) -> Need | None:
     return Impossible(f"`{spell(node)}` never holds", on.at)
 
 
-def _inside(item: Value, whole: Value, on: Unfolding) -> Need:
+def _inside(item: Value, whole: Value, on: ConditionNeeds) -> Need:
     body = _body(item)
     outlines = outlines_of(whole) if isinstance(whole, Area) else ()
     return VisitNeed((body,), PossiblePlaces(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
 
 
-def _at_most(left: Value, right: Value, on: Unfolding) -> Need:
+def _at_most(left: Value, right: Value, on: ConditionNeeds) -> Need:
     """`left <= right`: a distance that must become small, a lack that must be filled, a number of things."""
     match left, right:
         case _Distance(one=one, other=other), _:
@@ -484,7 +484,7 @@ def _at_most(left: Value, right: Value, on: Unfolding) -> Need:
     return NOTHING
 
 
-def _near(one: Value, other: Value, radius: float, on: Unfolding) -> Need:
+def _near(one: Value, other: Value, radius: float, on: ConditionNeeds) -> Need:
     first, second = _body(one), _body(other)
     if radius == math.inf:
         return NOTHING
@@ -497,14 +497,14 @@ def _near(one: Value, other: Value, radius: float, on: Unfolding) -> Need:
     return VisitNeed((body,), point(place.east, place.north), radius, on.at)
 
 
-def _filled(amount: _Amount, most: float, on: Unfolding) -> Need:
+def _filled(amount: _Amount, most: float, on: ConditionNeeds) -> Need:
     lacking = amount.body.bounds(amount.name)[0] - most
     if on.whole_groups or 0 < lacking < math.inf:
         return Supply(amount.body, amount.name, lacking, on.at, most)
     return NOTHING
 
 
-def _counted(count: _Count, least: float, on: Unfolding) -> Need:
+def _counted(count: _Count, least: float, on: ConditionNeeds) -> Need:
     if not math.isfinite(least) or on.whole_groups:
         return _mentioned(count.parts)
     number = max(0, math.ceil(least - 1e-9))
