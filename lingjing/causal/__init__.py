@@ -11,6 +11,6 @@
   time and some ahead ← `branch_host`, its caller's end
 - `blame`     the search for what repairs ← `narrowing` (when), `shapley` (shares), `placebos` (luck); `message_value`
   what was worth saying
-- `telling`   all of that in words; `processor_time` what a process has cost
+- `result_texts`   all of that in words; `processor_time` what a process has cost
 - `lookback`  pictures that no agent asked for, drawn from the states that a trace holds
 """

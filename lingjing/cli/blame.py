@@ -8,7 +8,7 @@ import sys
 import msgspec
 
 from lingjing.causal.blame import BlameOptions, blame
-from lingjing.causal.telling import blame_text
+from lingjing.causal.result_texts import blame_text
 from lingjing.cli.arguments import parse_amount, parse_seed, whole_number
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
 from lingjing.errors import ExitCode, UsageError

@@ -12,7 +12,7 @@ import msgspec
 
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan, boundary_of, check, check_trace
-from lingjing.causal.telling import branch_text
+from lingjing.causal.result_texts import branch_text
 from lingjing.cli.arguments import parse_amount, whole_number
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
 from lingjing.errors import ExitCode, UsageError

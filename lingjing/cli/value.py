@@ -8,7 +8,7 @@ import sys
 import msgspec
 
 from lingjing.causal.message_value import EpisodeValues, by_kind, by_mode, message_values
-from lingjing.causal.telling import value_text
+from lingjing.causal.result_texts import value_text
 from lingjing.cli.arguments import parse_amount
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
 from lingjing.errors import ExitCode, LingjingError

@@ -20,7 +20,7 @@ from lingjing.mission.vocabulary import EVERYONE
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class CompletionItem:
     """One proposal. `kind`: keyword, name, property, field, unit, function, verb, type, value, module."""
 
     label: str
@@ -32,7 +32,7 @@ class Item:
 class Completion:
     """The proposals and the stretch of text they replace."""
 
-    items: tuple[Item, ...]
+    items: tuple[CompletionItem, ...]
     start: int
     end: int
 
@@ -73,7 +73,7 @@ class _Completer:
         self.offset = offset
         self.scope: SymbolTables = analysis.scope
 
-    def items(self) -> Iterator[Item]:
+    def items(self) -> Iterator[CompletionItem]:
         at = self.at
         if at.in_text:
             yield from self._names(("symbol",))
@@ -92,14 +92,14 @@ class _Completer:
 
     # -- beginnings of statements
 
-    def _beginnings(self) -> Iterator[Item]:
+    def _beginnings(self) -> Iterator[CompletionItem]:
         kind = self.at.kind()
         if kind in ("ASSET", "TARGET") and not self.at.inside("MISSION"):
             kind = "type"
         if not self.at.statement:
-            yield from (Item(word, "keyword") for word in STATEMENTS_IN.get(kind, ()))
+            yield from (CompletionItem(word, "keyword") for word in STATEMENTS_IN.get(kind, ()))
         for name, detail in self._keys():
-            yield Item(name, "property", detail)
+            yield CompletionItem(name, "property", detail)
 
     def _keys(self) -> Iterator[tuple[str, str]]:
         kind = self.at.kind()
@@ -124,14 +124,14 @@ class _Completer:
     def _type(self) -> TypeDecl | None:
         return self.scope.types.get(self.at.type_name())
 
-    def _verbs(self) -> Iterator[Item]:
+    def _verbs(self) -> Iterator[CompletionItem]:
         decl = self._type()
         for name, verb in (decl.verbs if decl else {}).items():
-            yield Item(name, "verb", ", ".join(argument.name for argument in verb.arguments))
+            yield CompletionItem(name, "verb", ", ".join(argument.name for argument in verb.arguments))
 
     # -- inside a statement
 
-    def _inner(self) -> Iterator[Item]:
+    def _inner(self) -> Iterator[CompletionItem]:
         at = self.at
         special = _SPECIAL.get(at.head())
         if special is not None:
@@ -142,15 +142,15 @@ class _Completer:
         if at.before() == "COLON" and not self._in_quantifier():
             yield from self._types_due()
         elif at.before() == "TILDE":
-            yield from (Item(name, "function", one.doc) for name, one in f.DISTRIBUTIONS.items())
+            yield from (CompletionItem(name, "function", one.doc) for name, one in f.DISTRIBUTIONS.items())
         elif at.before() == "AS":
             yield from self._names(("role",))
         elif at.before() in ("CONTROLS", "COMMAND"):
             yield from self._groups("asset")
         elif at.head() in ("EQUAL", "NAME") and (key := self._key()) is not None and key.choices:
-            yield from (Item(choice, "value") for choice in key.choices)
+            yield from (CompletionItem(choice, "value") for choice in key.choices)
         elif at.before() in OPERANDS:
-            yield from (Item(word, "keyword") for word in (*_AFTER_OPERAND, *self._clauses()))
+            yield from (CompletionItem(word, "keyword") for word in (*_AFTER_OPERAND, *self._clauses()))
         else:
             yield from self._expression()
 
@@ -168,47 +168,47 @@ class _Completer:
     def _in_quantifier(self) -> bool:
         return any(token.type in ("EXISTS", "FORALL") for token in self.at.statement)
 
-    def _types_due(self) -> Iterator[Item]:
+    def _types_due(self) -> Iterator[CompletionItem]:
         head = self.at.head()
         if head in ("ASSET", "TARGET"):
             for name, decl in self.scope.types.items():
                 if decl.role == head.lower():
-                    yield Item(name, "type", f"{decl.role} moved by {decl.engine}")
+                    yield CompletionItem(name, "type", f"{decl.role} moved by {decl.engine}")
         elif head == "MESSAGE":
-            yield from (Item(name, "type", record.category) for name, record in self.scope.records.items())
+            yield from (CompletionItem(name, "type", record.category) for name, record in self.scope.records.items())
         elif head == "CAMERA":
-            yield from (Item(name, "type", "camera preset") for name in self.scope.cameras)
+            yield from (CompletionItem(name, "type", "camera preset") for name in self.scope.cameras)
         elif head in ("ADJUDICATE", "UNLOCK"):
             yield from self._domains()
         elif head == "VERB":
-            yield from (Item(name, "type", unit.unit) for name, unit in BY_NAME.items())
-            yield Item("name", "type")
+            yield from (CompletionItem(name, "type", unit.unit) for name, unit in BY_NAME.items())
+            yield CompletionItem("name", "type")
         elif self.at.kind() == "RECORD":
-            yield from (Item(name, "type") for name in f.FIELD_TYPES)
+            yield from (CompletionItem(name, "type") for name in f.FIELD_TYPES)
         elif head == "RECORD":
-            yield from (Item(name, "value") for name in ("report", "assignment", "target_status", "other"))
+            yield from (CompletionItem(name, "value") for name in ("report", "assignment", "target_status", "other"))
 
-    def _domains(self) -> Iterator[Item]:
-        yield from (Item(name, "name", info.role) for name, info in self.scope.groups.items())
-        yield from (Item(name, "name", "message") for name in self.scope.messages)
+    def _domains(self) -> Iterator[CompletionItem]:
+        yield from (CompletionItem(name, "name", info.role) for name, info in self.scope.groups.items())
+        yield from (CompletionItem(name, "name", "message") for name in self.scope.messages)
 
-    def _expression(self) -> Iterator[Item]:
+    def _expression(self) -> Iterator[CompletionItem]:
         for local in self.analysis.names.locals_at(self.offset):
-            yield Item(local.key[1], "name", "bound here")
+            yield CompletionItem(local.key[1], "name", "bound here")
         for name in self._bound_in_statement():
-            yield Item(name, "name", "bound here")
+            yield CompletionItem(name, "name", "bound here")
         yield from self._names(("symbol", "type", "message", "agent", "role"))
         rule = any(self.at.inside(kind) for kind in ("ADJUDICATE", "STAGE", "CONSTRAINT")) or self.at.head() in (
             "UNLOCK", "SUCCESS", "FAILURE", "DONE", "WHEN", "PERMIT", "ALWAYS",
         )  # fmt: skip
         for name, one in f.FUNCTIONS.items():
             if one.where == "anywhere" or (one.where == "rule") == rule:
-                yield Item(name, "function", one.doc)
+                yield CompletionItem(name, "function", one.doc)
         if rule:
-            yield from (Item(name, "function", "rule") for name in self.scope.rules)
-            yield from (Item(word, "keyword") for word in ("exists", "forall", "not", "true", "false"))
+            yield from (CompletionItem(name, "function", "rule") for name in self.scope.rules)
+            yield from (CompletionItem(word, "keyword") for word in ("exists", "forall", "not", "true", "false"))
         if self.at.head() == "OBSERVES":
-            yield from (Item(word, "name") for word in ("peers", "events"))
+            yield from (CompletionItem(word, "name") for word in ("peers", "events"))
 
     def _bound_in_statement(self) -> Iterator[str]:
         """`r` after `exists r`, `v` in a rule's parameters, `i` in a group's block: seen in the tokens alone."""
@@ -222,112 +222,114 @@ class _Completer:
         if any(head and head[0].type in ("ASSET", "TARGET", "AGENT") for head in self.at.blocks):
             yield "i"
 
-    def _names(self, spaces: tuple[str, ...]) -> Iterator[Item]:
+    def _names(self, spaces: tuple[str, ...]) -> Iterator[CompletionItem]:
         for space in spaces:
             if space == "type":
-                yield from (Item(name, "type", decl.role) for name, decl in self.scope.types.items())
+                yield from (CompletionItem(name, "type", decl.role) for name, decl in self.scope.types.items())
                 continue
             for declared, name, _ in self.analysis.names.declared:
                 if declared == space:
-                    yield Item(name, "name", space if space != "symbol" else self._kind_of(name))
+                    yield CompletionItem(name, "name", space if space != "symbol" else self._kind_of(name))
 
     def _kind_of(self, name: str) -> str:
         symbol = self.scope.symbols.get(name)
         return type_word(symbol.type) if symbol else ""
 
-    def _groups(self, role: str) -> Iterator[Item]:
-        yield from (Item(name, "name", role) for name, info in self.scope.groups.items() if info.role == role)
+    def _groups(self, role: str) -> Iterator[CompletionItem]:
+        yield from (CompletionItem(name, "name", role) for name, info in self.scope.groups.items() if info.role == role)
 
     # -- statements with words of their own
 
-    def relation(self) -> Iterable[Item]:
+    def relation(self) -> Iterable[CompletionItem]:
         """`relation kind a -> b carries …`."""
         from lingjing.dsl.checking.agents import RELATIONS
 
         at = self.at
         if len(at.statement) == 1:
-            return [Item(kind, "value") for kind in RELATIONS]
+            return [CompletionItem(kind, "value") for kind in RELATIONS]
         if len(at.statement) == 2 or at.before() in ("ARROW", "BOTH"):
             return self._names(("stage",) if at.statement[1].text == "dependency" else ("role",))
         if at.before() in ("CARRIES", "BY"):
             return self._names(("message",))
         return self._names(("symbol",)) if at.before() == "OVER" else ()
 
-    def message(self) -> Iterable[Item]:
+    def message(self) -> Iterable[CompletionItem]:
         """`message kind : record from roles to roles`."""
         seen = [token.type for token in self.at.statement]
         if self.at.before() in ("FROM", "TO") or (self.at.before() == "SEP" and "FROM" in seen):
-            everyone = [Item(EVERYONE, "value", "every other agent")] if "TO" in seen else []
+            everyone = [CompletionItem(EVERYONE, "value", "every other agent")] if "TO" in seen else []
             return [*self._names(("role",)), *everyone]
         if self.at.before() == "NAME" and "COLON" in seen:
-            return [Item(word, "keyword") for word in ("from", "to", "when")]
+            return [CompletionItem(word, "keyword") for word in ("from", "to", "when")]
         return ()
 
-    def authority(self) -> Iterable[Item]:
+    def authority(self) -> Iterable[CompletionItem]:
         """`authority role may command asset`."""
         if self.at.before() == "MAY":
-            return [Item("command", "keyword")]
+            return [CompletionItem("command", "keyword")]
         return self._names(("role",)) if self.at.before() in ("AUTHORITY", "SEP") else ()
 
-    def mode(self) -> Iterable[Item]:
+    def mode(self) -> Iterable[CompletionItem]:
         """`mode default in { … }`."""
         if self.at.before() == "NAME":
-            return [Item("in", "keyword")]
-        return [Item(word, "value") for word in ("star", "broadcast", "single")]
+            return [CompletionItem("in", "keyword")]
+        return [CompletionItem(word, "value") for word in ("star", "broadcast", "single")]
 
-    def grid(self) -> Iterable[Item]:
+    def grid(self) -> Iterable[CompletionItem]:
         """`grid name over region`."""
         if self.at.before() != "OVER":
             return ()
-        return [Item(n, "name", "region") for n, symbol in self.scope.symbols.items() if symbol.kind == "region"]
+        return [
+            CompletionItem(n, "name", "region") for n, symbol in self.scope.symbols.items() if symbol.kind == "region"
+        ]
 
-    def use(self) -> Iterable[Item]:
+    def use(self) -> Iterable[CompletionItem]:
         """`use std.air`."""
-        return [Item(path, "module") for first in library.SHIPPED for path in library.known_paths(first)]
+        return [CompletionItem(path, "module") for first in library.SHIPPED for path in library.known_paths(first)]
 
-    def unlock(self) -> Iterable[Item]:
+    def unlock(self) -> Iterable[CompletionItem]:
         """`unlock interaction(…)`."""
         if len(self.at.statement) == 1:
-            return [Item(name, "value", "interaction") for name in self.scope.interactions()]
+            return [CompletionItem(name, "value", "interaction") for name in self.scope.interactions()]
         return ()
 
-    def domains(self) -> Iterable[Item]:
+    def domains(self) -> Iterable[CompletionItem]:
         """`stage name per v in group`, `constraint …`."""
         if self.at.before() == "IN" and self.at.before(3) == "PER":
             return self._domains()
-        return [Item("per", "keyword")] if self.at.before() == "NAME" and len(self.at.statement) == 2 else ()
+        return [CompletionItem("per", "keyword")] if self.at.before() == "NAME" and len(self.at.statement) == 2 else ()
 
     # -- libraries, fields, units
 
-    def _of_library(self, head: list[Token]) -> Iterator[Item]:
+    def _of_library(self, head: list[Token]) -> Iterator[CompletionItem]:
         path = tuple(token.text for token in head if token.type == "NAME")
         file = library.find_file(path) if path else None
         if file is None:
             return
         found, _ = load_library(file)
-        yield from (Item(name, "type", decl.role) for name, decl in found.types.items())
-        yield from (Item(name, "type", "record") for name in found.records)
-        yield from (Item(name, "type", "mission") for name in found.missions)
+        yield from (CompletionItem(name, "type", decl.role) for name, decl in found.types.items())
+        yield from (CompletionItem(name, "type", "record") for name in found.records)
+        yield from (CompletionItem(name, "type", "mission") for name in found.missions)
 
-    def _fields(self) -> Iterator[Item]:
+    def _fields(self) -> Iterator[CompletionItem]:
         chain = _chain(self.at.statement)
         if self.at.head() == "USE":
             for path in library.known_paths(self.at.statement[1].text):
                 if path.startswith(".".join(token.text for token in self.at.statement[1:-1]) + "."):
-                    yield Item(path.rsplit(".", 1)[1], "module", path)
+                    yield CompletionItem(path.rsplit(".", 1)[1], "module", path)
             return
         for name, kind in _members(self, chain):
-            yield Item(name, "field", kind)
+            yield CompletionItem(name, "field", kind)
 
-    def _units(self) -> Iterator[Item]:
+    def _units(self) -> Iterator[CompletionItem]:
         due = self._dimension_due()
         spellings = [name for name in (*UNITS, *_COMPOUND) if name not in ("ticks", "tokens", "°")]
         for name in spellings:
             unit = unit_of(name)
             if unit is not None and (due is None or unit.dimension == due):
-                yield Item(name, "unit", dimension_name(unit.dimension))
+                yield CompletionItem(name, "unit", dimension_name(unit.dimension))
         if not self.at.word:
-            yield from (Item(word, "keyword") for word in _AFTER_OPERAND)
+            yield from (CompletionItem(word, "keyword") for word in _AFTER_OPERAND)
 
     def _dimension_due(self) -> Dimension | None:
         """The dimension that the number before the cursor should have, if the place says so."""
@@ -375,7 +377,7 @@ class _Completer:
         return unit.dimension if unit else None
 
 
-_SPECIAL: dict[str, Callable[[_Completer], Iterable[Item]]] = {
+_SPECIAL: dict[str, Callable[[_Completer], Iterable[CompletionItem]]] = {
     "RELATION": _Completer.relation,
     "MESSAGE": _Completer.message,
     "AUTHORITY": _Completer.authority,

@@ -72,12 +72,12 @@ class ServedRun:
         with self._news:
             self._news.notify_all()
 
-    def telling(self) -> bytes:
+    def page_start(self) -> bytes:
         """Head, steps and, once the episode has ended, the ending."""
         with self._news:
             if self._narration is None:
                 return packed(WaitingNote())
-            return packed(self._narration.telling(live=not self._has_ended()))
+            return packed(self._narration.page_start(live=not self._has_ended()))
 
     def ground(self) -> bytes:
         """The city, built once."""

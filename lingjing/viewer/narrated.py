@@ -20,7 +20,7 @@ CHUNK = 50
 """So many details travel together."""
 
 
-class Telling(msgspec.Struct, frozen=True):
+class PageStart(msgspec.Struct, frozen=True):
     """What a page asks for first. `live` says that more steps will come."""
 
     head: EpisodeHead
@@ -73,9 +73,9 @@ class Narration:
         """The city in and around what was played in."""
         return played_ground(self.trace, self.head.frame)
 
-    def telling(self, *, live: bool = False, notes: list[str] | None = None) -> Telling:
+    def page_start(self, *, live: bool = False, notes: list[str] | None = None) -> PageStart:
         """Everything but details, ground and pictures."""
-        return Telling(self.head, self.steps, None if live else self.ending(), live, notes or [])
+        return PageStart(self.head, self.steps, None if live else self.ending(), live, notes or [])
 
 
 def played_ground(trace: Trace, frame: Extent) -> PageGround:

@@ -21,7 +21,7 @@ class ServedTrace:
         self._truth = truth
         self._lock = threading.Lock()
 
-    def telling(self) -> bytes:
+    def page_start(self) -> bytes:
         """Head, steps and ending."""
         with self._lock:
             return self._telling
@@ -55,7 +55,7 @@ class ServedTrace:
 
     @cached_property
     def _telling(self) -> bytes:
-        return packed(self._narration.telling())
+        return packed(self._narration.page_start())
 
     @cached_property
     def _ground(self) -> bytes:

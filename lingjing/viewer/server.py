@@ -40,7 +40,7 @@ class Served(Protocol):
 
     source: bytes
 
-    def telling(self) -> bytes:
+    def page_start(self) -> bytes:
         """Head, steps and ending."""
         ...
 
@@ -159,7 +159,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _answer(self, path: str, asked: dict[str, str]) -> None:
         makers: dict[str, Callable[[], tuple[str, bytes]]] = {
             "/": lambda: ("text/html; charset=utf-8", self._page()),
-            "/telling": lambda: (JSON, self.served.telling()),
+            "/page-start": lambda: (JSON, self.served.page_start()),
             "/ground": lambda: (JSON, self.served.ground()),
             "/details": lambda: (JSON, self.served.details(_number(asked.get("chunk")))),
             "/picture": lambda: ("image/jpeg", self.served.picture(asked.get("id", ""))),

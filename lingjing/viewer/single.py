@@ -36,7 +36,7 @@ def single_file(trace: Trace, *, truth: bool, budget_bytes: int = BUDGET_BYTES) 
     names = {name: number for number, (name, _) in enumerate(pictures)}
     elements = [
         element("source", packed({"kind": "file", "chunk": CHUNK, "pictures": names}).decode()),
-        element("telling", _deflated(told.telling(notes=notes))),
+        element("page-start", _deflated(told.page_start(notes=notes))),
         element("ground", _deflated(told.ground())),
     ]
     for number, begin in enumerate(range(0, len(told.details), CHUNK)):

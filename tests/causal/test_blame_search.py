@@ -8,7 +8,7 @@ import msgspec
 from lingjing.causal.blame import Blame, BlameOptions, _Search
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
-from lingjing.causal.telling import blame_text
+from lingjing.causal.result_texts import blame_text
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header
 from tests.kernel import kernel_kit as kit

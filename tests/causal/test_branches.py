@@ -16,7 +16,7 @@ from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan, check
 from lingjing.causal.redriven import BranchOptions
-from lingjing.causal.telling import blame_text, branch_text
+from lingjing.causal.result_texts import blame_text, branch_text
 from lingjing.cli.main import main
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, InfrastructureError, UsageError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lingjing.causal.message_value import EpisodeValues, Hop, KindValue, MessageValue, ModeValue, by_kind, by_mode
-from lingjing.causal.telling import value_text
+from lingjing.causal.result_texts import value_text
 
 
 def message(name: str, kind: str, hop: Hop, value: float = 0.0, ticks: int = 0, swayed: int | None = 3) -> MessageValue:

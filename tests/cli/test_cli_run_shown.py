@@ -48,7 +48,7 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
         connection.request("GET", f"/follow{rest}")
         assert b"event: ending" in connection.getresponse().read()  # it comes when the page has been told everything
         connection.close()
-        connection.request("GET", f"/telling{rest}")
+        connection.request("GET", f"/page-start{rest}")
         told = json.loads(connection.getresponse().read())
         assert told["head"]["mission"] == "short" and [step["tick"] for step in told["steps"]] == [0, 1, 2, 3]
         process.send_signal(signal.SIGINT)

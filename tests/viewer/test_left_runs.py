@@ -48,12 +48,12 @@ def test_the_page_is_told_the_end_of_a_run_that_was_killed(tmp_path: Path, monke
     reader.start()
     reader.join(3 * live.LEFT_S)
     assert reader.is_alive() and is_being_written(part_path(path))  # it stands still, and its writer is there
-    assert json.loads(served.telling())["live"] is True
+    assert json.loads(served.page_start())["live"] is True
     run.send_signal(signal.SIGKILL)
     run.communicate()
     reader.join(600)
     assert found[-1][0] == "ending" and json.loads(found[-1][1])["state"] == "open"
-    assert "killed" in json.loads(found[-1][1])["line"] and json.loads(served.telling())["live"] is False
+    assert "killed" in json.loads(found[-1][1])["line"] and json.loads(served.page_start())["live"] is False
     served.close()
 
 

@@ -18,7 +18,7 @@ from tests.trace import synthetic
 def test_steps_come_as_they_are_written_and_the_ending_after_them(trace: Trace, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     served = ServedRun(part_path(path), truth=False)
-    assert json.loads(served.telling()) == {"waiting": True}
+    assert json.loads(served.page_start()) == {"waiting": True}
     with pytest.raises(UsageError, match="not begun"):
         served.ground()
     writer = TraceWriter(path, trace.header)
@@ -33,7 +33,7 @@ def test_steps_come_as_they_are_written_and_the_ending_after_them(trace: Trace, 
     assert [event for event, _ in found][-1] == "ending" and json.loads(found[-1][1])["state"] == "won"
     ticks = [step["tick"] for event, data in found if event == "steps" for step in json.loads(data)["steps"]]
     assert ticks == [record.tick for record in trace.boundaries]
-    assert json.loads(served.telling())["live"] is False
+    assert json.loads(served.page_start())["live"] is False
     assert [event for event, _ in served.follow(len(ticks)) if event] == ["ending"]
     assert len(json.loads(served.details(0))) == len(trace.boundaries)
     served.close()

@@ -78,7 +78,7 @@ def test_the_policy_names_the_one_script_and_the_one_style(trace: Trace) -> None
 
 def test_a_file_holds_the_whole_episode(trace: Trace) -> None:
     parts = Parts(single_file(trace, truth=True))
-    told = unpacked(parts, "telling")
+    told = unpacked(parts, "page-start")
     assert isinstance(told, dict) and len(told["steps"]) == len(trace.boundaries)
     assert told["ending"]["state"] == "won" and told["head"]["truth"] is True
     details = unpacked(parts, "details-0")
@@ -95,7 +95,7 @@ def test_pictures_keep_to_the_budget_and_what_is_left_out_is_said(trace: Trace, 
     pictures = json.loads(parts.data["d-source"])["pictures"]
     size = sum(len(base64.b64decode(parts.data[f"d-picture-{number}"])) for number in pictures.values())
     assert size <= budget
-    told = unpacked(parts, "telling")
+    told = unpacked(parts, "page-start")
     assert isinstance(told, dict)
     if len(pictures) < len(trace.frames):
         said = " ".join(told["notes"])
@@ -117,7 +117,7 @@ def test_what_a_policy_says_stays_data(trace: Trace, written: Callable[..., Trac
 
 
 def test_a_trace_without_a_boundary_makes_a_page(trace: Trace, written: Callable[..., Trace]) -> None:
-    told = unpacked(Parts(single_file(written([], trace.header, finish=False), truth=True)), "telling")
+    told = unpacked(Parts(single_file(written([], trace.header, finish=False), truth=True)), "page-start")
     assert isinstance(told, dict) and told["steps"] == [] and told["ending"]["state"] == "open"
 
 

@@ -51,7 +51,7 @@ def test_the_page_and_its_data_are_served(server: ViewServer, trace: Trace) -> N
     assert (
         "access-control-allow-origin" not in headers and "frame-ancestors 'none'" in headers["content-security-policy"]
     )
-    status, headers, body = ask(server, "/telling", **{"Accept-Encoding": "gzip, deflate"})
+    status, headers, body = ask(server, "/page-start", **{"Accept-Encoding": "gzip, deflate"})
     assert headers["content-encoding"] == "deflate"
     told = json.loads(zlib.decompress(body))
     assert len(told["steps"]) == len(trace.boundaries) and told["live"] is False
@@ -62,7 +62,7 @@ def test_the_page_and_its_data_are_served(server: ViewServer, trace: Trace) -> N
     assert (status, headers["content-type"], body) == (200, "image/jpeg", trace.jpeg(name))
 
 
-@pytest.mark.parametrize("path", ["/", "/telling", "/ground", "/details?chunk=0", "/picture?id=x", "/follow", "/no"])
+@pytest.mark.parametrize("path", ["/", "/page-start", "/ground", "/details?chunk=0", "/picture?id=x", "/follow", "/no"])
 def test_nothing_is_told_without_the_token(server: ViewServer, path: str) -> None:
     for token in ("", "x", server.token[:-1], server.token + "x", "é"):
         status, _, body = ask(server, path, token=quote(token))
@@ -71,8 +71,8 @@ def test_nothing_is_told_without_the_token(server: ViewServer, path: str) -> Non
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:80", "127.0.0.1.evil.example", ""])
 def test_a_name_that_only_resolves_to_this_machine_gets_no_answer(server: ViewServer, host: str) -> None:
-    assert ask(server, "/telling", Host=host)[0] == 421
-    assert ask(server, "/telling", Host=f"localhost:{port_of(server)}")[0] == 200
+    assert ask(server, "/page-start", Host=host)[0] == 421
+    assert ask(server, "/page-start", Host=f"localhost:{port_of(server)}")[0] == 200
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_only_get_is_answered_and_nonsense_does_no_harm(server: ViewServer) -> N
 
 def test_a_query_of_too_many_fields_is_answered(server: ViewServer) -> None:
     fields = "&".join(f"field{number}=1" for number in range(20))
-    assert ask(server, f"/telling?{fields}")[0] == 403
+    assert ask(server, f"/page-start?{fields}")[0] == 403
 
 
 def test_a_port_that_was_given_up_is_to_be_had_again(trace: Trace) -> None:
@@ -118,7 +118,7 @@ def test_a_reader_that_reads_nothing_keeps_nobody_waiting(server: ViewServer) ->
     idle = [socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) for _ in range(8)]
     for connection in idle:
         connection.sendall(
-            f"GET /telling?token={server.token} HTTP/1.1\r\nHost: 127.0.0.1:{port_of(server)}\r\n\r\n".encode()
+            f"GET /page-start?token={server.token} HTTP/1.1\r\nHost: 127.0.0.1:{port_of(server)}\r\n\r\n".encode()
         )
     assert ask(server, "/details?chunk=0")[0] == 200
     for connection in idle:

@@ -18,7 +18,7 @@ WAITING = "waiting"
 
 
 @dataclass(frozen=True, slots=True)
-class Nature:
+class TargetNature:
     """What a target is by itself.
 
     `word` is its status, `over` the status when its level is 0 ("" : the interaction's own word), `gone` the status
@@ -36,23 +36,23 @@ class Nature:
     growth_hz: float = 0.0
 
 
-FIRE = Nature("burning", level="heat", over="out", work_s=10.0, growth_hz=1.0 / 60.0)
-LEAK = Nature("leaking", level="flow", over="sealed", work_s=5.0)
-BLOCKAGE = Nature("blocking", gone=CLEARED, lasts=True)
-BREAK = Nature("fractured", lasts=True)
-ADRIFT = Nature("adrift")
-QUEUE = Nature("queueing")
-STORE = Nature("open", lasts=True)
+FIRE = TargetNature("burning", level="heat", over="out", work_s=10.0, growth_hz=1.0 / 60.0)
+LEAK = TargetNature("leaking", level="flow", over="sealed", work_s=5.0)
+BLOCKAGE = TargetNature("blocking", gone=CLEARED, lasts=True)
+BREAK = TargetNature("fractured", lasts=True)
+ADRIFT = TargetNature("adrift")
+QUEUE = TargetNature("queueing")
+STORE = TargetNature("open", lasts=True)
 
 
-def nature_of(entity: Entity) -> Nature:
+def nature_of(entity: Entity) -> TargetNature:
     """The nature of a target; its own `status` property goes before the usual word."""
     found = _nature(entity)
     word = entity.properties.get("status")
     return replace(found, word=word) if isinstance(word, str) else found
 
 
-def _nature(entity: Entity) -> Nature:
+def _nature(entity: Entity) -> TargetNature:
     properties = entity.properties
     for levelled in (FIRE, LEAK):
         if entity.state_of(levelled.level) is not None:
@@ -67,4 +67,4 @@ def _nature(entity: Entity) -> Nature:
         return BREAK
     if any(one.gives and not one.source for one in entity.interactions):
         return STORE  # inexhaustible: what it gives comes out of nothing that is counted
-    return Nature()
+    return TargetNature()

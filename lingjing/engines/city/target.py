@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from lingjing.engines.city.arrivals import PEOPLE, PeopleQueue, rates
 from lingjing.engines.city.goods import DUST, first_amounts
-from lingjing.engines.city.nature import Nature, nature_of
+from lingjing.engines.city.nature import TargetNature, nature_of
 from lingjing.engines.city.whereabouts import TargetBody
 from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.trace.records import DORMANT
@@ -50,7 +50,7 @@ class CityTarget:
     each actor has been within reach of an interaction, seconds."""
 
     entity: Entity
-    nature: Nature
+    nature: TargetNature
     body: TargetBody
     possible: dict[str, InteractionSpec]
     levels: dict[str, Level] = field(default_factory=dict)
@@ -114,7 +114,7 @@ def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
     )
 
 
-def _levels(entity: Entity, nature: Nature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
+def _levels(entity: Entity, nature: TargetNature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
     """What each interaction works off: the state that it takes, or else the nature's, which falls to the first one
     that takes and gives nothing."""
     values = first_amounts(entity)

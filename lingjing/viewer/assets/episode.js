@@ -11,7 +11,7 @@ const byId = (id) => document.getElementById(id);
 
 class FileSource {
   constructor(spec) { this.spec = spec; this.live = false; }
-  telling() { return inflated(byId("d-telling").textContent); }
+  pageStart() { return inflated(byId("d-page-start").textContent); }
   ground() { return inflated(byId("d-ground").textContent); }
   details(chunk) { return inflated(byId("d-details-" + chunk).textContent); }
   picture(id) {
@@ -28,7 +28,7 @@ class ServerSource {
     if (!answer.ok) throw new Error((await answer.text()).slice(0, 300) || answer.statusText);
     return answer.json();
   }
-  telling() { return this.get("telling"); }
+  pageStart() { return this.get("page-start"); }
   ground() { return this.get("ground"); }
   details(chunk) { return this.get("details", "&chunk=" + chunk); }
   picture(id) { return this.url("picture", "&id=" + encodeURIComponent(id)); }

@@ -333,8 +333,8 @@ async function main() {
   const spec = JSON.parse(byId("d-source").textContent), source = spec.kind === "file" ? new FileSource(spec) : new ServerSource(spec);
   source.chunk = spec.chunk;
   try {
-    let told = await source.telling();
-    while (told.waiting) { byId("loading").textContent = "the episode is starting …"; await new Promise((wake) => setTimeout(wake, 400)); told = await source.telling(); }
+    let told = await source.pageStart();
+    while (told.waiting) { byId("loading").textContent = "the episode is starting …"; await new Promise((wake) => setTimeout(wake, 400)); told = await source.pageStart(); }
     const episode = new Episode(source, told);
     if (!episode.steps.length && !told.live) { byId("loading").textContent = "this trace holds no boundary: nothing was played"; byId("city").hidden = true; } // a canvas that nobody draws is black
     const player = window.player = new Player(episode);
