@@ -14,18 +14,18 @@ from itertools import takewhile
 import msgspec
 
 from lingjing.mission.instance import Entity, Instance, Vector
+from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DROWNED, FELL, FUEL_EMPTY
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import BodyState, BoundaryRecord, Snapshot, TaskEvent
+from lingjing.trace.records import AGROUND, DEAD, FALLEN, BodyState, BoundaryRecord, Snapshot, TaskEvent
 
-COLLIDED = "collided"
-_EMPTY = ("battery_empty", "fuel_empty")
+_EMPTY = (BATTERY_EMPTY, FUEL_EMPTY)
 _WORDS = {
-    "battery_empty": "the battery of {} is empty",
-    "fuel_empty": "the fuel of {} is used up",
-    "fell": "{} fell",
-    "drowned": "{} drowned",
+    BATTERY_EMPTY: "the battery of {} is empty",
+    FUEL_EMPTY: "the fuel of {} is used up",
+    FELL: "{} fell",
+    DROWNED: "{} drowned",
 }
-LOST = ("dead", "aground", "fallen")
+LOST = (DEAD, AGROUND, FALLEN)
 """Statuses of assets that cannot act any more, or not until they have recovered."""
 
 _SAME_S = 1.0

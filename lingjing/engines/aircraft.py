@@ -22,6 +22,7 @@ from lingjing.engines.sea import GRAVITY
 from lingjing.engines.stock import Accounts, booked
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.schedule import Schedule
+from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
@@ -30,7 +31,7 @@ from lingjing.scene.blocks import Block
 from lingjing.scene.city import City
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import BodyState, Command
+from lingjing.trace.records import DEAD, BodyState, Command
 
 PERIOD_S = 0.02
 """Control period: 50 Hz."""
@@ -48,6 +49,10 @@ class FlightPhase(Enum):
     DESCENDING = "descending"
     FALLING = "falling"
     DEAD = "dead"
+
+
+DONE = "done"
+"""What a notice says of a task that has come to its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +160,7 @@ class Aircraft(ABC):
 
     def strike(self, what: str) -> FlightNotice:
         """Hit something: the flight is over and the fall begins."""
-        notice = FlightNotice("collided", what, math.hypot(*self.velocity))
+        notice = FlightNotice(COLLIDED, what, math.hypot(*self.velocity))
         self.phase, self.velocity = FlightPhase.FALLING, (0.0, 0.0, 0.0)
         return notice
 
@@ -246,7 +251,7 @@ class AircraftEngine(FleetEngine):
         if not aircraft.alive:
             if aircraft.empty:
                 raise Refusal(aircraft.energy, _exhausted(aircraft))
-            raise Refusal("dead", f"`{aircraft.id}` has crashed")
+            raise Refusal(DEAD, f"`{aircraft.id}` has crashed")
         aircraft.start(command)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
@@ -295,13 +300,13 @@ class AircraftEngine(FleetEngine):
 
     def _report(self, aircraft: Aircraft, notice: FlightNotice) -> None:
         now, arrives = self.clock.now_s, aircraft.finish()
-        if notice.kind == "done":
+        if notice.kind == DONE:
             self.requests.complete(aircraft.id, now)
             if arrives:
-                self.emit("arrived", aircraft.id)
-        elif notice.kind == "collided":
-            self.requests.fail(aircraft.id, now, "collided", f"`{aircraft.id}` hit `{notice.what}`")
-            self.emit("collided", aircraft.id, notice.what, speed_mps=notice.speed_mps)
+                self.emit(ARRIVED, aircraft.id)
+        elif notice.kind == COLLIDED:
+            self.requests.fail(aircraft.id, now, COLLIDED, f"`{aircraft.id}` hit `{notice.what}`")
+            self.emit(COLLIDED, aircraft.id, notice.what, speed_mps=notice.speed_mps)
         else:
             self.requests.fail(aircraft.id, now, aircraft.energy, _exhausted(aircraft))
             self.emit(notice.kind, aircraft.id)

@@ -30,7 +30,9 @@ heading. "" is a verb that does none of these.
 UNLOCK = "unlock."
 """What the kernel's own command for an interaction begins with: `unlock.rescue`."""
 
-ENGINE_EVENTS = ("arrived", "collided", "battery_empty", "fuel_empty", "fell", "drowned")
+ARRIVED, COLLIDED, BATTERY_EMPTY, FUEL_EMPTY = "arrived", "collided", "battery_empty", "fuel_empty"
+FELL, DROWNED = "fell", "drowned"
+ENGINE_EVENTS = (ARRIVED, COLLIDED, BATTERY_EMPTY, FUEL_EMPTY, FELL, DROWNED)
 """Events that engines tell by themselves, whatever the mission: no interaction is called so."""
 
 AMOUNT, LEFT = "amount", "left"

@@ -37,6 +37,12 @@ CLEARED = "cleared"
 DEAD = "dead"
 """The status of a body that does nothing any more: neither obeys, is seen to act or is acted on."""
 
+GROUNDED = "grounded"
+"""The status of an aircraft that stands where it has not taken off yet, or has landed."""
+
+FALLEN, AGROUND = "fallen", "aground"
+"""The status of a body that cannot act until it has got up, and of a hull that is stuck."""
+
 UnitBox = tuple[float, float, float, float]
 """Left, top, right, bottom as shares of a picture's width and height; origin top left."""
 

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from lingjing.analysis.detection import numbers
-from lingjing.analysis.incidents import COLLIDED, incident_search
+from lingjing.analysis.incidents import incident_search
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.vocabulary import COLLIDED
 from lingjing.plugins.policy import REFERENCE
 from lingjing.terminal import visible
 from lingjing.trace.admitted import admitted_at, categories_of

@@ -9,16 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.engines.aircraft import PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
+from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
 from lingjing.engines.fixed_wing import guidance
 from lingjing.engines.fixed_wing.airframe import PlaneAirframe
 from lingjing.engines.fixed_wing.control import Autopilot
 from lingjing.engines.sea import wind_velocity
 from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.mission.vocabulary import FUEL_EMPTY
 from lingjing.plugins.requests import STOP, Refusal, number
 from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import Command
+from lingjing.trace.records import DEAD, GROUNDED, Command
 
 CRUISE_MPS = 40.0
 ENDURANCE_S = 4.0 * 3600.0
@@ -70,9 +71,9 @@ class Aeroplane(Aircraft):
     def status(self) -> str:
         """`grounded`, `moving`, `loitering` or `dead`."""
         if self.phase is FlightPhase.GROUNDED:
-            return "grounded"
+            return GROUNDED
         if not self.alive:
-            return "dead"
+            return DEAD
         return "moving" if self._legs else "loitering"
 
     @property
@@ -91,7 +92,7 @@ class Aeroplane(Aircraft):
 
     def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
         """Move by one control period, which ends at `now_s`, and say what happened."""
-        notice = FlightNotice("done") if self._holds else None
+        notice = FlightNotice(DONE) if self._holds else None
         self._holds = False
         if self.phase is FlightPhase.FALLING:
             self._fall()
@@ -178,7 +179,7 @@ class Aeroplane(Aircraft):
             return None
         self.phase = FlightPhase.DESCENDING
         self._airframe.cut()
-        return FlightNotice("fuel_empty")
+        return FlightNotice(FUEL_EMPTY)
 
     def _check(self, goal: Vector) -> None:
         x, y, z = goal

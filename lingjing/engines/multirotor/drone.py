@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.engines.aircraft import PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
+from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
 from lingjing.engines.battery import Battery
 from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
 from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
@@ -20,10 +20,11 @@ from lingjing.engines.multirotor.verbs import Situation, plan
 from lingjing.engines.sea import GRAVITY
 from lingjing.engines.stock import Accounts, Stock
 from lingjing.mission.instance import Entity, Weather
+from lingjing.mission.vocabulary import BATTERY_EMPTY
 from lingjing.plugins.requests import STOP, Refusal
 from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import Command
+from lingjing.trace.records import DEAD, GROUNDED, Command
 
 CRUISE_MPS = 12.0
 ENDURANCE_S = 1500.0
@@ -74,9 +75,9 @@ class Drone(Aircraft):
     def status(self) -> str:
         """`grounded`, `hovering`, `moving` or `dead`."""
         if not self.alive:
-            return "dead"
+            return DEAD
         if self.phase is FlightPhase.GROUNDED:
-            return "grounded"
+            return GROUNDED
         return "moving" if self._legs else "hovering"
 
     @property
@@ -125,7 +126,7 @@ class Drone(Aircraft):
         if self.phase is FlightPhase.FALLING:
             self._fall()
         elif self.phase is FlightPhase.GROUNDED:
-            return FlightNotice("done") if self._legs else None
+            return FlightNotice(DONE) if self._legs else None
         elif self.phase is FlightPhase.SPINUP:
             self._spin_up()
         elif self.flying:
@@ -166,7 +167,7 @@ class Drone(Aircraft):
         x, y, _ = self._ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
         self.phase = FlightPhase.DESCENDING
         self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
-        return FlightNotice("battery_empty")
+        return FlightNotice(BATTERY_EMPTY)
 
     def _reached(self) -> FlightNotice | None:
         if not self._legs or self.phase is not FlightPhase.FLYING:
@@ -177,5 +178,5 @@ class Drone(Aircraft):
                 self._goal = self._legs[0]
             return None
         if math.dist(self.position, self._goal) < _ARRIVED_M and math.hypot(*self.velocity) < _SLOW_MPS:
-            return FlightNotice("done")
+            return FlightNotice(DONE)
         return None

@@ -14,7 +14,7 @@ from lingjing.engines.multirotor.power import hover_power
 from lingjing.mission.instance import Vector
 from lingjing.plugins.requests import Refusal, number, optional_number
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import Command
+from lingjing.trace.records import GROUNDED, Command
 
 TAKEOFF_M = 10.0
 """Height above the take-off point that `takeoff` reaches by default and a destination from the ground passes."""
@@ -86,7 +86,7 @@ def _move(command: Command, here: Situation) -> FlightTask:
     if distance < 0.0:
         raise Refusal("bad_argument", f"`distance` of `{command.verb}` must not be negative")
     if here.grounded and command.verb != "up":
-        raise Refusal("grounded", f"`{command.resource}` is on the ground: `takeoff` or `setDestination` first")
+        raise Refusal(GROUNDED, f"`{command.resource}` is on the ground: `takeoff` or `setDestination` first")
     if command.verb in ("up", "down"):
         return FlightTask(legs=(_raised(here.position, distance if command.verb == "up" else -distance),))
     course = here.heading_rad + math.radians(_DIRECTIONS[command.verb])

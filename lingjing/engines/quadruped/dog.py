@@ -19,9 +19,10 @@ from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.engines.stock import Stock
 from lingjing.mission.instance import Entity, Vector
+from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DROWNED, FELL
 from lingjing.plugins.requests import STOP, Refusal, number
 from lingjing.scene.outlines import compass
-from lingjing.trace.records import BodyState, Command
+from lingjing.trace.records import DEAD, FALLEN, BodyState, Command
 
 SPEED_MPS = 1.5
 TOP_MPS = 1.7
@@ -70,6 +71,10 @@ class DogPhase(Enum):
     MOVING = "moving"
     FALLEN = "fallen"
     DEAD = "dead"
+
+
+DONE, BLOCKED, UNREACHABLE = "done", "blocked", "unreachable"
+"""What a notice says of the end of a task, beside the events of engines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,9 +144,9 @@ class Dog:
         if self.battery.empty:
             raise Refusal("battery", f"the battery of `{self.id}` is empty")
         if self.phase is DogPhase.DEAD:
-            raise Refusal("dead", f"`{self.id}` is lost")
+            raise Refusal(DEAD, f"`{self.id}` is lost")
         if self.phase is DogPhase.FALLEN:
-            raise Refusal("fallen", f"`{self.id}` has fallen and is getting up")
+            raise Refusal(FALLEN, f"`{self.id}` has fallen and is getting up")
         if command.verb == STOP:
             self.task = stopping(here)
             model.ease(self.row)
@@ -228,20 +233,20 @@ class Dog:
             task.cruise = min(self.cruise_mps, CAREFUL_MPS) if task.climbing else self.cruise_mps
         wanted: Velocity = task.wanted(here)
         if task.done and isinstance(task, HaltTask):
-            return self._end(model, DogNotice("done"))
+            return self._end(model, DogNotice(DONE))
         if task.done and not isinstance(task, HaltTask):
             self._ending = task.end(here)
             model.ease(self.row)
             wanted = self._ending.wanted(here)
         elif task.stuck:
             what, when = self._hit
-            return self._end(model, DogNotice("blocked", what if self._time_s - when < _REMEMBERED_S else ""))
+            return self._end(model, DogNotice(BLOCKED, what if self._time_s - when < _REMEMBERED_S else ""))
         elif isinstance(task, WalkTask) and self._period % _LOOK_PERIODS == 0:
             view = ground.look(here, task.yaw, task.length - task.best)
             if view.hazard:
                 self.task, self._ending = None, stopping(here)
                 model.ease(self.row)
-                return DogNotice("unreachable", view.hazard)
+                return DogNotice(UNREACHABLE, view.hazard)
             self._careful_m = max(self._careful_m, task.best + view.step_m + _BEYOND_M)
         model.walk(self.row, wanted)
         return None
@@ -258,7 +263,7 @@ class Dog:
         if exhausted is not None:
             return self._drop(model, DogPhase.DEAD, exhausted)
         if self._period % _DIP_PERIODS == 0 and ground.drowns(here.position):
-            return self._drop(model, DogPhase.DEAD, DogNotice("drowned"))
+            return self._drop(model, DogPhase.DEAD, DogNotice(DROWNED))
         if self.phase is DogPhase.FALLEN:
             self._down_s += PERIOD_S
             return None
@@ -267,7 +272,7 @@ class Dog:
             self._low_s = self._low_s + _LYING_PERIODS * PERIOD_S if low else 0.0
         self._tilted_s = self._tilted_s + PERIOD_S if here.upright < _FALLEN else 0.0
         if self._tilted_s >= _FALLEN_S or self._low_s >= _LYING_S:
-            return self._drop(model, DogPhase.FALLEN, DogNotice("fell"))
+            return self._drop(model, DogPhase.FALLEN, DogNotice(FELL))
         return None
 
     def _drop(self, model: DogModel, phase: DogPhase, notice: DogNotice) -> DogNotice:
@@ -276,7 +281,7 @@ class Dog:
         return notice
 
     def _exhausted(self) -> DogNotice | None:
-        return DogNotice("battery_empty") if self.battery.empty and self.phase is not DogPhase.DEAD else None
+        return DogNotice(BATTERY_EMPTY) if self.battery.empty and self.phase is not DogPhase.DEAD else None
 
     def _balance(self, here: DogState, model: DogModel) -> None:
         """A standing dog that is shoved lets its legs catch it."""
@@ -308,7 +313,7 @@ class Dog:
             self._met[touch.thing] = self._time_s
             closing = _closing(self._before, other, touch)
             if fresh and closing >= HARD_MPS:
-                notices.append(DogNotice("collided", touch.thing, closing))
+                notices.append(DogNotice(COLLIDED, touch.thing, closing))
         return notices
 
     def _give_way(self, touch: Touch, here: DogState, other: Vector, model: DogModel) -> None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.engines.quadruped.assets import Assets, locate
-from lingjing.engines.quadruped.dog import Dog, DogNotice
+from lingjing.engines.quadruped.dog import BLOCKED, DONE, UNREACHABLE, Dog, DogNotice
 from lingjing.engines.quadruped.dog_model import DogMemory, DogModel, DogState, StandingPlace
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
@@ -20,6 +20,7 @@ from lingjing.engines.quadruped.surroundings import DogSurroundings
 from lingjing.engines.stock import booked
 from lingjing.mission.instance import Vector
 from lingjing.mission.schedule import Schedule
+from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
@@ -130,18 +131,18 @@ class QuadrupedEngine(FleetEngine):
         if notice is None:
             return
         now = self.clock.now_s
-        if notice.kind == "done":
+        if notice.kind == DONE:
             self.requests.complete(dog.id, now)
-        elif notice.kind == "collided":
-            self.emit("collided", dog.id, notice.what, speed_mps=notice.speed_mps)
-        elif notice.kind == "blocked":
+        elif notice.kind == COLLIDED:
+            self.emit(COLLIDED, dog.id, notice.what, speed_mps=notice.speed_mps)
+        elif notice.kind == BLOCKED:
             what = f"`{notice.what}` is in the way" if notice.what else "it comes no further"
-            self.requests.fail(dog.id, now, "blocked", f"`{dog.id}` stopped: {what}")
-        elif notice.kind == "unreachable":
-            self.requests.fail(dog.id, now, "unreachable", f"`{dog.id}` stopped: {notice.what} ahead")
-        elif notice.kind == "battery_empty":
+            self.requests.fail(dog.id, now, BLOCKED, f"`{dog.id}` stopped: {what}")
+        elif notice.kind == UNREACHABLE:
+            self.requests.fail(dog.id, now, UNREACHABLE, f"`{dog.id}` stopped: {notice.what} ahead")
+        elif notice.kind == BATTERY_EMPTY:
             self.requests.fail(dog.id, now, "battery", f"the battery of `{dog.id}` is empty")
-            self.emit("battery_empty", dog.id)
+            self.emit(BATTERY_EMPTY, dog.id)
         else:
             self.requests.fail(dog.id, now, notice.kind, f"`{dog.id}` {notice.kind}")
             self.emit(notice.kind, dog.id)

@@ -20,6 +20,7 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
+from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
@@ -148,7 +149,7 @@ class RoadEngine(FleetEngine):
             return
         self.requests.complete(vehicle.id, now_s)
         if outcome == "arrived":
-            self.emit("arrived", vehicle.id, odometer_m=vehicle.odometer_m)
+            self.emit(ARRIVED, vehicle.id, odometer_m=vehicle.odometer_m)
 
     def _put(self, entity: Entity, occupied: Occupied) -> None:
         x, y, _ = entity.position
@@ -182,7 +183,7 @@ class RoadEngine(FleetEngine):
                 vehicle.make_room(waited_for=waited_for)
 
     def _collided(self, mover: str, other: str, speed_mps: float) -> None:
-        self.emit("collided", mover, other, speed_mps=speed_mps)
+        self.emit(COLLIDED, mover, other, speed_mps=speed_mps)
 
 
 def _free_place(place: LanePoint, length_m: float, occupied: Occupied) -> LanePoint:

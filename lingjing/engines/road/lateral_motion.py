@@ -1,8 +1,9 @@
 """Sideways motion: what SUMO does at once, shown as a car would do it.
 
 SUMO moves a vehicle that changes lanes by a whole lane in one step, and one that parks by 3.2 m to the right. (Its own
-`--lanechange.duration` crashes together with vehicles that are set from outside.) Here each such jump is found in the
-positions and shown as an offset that fades at walking speed.
+`--lanechange.duration` works beside vehicles that are set from outside, but the vehicles then drive otherwise, and
+every digest with traffic is another one.) Here each such jump is found in the positions and shown as an offset that
+fades at walking speed.
 """
 
 from __future__ import annotations

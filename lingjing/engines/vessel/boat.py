@@ -13,7 +13,7 @@ from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.requests import Refusal
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import AGROUND, BodyState
 
 SPEED_MPS = 3.0
 """Top speed through the water of an entity that does not say."""
@@ -161,7 +161,7 @@ class Boat:
     def status(self) -> str:
         """`moving`, `idle` or `aground`."""
         if self.aground:
-            return "aground"
+            return AGROUND
         return "idle" if self.goal is None and not self.stopping else "moving"
 
     def _floats(self, x: float, y: float) -> bool:

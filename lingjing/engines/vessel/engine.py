@@ -8,12 +8,13 @@ from lingjing.engines.stock import booked
 from lingjing.engines.vessel.boat import Boat
 from lingjing.engines.vessel.hull import STEP_S
 from lingjing.mission.schedule import Schedule
+from lingjing.mission.vocabulary import ARRIVED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import STOP, Refusal, number
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import BodyState, Command
+from lingjing.trace.records import AGROUND, BodyState, Command
 
 
 class VesselEngine(FleetEngine):
@@ -34,7 +35,7 @@ class VesselEngine(FleetEngine):
         if boat is None:
             raise Refusal("unknown_resource", f"`{command.resource}` is no vessel of `{self.name}`")
         if boat.aground:
-            raise Refusal("aground", f"`{boat.id}` is aground")
+            raise Refusal(AGROUND, f"`{boat.id}` is aground")
         if command.verb == STOP:
             boat.halt()
         elif command.verb == "moveTo":
@@ -76,10 +77,10 @@ class VesselEngine(FleetEngine):
     def _report(self, boat: Boat) -> None:
         now = self.clock.now_s
         if boat.aground:
-            self.requests.fail(boat.id, now, "aground", f"`{boat.id}` ran aground")
+            self.requests.fail(boat.id, now, AGROUND, f"`{boat.id}` ran aground")
         elif boat.arrived():
             self.requests.complete(boat.id, now)
-            self.emit("arrived", boat.id)
+            self.emit(ARRIVED, boat.id)
         elif boat.stopped():
             self.requests.complete(boat.id, now)
         elif boat.goal is not None and boat.land_ahead():

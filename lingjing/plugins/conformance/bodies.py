@@ -14,6 +14,7 @@ import msgspec
 from lingjing.mission.instance import Entity, Instance, VerbSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.mission.vocabulary import COLLIDED
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.plugins.building import build_city
 from lingjing.plugins.conformance.case import require, run_all
@@ -115,7 +116,7 @@ def check_can_be_hit(case: BodyCase) -> None:
         step_s = instance.clock.sync_s
         for number in range(1, round(_SECONDS / step_s) + 1):
             boundary = engine.advance(number * step_s, (lifted,))
-            met += [event.entities for event in boundary.events if event.kind == "collided"]
+            met += [event.entities for event in boundary.events if event.kind == COLLIDED]
     finally:
         engine.close()
     hit = any(case.entity.id in entities for entities in met)
