@@ -332,7 +332,7 @@ class _Search:
         players = self._players(sets)
         wanted = coalitions(players) if self._options.shares and len(players) <= EXACT_PLAYERS else []
         plans = [self._plan(one) for one in wanted if one and one not in self._won]
-        return plans + [plan for some in self._placebo_plans(sets).values() for plan in some]
+        return plans + [plan for some in self._placebo_plans(sets, self._left).values() for plan in some]
 
     def _cause(self, pair: AgentFaculty, ticks: Sequence[int]) -> Cause:
         faculty, agent = pair
@@ -379,12 +379,13 @@ class _Search:
         return [0.0 if one == empty else float(self._won[one].success) if one in self._won else None for one in sets]
 
     def _placebos(self, sets: Sequence[frozenset[AgentFaculty]]) -> Placebos:
-        self._short |= self._left < self._options.placebos
-        plans = self._placebo_plans(sets)
+        plans = self._placebo_plans(sets, self._left)
+        wanted = self._placebo_plans(sets, self._options.placebos)
+        self._short |= sum(map(len, plans.values())) < sum(map(len, wanted.values()))
         return judged_placebos(plans, self._play([plan for some in plans.values() for plan in some], "placebos"))
 
-    def _placebo_plans(self, sets: Sequence[frozenset[AgentFaculty]]) -> dict[PlaceboKind, list[BranchPlan]]:
+    def _placebo_plans(self, sets: Sequence[frozenset[AgentFaculty]], most: int) -> dict[PlaceboKind, list[BranchPlan]]:
+        """As many as were asked for and there are places for, `most` at most."""
         involved = {pair for one in sets for pair in one} | set(self._masked)
         innocent = {pair: ticks for pair, ticks in self._departures.items() if pair not in involved}
-        number = min(self._options.placebos, self._left)
-        return placebo_plans(self._host.trace, innocent, number, self._options.seed)
+        return placebo_plans(self._host.trace, innocent, min(self._options.placebos, most), self._options.seed)

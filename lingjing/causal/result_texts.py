@@ -153,7 +153,8 @@ def _cause_text(cause: Cause) -> str:
 def _share_lines(told: Blame) -> list[str]:
     if not told.shares:
         return []
-    lines = ["Shapley shares of the win:"]
+    among = f", among {len(told.shares)} of {told.departed} that departed" if len(told.shares) < told.departed else ""
+    lines = [f"Shapley shares of the win{among}:"]
     for one in told.shares:
         interval = "exact" if one.exact else f"95 %: {one.low:.2f} to {one.high:.2f}"
         lines += [f"  {one.share:5.2f}  {one.faculty} of {one.agent} ({interval})"]

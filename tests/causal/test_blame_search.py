@@ -58,9 +58,9 @@ class MadeUp:
         return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
 
 
-def searched(host: MadeUp, branches: int = 60, *, shares: bool = True) -> Blame:
+def searched(host: MadeUp, branches: int = 60, *, shares: bool = True, placebos: int = 0) -> Blame:
     told = Blame(path="made-up.mcap", success=False, reason="budget", score=0.0)
-    options = BlameOptions(branches=branches, placebos=0, shares=shares)
+    options = BlameOptions(branches=branches, placebos=placebos, shares=shares)
     return _Search(host, options).run(told)  # type: ignore[arg-type]
 
 
@@ -220,3 +220,22 @@ def test_without_shares_the_same_is_named_with_fewer_branches() -> None:
     told = searched(whole)
     assert searched(short, shares=False) == replace(told, shares=(), branches=short.played)
     assert short.played < whole.played and "shares" not in short.asked and len(told.shares) == 2
+
+
+def test_a_budget_that_just_suffices_does() -> None:
+    """There are places for two placebos, so no budget is due for more, whatever was asked for."""
+    whole = searched(Innocent(WAY), placebos=8)
+    assert whole.placebos is not None and whole.placebos.uninvolved == 2
+    assert not searched(Innocent(WAY), branches=whole.branches, placebos=8).exhausted
+    assert searched(Innocent(WAY), branches=whole.branches - 1, placebos=8).exhausted
+
+
+def test_among_how_many_pairs_shares_are_is_said() -> None:
+    class Crowd(MadeUp):
+        """Four others depart from their references too."""
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            others = ("execution", "handoff", "routing", "localisation")
+            return {**super().departures(), **{(faculty, "scout[2]"): (9,) for faculty in others}}
+
+    assert "Shapley shares of the win, among 3 of 5 that departed:" in blame_text(searched(Crowd(WAY)))
