@@ -111,6 +111,8 @@ def test_nothing_sticks_out_of_a_phone(chromium: Any, trace: Trace, file_of: Cal
         for pane in ("agent", "log", "relations", "goal"):
             page.locator(f"#tab-{pane}").click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width
+        for hidden in ("true", "false"):  # as while a page is laid out anew
+            page.evaluate(f"document.getElementById('line').hidden = {hidden}; player.size(); player.draw()")
         box = page.locator("#play").bounding_box()
         assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["height"] >= 34
 

@@ -118,6 +118,7 @@ class Player {
   }
   timeline(n) {
     const canvas = byId("line"), pen = canvas.getContext("2d"), steps = this.episode.steps, r = this.ratio, wide = canvas.width / r, high = canvas.height / r;
+    if (!canvas.width || !canvas.height) return; // not laid out: nothing can be drawn from an empty canvas
     const pad = 8, x = (k) => pad + (wide - 2 * pad) * (this.episode.last ? k / this.episode.last : 0), style = getComputedStyle(document.documentElement);
     const key = [steps.length, canvas.width, canvas.height, this.theme, this.agent].join();
     if (this.lined !== key) { // what does not move is drawn once
