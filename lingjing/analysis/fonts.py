@@ -35,9 +35,12 @@ def lacking(text: str) -> str:
 
 
 def letters_without_a_font(text: str) -> str:
-    """The letters of a text that are drawn as boxes."""
+    """The letters of a text that are drawn as boxes: all texts are written in two fonts at most."""
     letters = lacking(text)
-    return letters if letters and _font_with(letters) is None else ""
+    found = _font_with(letters) if letters else None
+    if found is None or found in _fonts(letters):
+        return "" if found else letters
+    return "".join(letter for letter in letters if found not in _fonts(letter))
 
 
 def note_of_boxes(text: str) -> tuple[str, ...]:
@@ -78,14 +81,25 @@ def _known() -> frozenset[int]:
 
 @lru_cache(maxsize=64)
 def _font_with(letters: str) -> tuple[str, int] | None:
-    """File and face of a font that has all the letters: a regular sans-serif one rather than another."""
+    """File and face of a font that has all the letters, or else most of them."""
+    whole = _fonts(letters)
+    if whole or len(letters) < 2:
+        return whole[0] if whole else None
+    having = [_fonts(letter) for letter in letters]
+    every = [one for some in having for one in some]
+    return max(every, key=every.count, default=None)
+
+
+@lru_cache(maxsize=256)
+def _fonts(letters: str) -> tuple[tuple[str, int], ...]:
+    """File and face of each font that has all the letters, regular sans-serif ones first."""
     wanted = " ".join(f"{ord(letter):x}" for letter in letters)
     command = ["fc-list", "-f", "%{file}\t%{index}\t%{style}\t%{family}\n", f":charset={wanted}:scalable=true"]
     try:
         told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False).stdout
     except (OSError, subprocess.TimeoutExpired, UnicodeDecodeError):
-        return None
+        return ()
     fonts = [line.split("\t") for line in told.splitlines()]
     usable = [one for one in fonts if len(one) == 4 and one[1].isdigit() and int(one[1]) < 1 << 16]
     usable.sort(key=lambda one: ("Sans" not in one[3], "Mono" in one[3], "Regular" not in one[2], one[0], int(one[1])))
-    return (usable[0][0], int(usable[0][1])) if usable else None
+    return tuple((one[0], int(one[1])) for one in usable)

@@ -142,6 +142,18 @@ def test_letters_that_the_own_font_lacks_are_written_in_one_that_has_them(monkey
     assert all(font_of(row, 24).getlength(row) <= 120.0 for row in rows)
 
 
+def test_one_letter_that_no_font_has_turns_no_others_into_boxes() -> None:
+    if fonts.letters_without_a_font(CHINESE):
+        pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
+    nobodys = "\N{EGYPTIAN HIEROGLYPH A001}"
+    if not fonts.letters_without_a_font(nobodys):
+        pytest.skip("a font here has even hieroglyphs")
+    text = f"{CHINESE} {nobodys}"
+    assert fonts.letters_without_a_font(text) == nobodys
+    letters = fonts.lacking(text)
+    assert fonts.font(24, letters).getname() == fonts.font(24, fonts.lacking(CHINESE)).getname()
+
+
 def test_letters_that_no_font_has_are_told_once(trace: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fonts, "_font_with", lambda letters: None)
     instance = msgspec.structs.replace(trace.header.instance, title=CHINESE)
@@ -155,6 +167,8 @@ def test_letters_that_no_font_has_are_told_once(trace: Trace, monkeypatch: pytes
 def test_without_fontconfig_there_is_no_other_font(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     fonts._font_with.cache_clear()
+    fonts._fonts.cache_clear()
     assert fonts.letters_without_a_font("海") == "海" and fonts.font(12, "海").getname()[0] == "DejaVu Sans"
     fonts._font_with.cache_clear()
+    fonts._fonts.cache_clear()
     fonts.font.cache_clear()
