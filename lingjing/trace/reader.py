@@ -138,6 +138,10 @@ def collector_paused() -> Iterator[None]:
             gc.enable()
 
 
+class UnknownFormatError(UsageError):
+    """A trace is of a format that is not known here: another version wrote it."""
+
+
 class _AnyHeader(msgspec.Struct):
     """What every version's header has."""
 
@@ -201,7 +205,7 @@ class FoundRecords:
         """The header, after a look at the format that it names: one of tomorrow is told by its name."""
         named = self._decoded(stored, _AnyHeader).format
         if named not in (FIRST_FORMAT, FORMAT):
-            raise UsageError(
+            raise UnknownFormatError(
                 f"{self.path} is of the format `{named[:40]}`; this version reads {FIRST_FORMAT} and {FORMAT}",
                 hint="read it with the version that wrote it",
             )

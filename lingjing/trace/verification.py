@@ -13,7 +13,7 @@ import msgspec
 
 from lingjing.errors import LingjingError
 from lingjing.trace.digest import verify
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.reader import Trace, UnknownFormatError, read_trace
 from lingjing.trace.records import FIRST_FORMAT
 from lingjing.trace.seal_check import SealReport, SignatureState, check_seals
 
@@ -50,6 +50,8 @@ def _verdict(path: Path, seals: SealReport, key: bytes | None) -> tuple[State, s
     try:
         trace = read_trace(path)
         disagreement = verify(trace, pixels=True)
+    except UnknownFormatError as error:
+        return "unreadable", str(error)
     except LingjingError as error:
         # what is sealed and cannot be read was written so, by another version
         return ("wrong" if seals.ended else "unreadable"), str(error)

@@ -299,6 +299,16 @@ def test_a_trace_of_tomorrow_is_told_by_its_name(small: Path, tmp_path: Path) ->
         read_trace(tmp_path / "t.mcap")
 
 
+def test_a_sealed_trace_of_tomorrow_is_unreadable_and_not_wrong(synthetic: ModuleType, tmp_path: Path) -> None:
+    """Nothing in it is wrong, as far as a version of today can tell."""
+    records = [record for record, _ in synthetic.episode(2)]
+    writer = TraceWriter(tmp_path / "t.mcap", msgspec.structs.replace(synthetic.header(), format="lingjing-trace/7"))
+    for record in records:
+        writer.boundary(msgspec.structs.replace(record, frames=()))
+    told = verify_file(writer.finish(synthetic.outcome_of(records)))
+    assert told.state == "unreadable" and "format `lingjing-trace/7`" in told.said
+
+
 def test_another_programs_file_is_unreadable(tmp_path: Path) -> None:
     path = tmp_path / "t.mcap"
     with path.open("wb") as out:
