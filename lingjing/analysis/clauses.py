@@ -28,7 +28,7 @@ from lingjing.mission.expression import (
     conjuncts,
     parts,
 )
-from lingjing.mission.graph.spelling import spell
+from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Place
 

@@ -21,7 +21,7 @@ from lingjing.errors import UsageError
 from lingjing.kernel.rules import holds
 from lingjing.kernel.stages import Stages
 from lingjing.mission.expression import components
-from lingjing.mission.graph.spelling import spell
+from lingjing.mission.expression_text import spell
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT
 

@@ -22,7 +22,7 @@ def rule_sentences(instance: Instance) -> tuple[str, ...]:
 class _Rules:
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
-        self._words = ConditionWords(InstanceText(instance), public_values(instance))
+        self._words = ConditionWords(InstanceText(instance).text, public_values(instance))
 
     def sentences(self) -> Iterator[str]:
         yield f"The mission is won when {self._condition(self._instance.success, {})}"

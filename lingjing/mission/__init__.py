@@ -8,6 +8,7 @@ Modules in the order a mission passes them:
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.condition_needs` (what must have happened), the kernel's rules and `condition_words` (conditions in plain
   words, and the bounds they set).
+- `expression_text`: expressions in the language's own spelling; `instance_text`: those of an instance.
 - `hidden_reads`: whether a condition reads what agents may not know.
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
   data; `kinds_format`: the file that says it; `kinds_file`: a plug-in's, checked.
@@ -26,7 +27,7 @@ Modules in the order a mission passes them:
   and limits, its texts. `trial`: what playing would refuse, found without playing.
 - `settings`: values of parameters as people write them. `schedule`: the weather at a time, and who is there.
 - `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
-- `wording`: holes in texts, and values in words. `instance_text`: expressions of an instance as text.
+- `wording`: holes in texts, and values in words.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.

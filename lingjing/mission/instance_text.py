@@ -7,77 +7,41 @@ by `lingjing.dsl.printing.phrases`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from lingjing.mission import expression as ex
-from lingjing.mission.functions import RANKS
+from lingjing.mission.expression_text import OPERAND, ExpressionWriter, LocalNames
 from lingjing.mission.instance import Instance
 from lingjing.mission.units import si_value
 from lingjing.mission.wording import shown_datum, shown_number
 
-_OPERAND = 1 + max(RANKS.values())
-"""How tightly a sign binds, and what needs no brackets."""
 
-
-class InstanceText:
+class InstanceText(ExpressionWriter):
     """Writes the rules of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._settings = instance.settings
 
-    def __call__(self, node: ex.Expr) -> str:
-        """The expression, in brackets where its parts bind less than the operator before them."""
-        match node:
-            case ex.Number(value=value, unit=unit):
-                return shown_number(value, unit, si_value(1.0, unit) if unit else 1.0)
-            case ex.Text(value=text):
-                return f'"{text}"'
-            case ex.Flag(value=flag):
-                return "true" if flag else "false"
-            case ex.Symbol(name=name):
-                return name
-            case ex.Ref():
-                return self._name(node)
-            case ex.Quantified(quantifier=word) | ex.Aggregate(function=word):
-                return f"{word}({node.variable} in {node.domain}: {self(node.body)})"
-        return self._composite(node)
+    def number(self, value: float, unit: str) -> str:
+        """To six digits."""
+        return shown_number(value, unit, si_value(1.0, unit) if unit else 1.0)
 
-    def _name(self, node: ex.Ref) -> str:
+    def name(self, node: ex.Ref) -> str:
+        """A parameter as its value, the clock as the time."""
         if node.kind == "param" and node.name in self._settings:
             return shown_number(self._settings[node.name])
         return "time" if node.kind == "clock" else node.name
 
-    def _composite(self, node: Any) -> str:
-        match node:
-            case ex.Attr(base=base, name=name):
-                return f"{self(base)}.{name}"
-            case ex.Index(base=base, index=index):
-                return f"{self(base)}[{self(index)}]"
-            case ex.Range(low=low, high=high):
-                return f"{self(low)}..{self(high)}"
-            case ex.Unary(operator="not", operand=operand):
-                return f"not {self._side(operand, RANKS['not'])}"
-            case ex.Unary(operand=operand):
-                return f"-{self._side(operand, _OPERAND)}"
-            case ex.Binary(operator=operator, left=left, right=right):
-                rank = RANKS[operator]
-                return f"{self._side(left, rank)} {operator} {self._side(right, rank + 1)}"
-            case ex.Point(items=items):
-                return f"({self._listed(items)})"
-            case ex.Sequence(items=items):
-                return f"[{self._listed(items)}]"
-        name = node.function if isinstance(node, ex.Call) else node.distribution
-        named = [f"{key}={self(value)}" for key, value in node.named]
-        return f"{name}({', '.join([*map(self, node.arguments), *named])})"
+    def option(self, name: str, relation: str, value: ex.Expr, names: LocalNames) -> str:
+        """Without a relation of its own."""
+        return f"{name}={self.text(value, 0, names)}"
 
-    def _side(self, node: ex.Expr, rank: int) -> str:
-        text, binds = self(node), _OPERAND
-        if isinstance(node, ex.Binary) or (isinstance(node, ex.Unary) and node.operator == "not"):
-            binds = RANKS[node.operator]
-        return f"({text})" if binds < rank else text
+    def quantified(self, node: ex.Quantified, body: str) -> tuple[str, int]:
+        """As a function of its body."""
+        return f"{node.quantifier}({node.variable} in {node.domain}: {body})", OPERAND
 
-    def _listed(self, items: tuple[ex.Expr, ...]) -> str:
-        return ", ".join(map(self, items))
+    def aggregated(self, node: ex.Aggregate, body: str) -> str:
+        """As a quantifier."""
+        return f"{node.function}({node.variable} in {node.domain}: {body})"
 
 
 def public_values(instance: Instance) -> Mapping[tuple[str, str], str]:

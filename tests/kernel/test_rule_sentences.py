@@ -78,4 +78,4 @@ def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: st
     ],
 )
 def test_signs_and_not_are_of_what_is_in_their_brackets(condition: Expr, text: str) -> None:
-    assert InstanceText(kit.make_instance())(condition) == text
+    assert InstanceText(kit.make_instance()).text(condition) == text

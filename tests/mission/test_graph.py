@@ -12,9 +12,9 @@ from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
+from lingjing.mission.expression_text import spell
 from lingjing.mission.graph import EdgeKind, MissionGraph, NodeKind, graph
 from lingjing.mission.graph.guards import presence
-from lingjing.mission.graph.spelling import spell
 
 SSR = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 V, R = ex.Ref("v", "local"), ex.Ref("r", "local")
@@ -369,6 +369,8 @@ def test_a_relation_to_nothing_is_an_error_that_names_it(whole: m.Mission) -> No
         (ex.Unary("not", ex.Binary("or", ex.Flag(True), ex.Flag(False))), "not (true or false)"),
         (ex.Index(ex.Ref("uav", "group"), ex.Ref("i", "local")), "uav[i]"),
         (ex.Draw("sites", (ex.Ref("sea", "region"),), (("apart", ex.Number(80.0, "m")),)), "sites(sea, apart ≥ 80 m)"),
+        (ex.Draw("normal", (ex.Number(1.0), ex.Number(2.0)), (("high", ex.Number(3.0)),)), "normal(1, 2, high ≤ 3)"),
+        (ex.Binary("in", ex.Ref("now", "clock"), ex.Range(ex.Number(1.0), ex.Number(2.0))), "now in 1..2"),
         (ex.Sequence((ex.Text("a"), ex.Range(ex.Number(1.0), ex.Number(2.0)))), '["a", 1..2]'),
         (ex.Aggregate("sum", "o", "order", ex.Attr(ex.Ref("o", "local"), "demand")), "sum(o.demand for o in order)"),
         (exists("matched"), "exists r: matched(v, r)"),

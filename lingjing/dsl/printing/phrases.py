@@ -6,20 +6,15 @@ The inverse of `lingjing.dsl.checking.elaborate`: what is written here elaborate
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, RANKS, STATE_FIELDS
+from lingjing.mission.expression_text import RANGE, ExpressionWriter, LocalNames
+from lingjing.mission.functions import STATE_FIELDS
 from lingjing.mission.units import BY_DIMENSION, si_value, unit_of
 
-RANGE, SUM, OPERAND = RANKS[".."], RANKS["+"], 8
-"""Ranks: of a range, of its ends, and of what binds tighter than any operator."""
 _MOST_DIGITS = 17
 _FIELDS = {lowered: name for name, (lowered, _) in STATE_FIELDS.items()}
-LocalNames = Mapping[str, str]
-"""Bound names → the group or the message kind they range over."""
 
 
 def number_text(value: float, unit: str) -> str:
@@ -63,115 +58,64 @@ def _digits(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 
-class Phrases:
+class Phrases(ExpressionWriter):
     """Writes the expressions of one mission."""
 
     def __init__(self, mission: model.Mission) -> None:
         self.groups = {group.name: group for group in mission.groups}
-        self._writers: dict[type, Callable[[Any, int, LocalNames], str]] = {
-            ex.Number: lambda node, _rank, _locals: number_text(node.value, node.unit),
-            ex.Text: lambda node, _rank, _locals: quoted(node.value),
-            ex.Flag: lambda node, _rank, _locals: "true" if node.value else "false",
-            ex.Symbol: lambda node, _rank, _locals: node.name,
-            ex.Ref: lambda node, _rank, _locals: node.name,
-            ex.Index: self._index,
-            ex.Attr: self._attribute,
-            ex.Point: lambda node, _rank, names: f"({self._listed(node.items, names)})",
-            ex.Sequence: lambda node, _rank, names: f"[{self._listed(node.items, names)}]",
-            ex.Range: self._range,
-            ex.Call: lambda node, _rank, names: self._call(node.function, node, names),
-            ex.Draw: lambda node, _rank, names: self._call(node.distribution, node, names),
-            ex.Unary: self._unary,
-            ex.Binary: self._binary,
-            ex.Quantified: self._quantified,
-            ex.Aggregate: self._aggregate,
-        }
-
-    def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
-        """The expression; in brackets if it binds looser than `rank`."""
-        return self._writers[type(node)](node, rank, names or {})
 
     def declared(self) -> dict[tuple[str, str], str]:
         """The declared properties as they are written, by (group, property)."""
         groups = self.groups.values()
         return {(group.name, prop.name): self.text(prop.value) for group in groups for prop in group.properties}
 
-    def field(self, source: ex.Expr, lowered: str, names: LocalNames | None = None) -> str:
+    def number(self, value: float, unit: str) -> str:
+        """Exactly the value."""
+        return number_text(value, unit)
+
+    def quoted(self, text: str) -> str:
+        """With what is special in it escaped."""
+        return quoted(text)
+
+    def field(self, owner: ex.Expr, name: str, names: LocalNames) -> str:
         """The author's name of a lowered field of an entity (or of what is none: then the name itself)."""
-        group = self.groups.get(self._entity(source, names or {}))
-        if group is None and not isinstance(source, ex.Symbol):
-            return lowered
-        if lowered in _FIELDS:
-            return _FIELDS[lowered]
-        given = next((prop for prop in group.properties if prop.name == lowered), None) if group else None
-        return given.plain if given is not None else lowered
+        group = self.groups.get(_entity(owner, names))
+        if group is None and not isinstance(owner, ex.Symbol):
+            return name
+        if name in _FIELDS:
+            return _FIELDS[name]
+        given = next((prop for prop in group.properties if prop.name == name), None) if group else None
+        return given.plain if given is not None else name
 
-    # -- writers
-
-    def _listed(self, items: tuple[ex.Expr, ...], names: LocalNames) -> str:
-        return ", ".join(self.text(item, 0, names) for item in items)
-
-    def _index(self, node: ex.Index, _rank: int, names: LocalNames) -> str:
-        return f"{self.text(node.base, OPERAND, names)}[{self.text(node.index, 0, names)}]"
-
-    def _attribute(self, node: ex.Attr, _rank: int, names: LocalNames) -> str:
-        return f"{self.text(node.base, OPERAND, names)}.{self.field(node.base, node.name, names)}"
-
-    def _entity(self, node: ex.Expr, names: LocalNames) -> str:
-        """The group an expression picks a member of, or the empty string."""
-        base = node.base if isinstance(node, ex.Index) else node
-        return names.get(base.name, base.name) if isinstance(base, ex.Ref) else ""
-
-    def _range(self, node: ex.Range, rank: int, names: LocalNames) -> str:
-        return _bracketed(f"{self.text(node.low, SUM, names)}..{self.text(node.high, SUM, names)}", rank > RANGE)
-
-    def _call(self, function: str, node: ex.Call | ex.Draw, names: LocalNames) -> str:
-        signature = FUNCTIONS.get(function) if isinstance(node, ex.Call) else DISTRIBUTIONS.get(function)
-        relations = {option.name: option.relation for option in signature.options} if signature else {}
-        arguments = [self.text(argument, 0, names) for argument in node.arguments]
-        for name, value in node.named:
-            arguments.append(self._named(name, relations.get(name, "="), value, names))
-        return f"{function}({', '.join(arguments)})"
-
-    def _named(self, name: str, relation: str, value: ex.Expr, names: LocalNames) -> str:
+    def option(self, name: str, relation: str, value: ex.Expr, names: LocalNames) -> str:
+        """With its relation, which a plain number does without where it is `=`."""
         if relation == "=" and isinstance(value, ex.Number) and value.value >= 0:
             return f"{name} {self.text(value, 0, names)}"
         return f"{name} {relation} {self.text(value, RANGE, names)}"
 
-    def _unary(self, node: ex.Unary, rank: int, names: LocalNames) -> str:
-        operand = node.operand
-        if node.operator == "not":
-            plain = isinstance(operand, ex.Call | ex.Ref | ex.Attr | ex.Flag)
-            inner = self.text(operand, 0, names)
-            return _bracketed(f"not {inner if plain else f'({inner})'}", rank > RANKS["not"])
-        plain = isinstance(operand, ex.Call | ex.Ref | ex.Attr | ex.Index)
-        inner = self.text(operand, 0, names)
-        return f"-{inner}" if plain else f"-({inner})"
+    def unary(self, node: ex.Unary, names: LocalNames) -> str:
+        """With brackets around all but a name or a call."""
+        last = ex.Flag if node.operator == "not" else ex.Index
+        inner = self.text(node.operand, 0, names)
+        plain = isinstance(node.operand, ex.Call | ex.Ref | ex.Attr | last)
+        return f"{'not ' if node.operator == 'not' else '-'}{inner if plain else f'({inner})'}"
 
-    def _binary(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
-        """A chain of operators is walked down its left side, as it was built."""
-        own = RANKS[node.operator]
-        right = self._side(node, rank, names)
-        left = self.text(node.left, own, names)
-        return _bracketed(f"{left} {node.operator} {right}", rank > own)
-
-    def _side(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
+    def right(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
+        """A list of names as a set, and a quantifier at the end of a condition without brackets."""
         right = node.right
         words = isinstance(right, ex.Sequence) and all(isinstance(item, ex.Symbol | ex.Ref) for item in right.items)
         if node.operator == "in" and isinstance(right, ex.Sequence) and words and right.items:
-            return f"{{ {self._listed(right.items, names)} }}"
+            return f"{{ {self.listed(right.items, names)} }}"
         if isinstance(right, ex.Quantified) and rank == 0:
             return self.text(right, 0, names)
-        return self.text(right, RANKS[node.operator] + 1, names)
+        return super().right(node, rank, names)
 
-    def _quantified(self, node: ex.Quantified, rank: int, names: LocalNames) -> str:
-        body = self.text(node.body, 0, {**names, node.variable: node.domain})
-        return _bracketed(f"{node.quantifier} {node.variable} in {node.domain}: {body}", rank > 0)
-
-    def _aggregate(self, node: ex.Aggregate, _rank: int, names: LocalNames) -> str:
-        body = self.text(node.body, 0, {**names, node.variable: node.domain})
-        return f"{node.function}({body} for {node.variable} in {node.domain})"
+    def quantified(self, node: ex.Quantified, body: str) -> tuple[str, int]:
+        """With what it ranges over."""
+        return f"{node.quantifier} {node.variable} in {node.domain}: {body}", 0
 
 
-def _bracketed(text: str, needed: bool) -> str:
-    return f"({text})" if needed else text
+def _entity(node: ex.Expr, names: LocalNames) -> str:
+    """The group an expression picks a member of, or the empty string."""
+    base = node.base if isinstance(node, ex.Index) else node
+    return names.get(base.name, base.name) if isinstance(base, ex.Ref) else ""

@@ -14,11 +14,12 @@ import msgspec
 
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.printing.imports import Imports, find_imports
-from lingjing.dsl.printing.phrases import RANGE, SUM, LocalNames, Phrases, long_text, number_text, quoted
+from lingjing.dsl.printing.phrases import Phrases, long_text, number_text, quoted
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.appearance import MEASURES
+from lingjing.mission.expression_text import RANGE, SUM, LocalNames
 from lingjing.mission.units import BY_NAME
 
 _LOW = re.compile(r"(.+)_low(_[a-z0-9]+)?")
@@ -240,7 +241,7 @@ class Printer:
         """One observed channel, as `observes` lists it."""
         source = self.text(channel.source)
         if channel.fields != ("*",):
-            return ", ".join(f"{source}.{self.phrases.field(channel.source, name)}" for name in channel.fields)
+            return ", ".join(f"{source}.{self.phrases.field(channel.source, name, {})}" for name in channel.fields)
         return source if isinstance(channel.source, ex.Symbol) else f"{source}.*"
 
     def messages(self) -> Iterable[str]:

@@ -457,7 +457,7 @@ def _never(node: Composite, on: ConditionNeeds) -> Need | None:
     """That a condition is false by what is declared alone, if it is."""
     if on.whole_groups or truth(node, {}, on.declared) is not False:
         return None
-    from lingjing.mission.graph.spelling import spell  # only a faulty mission needs it
+    from lingjing.mission.expression_text import spell  # only a faulty mission needs it
 
     return Impossible(f"`{spell(node)}` never holds", on.at)
 

@@ -3,7 +3,7 @@
 Modules in the order a mission passes them:
 
 - `types`: `GraphNode`, `GraphEdge`, `MissionGraph`, and the closed lists of their kinds.
-- `spelling`, `guards`: conditions in the language's spelling; the modes a guarded declaration exists in.
+- `guards`: the modes a guarded declaration exists in.
 - `builder`: the graph while it is drawn up.
 - `needs`: the nodes a condition reads.
 - `entities`, `rules`, `limits`: the passes, one small function a kind of declaration. A new kind of declaration is a

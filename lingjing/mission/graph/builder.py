@@ -10,8 +10,8 @@ from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, number, whole
+from lingjing.mission.expression_text import spell
 from lingjing.mission.graph.guards import Presence, presence
-from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
 
 

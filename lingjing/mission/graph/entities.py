@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.expression_text import spell
 from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.guards import Presence, either
-from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.types import NodeKind
 from lingjing.mission.vocabulary import EVERYONE
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from lingjing.mission import expression as ex
 from lingjing.mission.certain import Knowledge, truth
-from lingjing.mission.graph.spelling import spell
+from lingjing.mission.expression_text import spell
 from lingjing.mission.model import Guard
 from lingjing.mission.values import Value
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from lingjing.mission import model
+from lingjing.mission.expression_text import spell
 from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.entities import groups_in
 from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.rules import SUCCESS
-from lingjing.mission.graph.spelling import spell
 
 
 def add_allowances(mission: model.Mission, draft: GraphBuilder) -> None:

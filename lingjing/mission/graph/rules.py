@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.expression_text import spell
 from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.entities import groups_in
 from lingjing.mission.graph.needs import DECIDED, needs
-from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.types import NodeKind
 
 SUCCESS, FAILURE = "success", "failure"
