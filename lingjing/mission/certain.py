@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import operations
+from lingjing.mission.evaluate import Scope
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import ANYTHING, Bounds, Estimate, both, either, exactly, greatest, least, total
@@ -60,17 +61,8 @@ def known(value: Value) -> Value:
     return exactly(value) if is_number(value) else value
 
 
-class _Exact:
-    """The world of operations whose operands are all exact."""
-
-    def place(self, value: Value) -> Place | None:
-        return value if isinstance(value, Place) else None
-
-    def note(self, name: str, number: float) -> None:
-        """Nothing is decided here."""
-
-    def fact(self, name: str, arguments: Sequence[Value]) -> Value:
-        raise MissionError(f"'{name}(…)' needs a running mission")
+_NO_SCOPE = Scope()
+"""The world of operations whose operands are all exact."""
 
 
 class _Certain:
@@ -117,7 +109,7 @@ class _Certain:
                     return done.bounds(*seen)
             if isinstance(node, ex.Call) and done.running:
                 return known(knowledge.answer(node, values))
-            return exact(done.value, _Exact(), values)
+            return exact(done.value, _NO_SCOPE, values)
 
         return applied
 

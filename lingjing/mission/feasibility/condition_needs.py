@@ -240,7 +240,7 @@ class _Needs:
             return lambda names, on: names.get(node.name)
         if node.kind in ("group", "entity"):
             return lambda names, on: _sole(on.outline.groups.get(node.name, ()), node.name)
-        return lambda names, on: _declared(node, on)
+        return lambda names, on: on.declared.name(node)
 
     def field(self, node: ex.Attr, base: Meaning) -> Meaning:
         return lambda names, on: _field(base(names, on), node.name)
@@ -285,13 +285,6 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         case ex.Call(function=name) if name in _CALLS:
             return lambda names, on: _CALLS[name](on, *[one(names, on) for one in operands])
     return lambda names, on: _computed(node, [one(names, on) for one in operands], on)
-
-
-def _declared(node: ex.Ref, on: ConditionNeeds) -> Value:
-    try:
-        return known(on.outline.scope.refer(node)) if node.name != "now" else None
-    except MissionError:
-        return None
 
 
 def _sole(members: tuple[Body, ...], name: str) -> Value:
