@@ -59,7 +59,7 @@ FINEST_M = 0.01
 """How far an outline with more corners may be moved at first, to have fewer; twice as far each time."""
 
 FEW_SIDES = 64
-"""Up to so many, an outline's edges are compared each with each, and the first crossing in their order is named."""
+"""Up to so many edges of an outline, the first crossing in their order is named; of more, one in the west."""
 
 
 def normalised(polygon: Sequence[Vector2]) -> Polygon:
@@ -230,22 +230,13 @@ def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
 
 
 def _crossing(outline: Polygon) -> tuple[int, int] | None:
-    sides = tuple(edges(outline))
-    if len(sides) > FEW_SIDES:
-        return _crossing_of_many(sides)
-    for i, (a, b) in enumerate(sides):
-        for j in range(i + 1, len(sides)):
-            c, d = sides[j]
-            if j == i + 1 or (i == 0 and j == len(sides) - 1):
-                if _folds_back(a, b, c, d):
-                    return i, j
-            elif _meet(a, b, c, d):
-                return i, j
-    return None
+    found = _crossings(tuple(edges(outline)))
+    return min(found, default=None) if len(outline) <= FEW_SIDES else next(found, None)
 
 
-def _crossing_of_many(sides: tuple[tuple[Vector2, Vector2], ...]) -> tuple[int, int] | None:
-    """Any crossing, from west to east: only edges whose shadows on the west-east axis overlap are compared."""
+def _crossings(sides: tuple[tuple[Vector2, Vector2], ...]) -> Iterator[tuple[int, int]]:
+    """The pairs of edges that meet, from west to east: only edges whose shadows on the west-east axis overlap are
+    compared."""
     last = len(sides) - 1
     order = sorted(range(len(sides)), key=lambda k: min(sides[k][0][0], sides[k][1][0]))
     active: list[int] = []
@@ -260,9 +251,8 @@ def _crossing_of_many(sides: tuple[tuple[Vector2, Vector2], ...]) -> tuple[int, 
             low, high = min(i, j), max(i, j)
             neighbours = high == low + 1 or (low == 0 and high == last)
             if _folds_back(*sides[low], *sides[high]) if neighbours else _meet(a, b, c, d):
-                return low, high
+                yield low, high
         active.append(j)
-    return None
 
 
 def _within(a: Vector2, b: Vector2, p: Vector2) -> bool:

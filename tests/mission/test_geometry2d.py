@@ -1,6 +1,7 @@
 """Plane geometry against shapely, an independent implementation."""
 
 import math
+from itertools import combinations
 
 import pytest
 import shapely
@@ -72,11 +73,17 @@ def test_circle_has_the_area_of_the_circle() -> None:
 
 
 @given(RING)
-def test_the_sweep_over_many_edges_agrees_with_comparing_all(ring: geometry2d.Polygon) -> None:
-    sides = tuple(geometry2d.edges(geometry2d.normalised(ring)))
+def test_the_sweep_over_edges_finds_what_comparing_all_finds(ring: geometry2d.Polygon) -> None:
+    outline = geometry2d.normalised(ring)
+    sides = tuple(geometry2d.edges(outline))
     assume(len(sides) >= 3)
-    swept = geometry2d._crossing_of_many(sides)
-    assert (swept is None) == (geometry2d._crossing(geometry2d.normalised(ring)) is None)
+    compared = [
+        (i, j)
+        for i, j in combinations(range(len(sides)), 2)
+        if (geometry2d._folds_back if j - i in (1, len(sides) - 1) else geometry2d._meet)(*sides[i], *sides[j])
+    ]
+    assert sorted(geometry2d._crossings(sides)) == compared
+    assert geometry2d._crossing(outline) == (compared[0] if compared else None)
 
 
 def test_buffers_of_buffers_keep_few_corners() -> None:
