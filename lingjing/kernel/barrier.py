@@ -33,6 +33,10 @@ POLICY_ERRORS = (Exception, asyncio.CancelledError, GeneratorExit)
 raises them as well, so they pass through it as they are."""
 
 
+class LateCallError(BaseException):
+    """The time of a call is over. No policy that catches `Exception` catches it."""
+
+
 class AgentThread:
     """One agent's thread and event loop; started lazily, replaced when it is stuck."""
 
@@ -43,7 +47,7 @@ class AgentThread:
     def submit(self, call: Callable[[], Awaitable[Any]]) -> concurrent.futures.Future[Any]:
         """Run `call()` on the agent's loop; the future belongs to the caller's thread."""
         loop = self._ready()  # first: an interrupt while the thread starts must not find a coroutine nobody awaits
-        return asyncio.run_coroutine_threadsafe(_await(call), loop)
+        return asyncio.run_coroutine_threadsafe(timed(call), loop)
 
     def abandon(self) -> None:
         """Stop waiting for this thread: its loop ends when its current call lets go of it."""
@@ -60,12 +64,12 @@ class AgentThread:
         return self._loop
 
 
-async def _await(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
+async def timed(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
     """What the call returned and the seconds that it took."""
     started = time.monotonic()
     try:
         return await call(), time.monotonic() - started
-    except POLICY_ERRORS:
+    except (*POLICY_ERRORS, LateCallError):
         raise
     except BaseException as error:  # a policy must not end the process it is a guest of
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error

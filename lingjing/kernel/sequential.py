@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.barrier import POLICY_ERRORS, PolicyAnswer, PolicyBarrier, failure
+from lingjing.kernel.barrier import POLICY_ERRORS, LateCallError, PolicyAnswer, PolicyBarrier, failure, timed
 from lingjing.plugins.calls import AbandonedCallError
 
 _AGAIN_S = 0.5
@@ -25,10 +25,6 @@ _AGAIN_S = 0.5
 
 _NOBODY = 0
 """The process that a loop belongs to which nobody uses again."""
-
-
-class _LateError(BaseException):
-    """The time of a call is over. No policy that catches `Exception` catches it."""
 
 
 class SequentialPolicies(PolicyBarrier):
@@ -45,8 +41,8 @@ class SequentialPolicies(PolicyBarrier):
         started = time.monotonic()
         try:
             with _alarm(self._limit_s):
-                value = self._loop().run_until_complete(_awaited(call))
-        except _LateError:
+                value, wall_s = self._loop().run_until_complete(timed(call))
+        except LateCallError:
             self._loops.append((_NOBODY, self._loops[-1][1]))  # the one that was interrupted is of no more use
             return self._late()
         except AbandonedCallError:  # what is replayed was given up here
@@ -55,7 +51,7 @@ class SequentialPolicies(PolicyBarrier):
             raise
         except POLICY_ERRORS as error:
             return failure(error, started)
-        return PolicyAnswer(value=value, wall_s=time.monotonic() - started)
+        return PolicyAnswer(value=value, wall_s=wall_s)
 
     def _loop(self) -> asyncio.AbstractEventLoop:
         """The loop of this process. Those of an original are never closed: their descriptors are shared with it."""
@@ -64,22 +60,13 @@ class SequentialPolicies(PolicyBarrier):
         return self._loops[-1][1]
 
 
-async def _awaited(call: Callable[[], Awaitable[Any]]) -> Any:
-    try:
-        return await call()
-    except (*POLICY_ERRORS, _LateError):
-        raise
-    except BaseException as error:  # a policy must not end the process it is a guest of
-        raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
-
-
 @contextmanager
 def _alarm(limit_s: float) -> Iterator[None]:
-    """Raise `_LateError` in the main thread when the time is over, and again: a callback's is only logged by its
+    """Raise `LateCallError` in the main thread when the time is over, and again: a callback's is only logged by its
     loop."""
 
     def late(number: int, frame: FrameType | None) -> None:
-        raise _LateError
+        raise LateCallError
 
     before = signal.signal(signal.SIGALRM, late)
     signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
