@@ -75,7 +75,6 @@ class FunctionOption(msgspec.Struct, frozen=True):
     name: str
     type: Type
     relation: Literal["=", ">=", "<="] = "="
-    required: bool = False
 
 
 class Operation(msgspec.Struct, frozen=True):

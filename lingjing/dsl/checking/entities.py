@@ -56,7 +56,7 @@ class EntityChecker(DeclarationChecker):
         self.settings.declare(node.name, DeclaredName(kind, Type(kind, of=node.name.text), span))
         if node.name.text not in self.scope.groups:
             most = None if node.index is None else self._most(node.index)
-            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, single, most)
+            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, most)
 
     def taints(self, node: s.EntityBlock) -> None:
         """Properties computed from hidden ones are hidden too; runs until nothing changes, over all entities."""

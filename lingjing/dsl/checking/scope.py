@@ -115,7 +115,6 @@ class GroupInfo(msgspec.Struct, frozen=True):
     role: str
     type: TypeDecl | None
     attributes: dict[str, PropertyType]
-    single: bool
     most: float | None = None
 
 

@@ -9,12 +9,11 @@ from lingjing.mission.feasibility.proof import spelled
 
 
 class TimeLimit(msgspec.Struct, frozen=True):
-    """Ticks and the seconds they last; `at` is the path of the budget, `owner` what it is the budget of."""
+    """Ticks and the seconds they last; `at` is the path of the budget."""
 
     ticks: float
     seconds: float
     at: str
-    owner: str
     words: str
 
 
@@ -34,4 +33,4 @@ def _limit(outline: Outline, ticks: float, at: str, owner: str) -> TimeLimit:
     seconds = ticks * tick_s
     plural = "tick" if ticks == 1 else "ticks"
     words = f"{owner} is {spelled(ticks)} {plural} of {spelled(tick_s)} s = {spelled(seconds)} s"
-    return TimeLimit(ticks, seconds, at, owner, words)
+    return TimeLimit(ticks, seconds, at, words)
