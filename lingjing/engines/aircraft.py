@@ -39,6 +39,9 @@ PERIOD_S = 0.02
 STEPS = round(PERIOD_S / STEP_S)
 """Integration steps in a control period."""
 
+_WATCHED_STEPS = 25
+"""Control periods for which it is known at once which aircraft can meet."""
+
 
 class FlightPhase(Enum):
     """What an aircraft is doing. In a descent it has no energy left and takes no commands."""
@@ -139,6 +142,11 @@ class Aircraft(ABC):
     def flying(self) -> bool:
         """Whether it is in the air and whole."""
         return self.phase in (FlightPhase.FLYING, FlightPhase.DESCENDING)
+
+    @property
+    def fastest_mps(self) -> float:
+        """What its speed does not exceed in the next seconds."""
+        return max(self.cruise_mps, math.hypot(*self.velocity)) + self.spurt_mps
 
     @property
     def progress(self) -> float:
@@ -242,6 +250,7 @@ class AircraftEngine(FleetEngine):
         self._neighbours = Neighbours(spec.instance)
         weather = self._schedule.weather(0.0)
         self._fleet = {one.id: self.aircraft(one, terrain, weather, city.origin, seed) for one in spec.owned()}
+        self._pairs: list[tuple[Aircraft, Aircraft]] = []
 
     def start(self, command: Command) -> None:
         """Begin a command, or `Refusal`: `unknown_resource`, `dead`, `battery` or `fuel`, and those of the aircraft."""
@@ -260,9 +269,8 @@ class AircraftEngine(FleetEngine):
         book = booked(mirrors)
         for aircraft in self._fleet.values():
             aircraft.load(book)
-            fastest = max(aircraft.cruise_mps, math.hypot(*aircraft.velocity)) + aircraft.spurt_mps
-            near = self._neighbours.near(aircraft.middle, fastest, aircraft.radius_m) if aircraft.flying else ()
-            aircraft.around = near
+            flying, radius = aircraft.flying, aircraft.radius_m
+            aircraft.around = self._neighbours.near(aircraft.middle, aircraft.fastest_mps, radius) if flying else ()
 
     def step(self) -> None:
         """One control period of every aircraft."""
@@ -272,7 +280,10 @@ class AircraftEngine(FleetEngine):
             notice = aircraft.step(weather, now)
             if notice is not None:
                 self._report(aircraft, notice)
-        self._collide()
+        if self.clock.done % _WATCHED_STEPS == 1:
+            self._pairs = self._meeting()
+        if self._pairs:
+            self._collide()
 
     def states(self) -> Iterable[BodyState]:
         """Every aircraft."""
@@ -282,19 +293,19 @@ class AircraftEngine(FleetEngine):
         """How much of each way is behind."""
         return {aircraft.id: aircraft.progress for aircraft in self._fleet.values()}
 
-    def close(self) -> None:
-        """Let go of the airframes."""
-        self._fleet = {}
+    def _meeting(self) -> list[tuple[Aircraft, Aircraft]]:
+        """The solid ones that may touch each other before this is asked again."""
+        solid = [one for one in self._fleet.values() if one.solid]
+        ahead_s = _WATCHED_STEPS * PERIOD_S
+        reaches = (math.hypot(one.radius_m, one.half_height_m) + ahead_s * one.fastest_mps for one in solid)
+        close = close_pairs([one.middle for one in solid], 2.0 * max(reaches, default=0.0))
+        return [(solid[first], solid[second]) for first, second in close]
 
     def _collide(self) -> None:
         """One in flight and one that it touches both crash; each is reported once."""
-        whole = [one for one in self._fleet.values() if one.solid and (one.alive or one.flying)]
-        if not any(one.flying for one in whole):
-            return
-        reach = 2.0 * max(math.hypot(one.radius_m, one.half_height_m) for one in whole)
-        for first, second in close_pairs([one.middle for one in whole], reach):
-            one, other = whole[first], whole[second]
-            if (one.flying or other.flying) and _touch(one, other):
+        whole = {one.id for pair in self._pairs for one in pair if one.alive or one.flying}
+        for one, other in self._pairs:
+            if one.id in whole and other.id in whole and (one.flying or other.flying) and _touch(one, other):
                 self._report(one, one.strike(other.id))
                 self._report(other, other.strike(one.id))
 

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from lingjing.engines.bodies import is_gone, mirror_size, shape_of, within
 from lingjing.mission.instance import Entity, Instance, Vector
-from lingjing.plugins.bodies import sunk_m
-from lingjing.scene.sizes import Size
+from lingjing.plugins.bodies import solid_size, sunk_m
+from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
 _LONGEST_S = 1.0
@@ -85,7 +85,9 @@ class Neighbours:
 
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
-        self._reaches: dict[tuple[str, str], float] = {}
+        sizes = (size for size in map(solid_size, instance.entities) if size is not None)
+        self._reach_m = max(max(size.length_m, size.width_m, size.height_m) for size in (*SIZES.values(), *sizes))
+        """No body reaches farther from its position."""
         self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
         self._states: tuple[BodyState, ...] = ()
         self._places: _Positions | None = None
@@ -104,19 +106,11 @@ class Neighbours:
         if self._places is None:  # once for the whole fleet: mirrors are many, flyers too
             self._places = np.array([state.position for state in self._states])
             rates = np.abs(np.array([state.velocity for state in self._states]))
-            self._ways = self._horizon_s * rates.sum(axis=1) + [self._reach_m(state) for state in self._states]
+            self._ways = self._horizon_s * rates.sum(axis=1) + self._reach_m
         away = np.abs(self._places - position).max(axis=1)
         close = np.flatnonzero(away < self._ways + (speed_mps * self._horizon_s + radius_m + 10.0))
         met = (self._neighbour(self._states[number]) for number in close.tolist())
         return tuple(neighbour for neighbour in met if neighbour is not None)
-
-    def _reach_m(self, state: BodyState) -> float:
-        """How far a mirror's body reaches from its position."""
-        key = (state.kind, "" if state.kind else state.id)
-        if key not in self._reaches:
-            size = mirror_size(state, self._entities.get(state.id))
-            self._reaches[key] = 0.0 if size is None else max(size.length_m, size.width_m, size.height_m)
-        return self._reaches[key]
 
     def _neighbour(self, state: BodyState) -> Neighbour | None:
         solid = solid_mirror(state, self._entities.get(state.id))

@@ -7,7 +7,7 @@ traffic. Nothing tells routing about it: it has to be seen. When the target is c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 
 from lingjing.engines.road.graph import Graph, RoadLane
@@ -99,14 +99,11 @@ class Congestion:
         """Whether a jam of that name has stood and stands no more."""
         return any(jam.id == name and not jam.blocking for jam in self.jams)
 
-    def states(self, ahead_s: float) -> Iterator[BodyState]:
-        """The vehicles of all queues, also of those that are driving off."""
+    def states(self, there: Container[str], ahead_s: float) -> Iterator[BodyState]:
+        """The vehicles of all queues that are `there`, also of those that are driving off."""
         everyone = dict(self._leaving)
         for jam in self.jams:
             everyone.update(jam.queue)
-        if not everyone:
-            return
-        there = set(self._sim.vehicle.getIDList())
         for name in [name for name in self._leaving if name not in there]:
             del self._leaving[name]
         for name, kind in everyone.items():

@@ -136,7 +136,9 @@ class RoadEngine(FleetEngine):
         """Background traffic, then the queues."""
         ahead, after = self.clock.remainder_s, self.clock.time_s - self._shown_s
         self._shown_s = self.clock.time_s
-        return [*self._traffic.states(ahead, after), *self._congestion.states(ahead)]
+        assert self._sim is not None
+        there = frozenset(self._sim.vehicle.getIDList())
+        return [*self._traffic.states(there, ahead, after), *self._congestion.states(there, ahead)]
 
     def progress(self) -> Mapping[str, float]:
         """By remaining length of the route, distance or speed."""

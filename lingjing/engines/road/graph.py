@@ -15,7 +15,7 @@ from functools import cached_property
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.geometry2d import Vector2
 from lingjing.scene.camera_geometry import turn_deg
-from lingjing.scene.lines import project
+from lingjing.scene.lines import LinePlace, project
 
 CAR = "passenger"
 _CELL_M = 50.0
@@ -69,7 +69,6 @@ class LanePoint:
     at_m: float
     off_m: float
     heading_deg: float
-    point: Vector2
 
 
 @dataclass(frozen=True)
@@ -87,8 +86,9 @@ class Graph:
 
     def places(self, x: float, y: float, within_m: float) -> tuple[LanePoint, ...]:
         """The nearest point of each lane within a distance, nearest first (ties in the network's order)."""
-        found = (locate(lane, x, y) for lane in self._lanes_near(x, y, within_m))
-        return tuple(sorted((place for place in found if place.off_m <= within_m), key=lambda place: place.off_m))
+        near = ((lane, project(lane.shape, x, y)) for lane in self._lanes_near(x, y, within_m))
+        found = (_on_lane(lane, place) for lane, place in near if place.off_m <= within_m)
+        return tuple(sorted(found, key=lambda place: place.off_m))
 
     def nearest(self, x: float, y: float, heading_deg: float | None = None, most_m: float = 2000.0) -> LanePoint | None:
         """The nearest lane point within `most_m`; with a heading, of the lanes beside it one that leads that way."""
@@ -158,11 +158,9 @@ def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
     return min(found), max(found)
 
 
-def locate(lane: RoadLane, x: float, y: float) -> LanePoint:
-    """The point of a lane that is nearest to (x, y)."""
-    place = project(lane.shape, x, y)
+def _on_lane(lane: RoadLane, place: LinePlace[Vector2]) -> LanePoint:
     at_m = min(place.at_m * lane.length_m / (place.length_m or 1.0), lane.length_m)
-    return LanePoint(lane, at_m, place.off_m, place.heading_deg, place.point)
+    return LanePoint(lane, at_m, place.off_m, place.heading_deg)
 
 
 def _drivable(sim: Simulation, lane: str) -> bool:

@@ -7,7 +7,7 @@ a queue stands are driven around where a way around exists.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Container, Iterator
 from dataclasses import dataclass
 
 from lingjing.engines.road.graph import Graph
@@ -107,9 +107,9 @@ class Traffic:
         for mover in self._movers if fresh else ():
             self._evade(mover, fresh)
 
-    def states(self, ahead_s: float, after_s: float) -> Iterator[BodyState]:
-        """Every background vehicle `ahead_s` after the last step, `after_s` after they were last asked for."""
-        there = set(self._sim.vehicle.getIDList()) if self._movers else set()
+    def states(self, there: Container[str], ahead_s: float, after_s: float) -> Iterator[BodyState]:
+        """Every background vehicle that is `there`, `ahead_s` after the last step, `after_s` after they were last asked
+        for."""
         for mover in self._movers:
             if mover.id in there:
                 length = SIZES[mover.kind].length_m

@@ -35,7 +35,6 @@ _EVENTS = msgspec.msgpack.Decoder(tuple[TaskEvent, ...])
 _ROUTES = msgspec.msgpack.Decoder(tuple[Route, ...])
 _PAIRS = msgspec.msgpack.Decoder(tuple[tuple[str, str], ...])
 _PLAIN_NUMBERS = {float}
-_SHAPE = [tuple, tuple, tuple, str, str]
 
 
 def checked_boundary(
@@ -131,17 +130,10 @@ def _check_ownership(engine: str, call: str, reported: Sequence[str], owns: Sequ
 
 
 def _checked_state(engine: str, call: str, state: BodyState) -> BodyState:
-    try:
-        numbers = _numbers(state)
-        plain = {*map(type, numbers)} == _PLAIN_NUMBERS and _is_shaped(state)
-    except TypeError:
-        plain = False
-    if not plain:
+    if not _are_plain((state,)):
         state = _plain(engine, call, _STATE, state)
-        numbers = _numbers(state)
-    # One test for all: a sum is finite only if every term is (no coordinate comes near the largest float).
-    if not math.isfinite(sum(numbers)):
-        raise broken(engine, call, f"entity `{state.id}` has a number that is not finite: {state}")
+        if not _are_plain((state,)):
+            raise broken(engine, call, f"entity `{state.id}` has a number that is not finite: {state}")
     return state
 
 
@@ -167,16 +159,26 @@ def _checked_states(engine: str, call: str, states: Sequence[BodyState]) -> tupl
 
 
 def _are_plain(states: Sequence[BodyState]) -> bool:
-    """Whether all are shaped as they should be, of Python's own floats, and finite: one sum over all of them."""
+    """Whether all are shaped as they should be, of Python's own floats, and finite: one sum over all of them, which is
+    finite only if every term is (no coordinate comes near the largest float)."""
     numbers: list[float] = []
     try:
         for state in states:
-            if type(state.id) is not str or not _is_shaped(state):
+            position, velocity = state.position, state.velocity
+            words = type(state.id) is type(state.status) is type(state.kind) is str
+            vectors = type(position) is type(velocity) is type(state.joints) is tuple
+            if not (words and vectors and len(position) == len(velocity) == 3):
                 return False
-            numbers += _numbers(state)
+            numbers += position
+            numbers += velocity
+            numbers += (state.heading_deg, state.pitch_deg, state.roll_deg)
+            if state.joints:
+                numbers += state.joints
+            if state.resources:
+                numbers += state.resources.values()
     except (TypeError, AttributeError):
         return False
-    return not states or (set(map(type, numbers)) == _PLAIN_NUMBERS and math.isfinite(sum(numbers)))
+    return not states or ({*map(type, numbers)} == _PLAIN_NUMBERS and math.isfinite(sum(numbers)))
 
 
 def _checked_routes(engine: str, call: str, given: Sequence[Route], owns: Sequence[str]) -> tuple[Route, ...]:
@@ -198,23 +200,6 @@ def _checked_pairs(
         if name not in entities:
             raise broken(engine, call, f"it says that `{name}` is out of reach, which is no entity")
     return pairs
-
-
-def _numbers(state: BodyState) -> tuple[float, ...]:
-    return (
-        *state.position,
-        *state.velocity,
-        state.heading_deg,
-        state.pitch_deg,
-        state.roll_deg,
-        *state.joints,
-        *state.resources.values(),
-    )
-
-
-def _is_shaped(state: BodyState) -> bool:
-    found = [type(state.position), type(state.velocity), type(state.joints), type(state.status), type(state.kind)]
-    return found == _SHAPE and len(state.position) == len(state.velocity) == 3
 
 
 def _plain(engine: str, call: str, decoder: msgspec.msgpack.Decoder[Any], value: object) -> Any:
