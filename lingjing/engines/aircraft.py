@@ -253,10 +253,8 @@ class AircraftEngine(FleetEngine):
         self._pairs: list[tuple[Aircraft, Aircraft]] = []
 
     def start(self, command: Command) -> None:
-        """Begin a command, or `Refusal`: `unknown_resource`, `dead`, `battery` or `fuel`, and those of the aircraft."""
-        aircraft = self._fleet.get(command.resource)
-        if aircraft is None:
-            raise Refusal("unknown_resource", f"`{command.resource}` is no aircraft of `{self.name}`")
+        """Begin a command, or `Refusal`: `dead`, `battery` or `fuel`, and those of the aircraft."""
+        aircraft = self._fleet[command.resource]
         if not aircraft.alive:
             if aircraft.empty:
                 raise Refusal(aircraft.energy, _exhausted(aircraft))

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
-from lingjing.plugins.requests import Requests
+from lingjing.plugins.requests import Refusal, Requests
 from lingjing.plugins.step_clock import StepClock
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
@@ -28,6 +28,7 @@ class FleetEngine(ABC):
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Build the fleet; READY(0)."""
         self.name = spec.engine
+        self._owns = frozenset(spec.owns)
         self.tick_s = spec.instance.clock.tick_s
         self.requests = Requests(spec.engine)
         self._events: list[TaskEvent] = []
@@ -40,7 +41,7 @@ class FleetEngine(ABC):
         """Admit or reject each command; admitted ones start at once."""
         how = self.requests
         return tuple(
-            (how.answer if command.verb in self.at_once else how.admit)(command, self.clock.time_s, self.start)
+            (how.answer if command.verb in self.at_once else how.admit)(command, self.clock.time_s, self._examine)
             for command in commands
         )
 
@@ -68,7 +69,7 @@ class FleetEngine(ABC):
 
     @abstractmethod
     def start(self, command: Command) -> None:
-        """Begin a command, or raise `Refusal`."""
+        """Begin a command to an owned entity, or raise `Refusal`."""
 
     @abstractmethod
     def step(self) -> None:
@@ -96,6 +97,11 @@ class FleetEngine(ABC):
     def publish(self, route: Route) -> None:
         """A route that was planned."""
         self._routes.append(route)
+
+    def _examine(self, command: Command) -> None:
+        if command.resource not in self._owns:
+            raise Refusal("unknown_resource", f"`{command.resource}` is none of `{self.name}`")
+        self.start(command)
 
     def _boundary(self) -> Boundary:
         events, self._events = tuple(self._events), []

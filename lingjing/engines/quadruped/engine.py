@@ -55,9 +55,7 @@ class QuadrupedEngine(FleetEngine):
 
     def start(self, command: Command) -> None:
         """Begin a command, or `Refusal`."""
-        dog = self._dogs.get(command.resource)
-        if dog is None:
-            raise Refusal("unknown_resource", f"`{command.resource}` is no robot dog of `{self.name}`")
+        dog = self._dogs[command.resource]
         if dog.row < 0 or self._model is None:
             raise Refusal("dormant", f"`{dog.id}` is not there yet")
         dog.start(command, self._senses[dog.row], self._model, self._ground)

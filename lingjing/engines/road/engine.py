@@ -23,7 +23,6 @@ from lingjing.mission.seeding import integer
 from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
-from lingjing.plugins.requests import Refusal
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import CLEARED, BodyState, Command
@@ -94,10 +93,7 @@ class RoadEngine(FleetEngine):
 
     def start(self, command: Command) -> None:
         """Begin a command, or refuse it."""
-        vehicle = self._vehicles.get(command.resource)
-        if vehicle is None:
-            raise Refusal("unknown_resource", f"`{command.resource}` is no vehicle of `{self.name}`")
-        self._planner.start(vehicle, command, self.clock.time_s)
+        self._planner.start(self._vehicles[command.resource], command, self.clock.time_s)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """Take the others' bodies, what they have loaded or unloaded, and which targets have been cleared."""

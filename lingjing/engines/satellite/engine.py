@@ -48,9 +48,7 @@ class SatelliteEngine(FleetEngine):
 
     def start(self, command: Command) -> None:
         """A picture is the camera's to take; one without a view is refused as `not_in_view`."""
-        watch = self._watches.get(command.resource)
-        if watch is None:
-            raise Refusal("unknown_resource", f"`{command.resource}` is no satellite of `{self.name}`")
+        watch = self._watches[command.resource]
         if command.verb != PHOTO:
             raise Refusal("unknown_verb", f"a satellite has no verb `{command.verb}`")
         now = self.clock.time_s

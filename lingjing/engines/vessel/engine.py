@@ -29,11 +29,8 @@ class VesselEngine(FleetEngine):
         self._boats = {entity.id: Boat(entity, terrain, self._schedule.weather(0.0)) for entity in spec.owned()}
 
     def start(self, command: Command) -> None:
-        """Begin a voyage, or `Refusal`: `unknown_resource`, `aground`, `unknown_verb`, `bad_argument`,
-        `unreachable`."""
-        boat = self._boats.get(command.resource)
-        if boat is None:
-            raise Refusal("unknown_resource", f"`{command.resource}` is no vessel of `{self.name}`")
+        """Begin a voyage, or `Refusal`: `aground`, `unknown_verb`, `bad_argument`, `unreachable`."""
+        boat = self._boats[command.resource]
         if boat.aground:
             raise Refusal(AGROUND, f"`{boat.id}` is aground")
         if command.verb == STOP:
