@@ -17,12 +17,12 @@ from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import City
 
 
-def _engine(folder: str, name: str, extra: str = "", package: str = "") -> Callable[[], Engine]:
+def _engine(module: str, name: str, extra: str = "", package: str = "") -> Callable[[], Engine]:
     """A factory that imports an engine when it is called; `package` is what the `extra` brings and it needs."""
 
     def make() -> Engine:
         with _extra(extra, package):
-            engine: Engine = getattr(import_module(f"lingjing.engines.{folder}.engine"), name)()
+            engine: Engine = getattr(import_module(f"lingjing.engines.{module}"), name)()
             return engine
 
     return make
@@ -71,51 +71,51 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
     return (
         EnginePlugin(
             name="multirotor",
-            factory=_engine("multirotor", "MultirotorEngine"),
+            factory=_engine("multirotor.drone", "MultirotorEngine"),
             native_dt_s=0.02,
             summary="Multirotors: JSBSim at 100 Hz under a 50 Hz position controller, with wind and battery.",
         ),
         EnginePlugin(
             name="plane",
-            factory=_engine("fixed_wing", "PlaneEngine"),
+            factory=_engine("fixed_wing.aeroplane", "PlaneEngine"),
             native_dt_s=0.02,
             summary="Fixed-wing aircraft: JSBSim at 100 Hz under an autopilot; straight there, then in a circle.",
         ),
         EnginePlugin(
             name="satellite",
-            factory=_engine("satellite", "SatelliteEngine"),
+            factory=_engine("satellite.engine", "SatelliteEngine"),
             native_dt_s=1.0,
             summary="Satellites: SGP4 from two-line elements, passes over the region, what is in view.",
         ),
         EnginePlugin(
             name="vessel",
-            factory=_engine("vessel", "VesselEngine"),
+            factory=_engine("vessel.engine", "VesselEngine"),
             native_dt_s=0.1,
             summary="Surface vessels: 3-DOF surge, sway and yaw at 10 Hz in waves, current and wind.",
         ),
         EnginePlugin(
             name="road",
-            factory=_engine("road", "RoadEngine", "road", "libsumo"),
+            factory=_engine("road.engine", "RoadEngine", "road", "libsumo"),
             native_dt_s=0.1,
             wanted=lambda instance: traffic(instance) > 0,
             summary="Road vehicles, background traffic and queues: SUMO at 10 Hz, braking for whoever crosses.",
         ),
         EnginePlugin(
             name="quadruped",
-            factory=_engine("quadruped", "QuadrupedEngine", "quadruped", "mujoco"),
+            factory=_engine("quadruped.engine", "QuadrupedEngine", "quadruped", "mujoco"),
             native_dt_s=0.02,
             summary="Robot dogs: Unitree Go2 on its legs in MuJoCo at 200 Hz under a 50 Hz walking policy.",
         ),
         EnginePlugin(
             name="city",
-            factory=_engine("city", "CityEngine"),
+            factory=_engine("city.engine", "CityEngine"),
             native_dt_s=0.1,
             wanted=lambda instance: instance.comms.range_m is not None,
             summary="Targets, what may be done to them, goods and queues; the reach of radio.",
         ),
         EnginePlugin(
             name="camera",
-            factory=_engine("camera", "CameraEngine"),
+            factory=_engine("camera.engine", "CameraEngine"),
             options="lingjing.engines.camera.options:CameraOptions",
             place="camera",
             sensor=True,

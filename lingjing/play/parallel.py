@@ -71,7 +71,7 @@ _PYTHON = [sys.executable, "-m", _CLI]
 PLAYED_WITH = (
     "lingjing.cli.run", "lingjing.cli.progress", "lingjing.play.episode", "lingjing.dsl.compilation",
     "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin", "lingjing.engines.camera.engine",
-    "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.engine", "lingjing.engines.multirotor.engine",
+    "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.aeroplane", "lingjing.engines.multirotor.drone",
     "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine", "lingjing.kernel.evaluation",
 )  # fmt: skip
 """What an episode imports, and nothing of policies."""

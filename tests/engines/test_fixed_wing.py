@@ -7,7 +7,7 @@ import pytest
 from pytest import approx
 
 from lingjing.engines.fixed_wing import guidance
-from lingjing.engines.fixed_wing.engine import PlaneEngine
+from lingjing.engines.fixed_wing.aeroplane import PlaneEngine
 from lingjing.mission.instance import Entity, EventSpec, VerbSpec, Weather
 from lingjing.scene.city import Building
 from lingjing.trace.records import BodyState

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.engines.multirotor.engine import MultirotorEngine
+from lingjing.engines.multirotor.drone import MultirotorEngine
 from lingjing.engines.multirotor.power import hover_power
 from lingjing.mission.instance import Entity, EventSpec, StateSpec, Weather
 from lingjing.scene.city import Building

@@ -1,6 +1,6 @@
 """Fixed-wing aircraft: JSBSim flies a light aeroplane, three loops fly JSBSim. The engine's name is `plane`.
 
-`engine` (a fleet of `lingjing.engines.aircraft`) → `aeroplane` (one aircraft) → `guidance` (a destination to a
+`aeroplane` (one aircraft, and the fleet of them by `lingjing.engines.aircraft`) → `guidance` (a destination to a
 course and a climb: straight there, then a circle around it) → `control` (course, climb and airspeed to stick and
 throttle, 50 Hz) → `airframe` (the library's Cessna 172 at 100 Hz).
 

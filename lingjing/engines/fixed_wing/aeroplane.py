@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
+from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, AircraftEngine, FlightNotice, FlightPhase
 from lingjing.engines.fixed_wing import guidance
 from lingjing.engines.fixed_wing.airframe import PlaneAirframe
 from lingjing.engines.fixed_wing.control import Autopilot
@@ -190,3 +190,9 @@ class Aeroplane(Aircraft):
         least = math.dist(self.position, goal) / FASTEST_MPS * CRUISE_FLOW * _LEAST_FLOW_SHARE
         if least > self._fuel_kg:
             raise Refusal("fuel", f"that needs at least {least:.1f} kg of fuel, {self._fuel_kg:.1f} kg are left")
+
+
+class PlaneEngine(AircraftEngine):
+    """The fleet of all fixed-wing aircraft of an episode."""
+
+    aircraft = Aeroplane

@@ -1,6 +1,6 @@
 """Multirotors: JSBSim flies the airframe, a cascaded controller flies JSBSim.
 
-`engine` (a fleet of `lingjing.engines.aircraft`) → `drone` (one vehicle) → `verbs` (command to destinations) →
+`drone` (one vehicle, and the fleet of them by `lingjing.engines.aircraft`) → `verbs` (command to destinations) →
 `control` (position to attitude and thrust, 50 Hz) → `airframe` (JSBSim, 100 Hz), with `power` (what flying costs the
 battery). `aircraft/` holds the airframe's model.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
+from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, AircraftEngine, FlightNotice, FlightPhase
 from lingjing.engines.battery import Battery
 from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
 from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
@@ -180,3 +180,9 @@ class Drone(Aircraft):
         if math.dist(self.position, self._goal) < _ARRIVED_M and math.hypot(*self.velocity) < _SLOW_MPS:
             return FlightNotice(DONE)
         return None
+
+
+class MultirotorEngine(AircraftEngine):
+    """The fleet of all multirotors of an episode."""
+
+    aircraft = Drone

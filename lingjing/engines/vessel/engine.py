@@ -67,10 +67,6 @@ class VesselEngine(FleetEngine):
         """How much of each way is behind."""
         return {boat.id: boat.progress for boat in self._boats.values()}
 
-    def close(self) -> None:
-        """Let go of the boats."""
-        self._boats = {}
-
     def _report(self, boat: Boat) -> None:
         now = self.clock.now_s
         if boat.aground:
