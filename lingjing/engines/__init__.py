@@ -14,7 +14,6 @@ Shared by them, from the contract inwards:
 
 - `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `step_clock`
 - `aircraft`     phases, falls, collisions and the engine of a fleet of aircraft; `battery` what walks and flies on
-- `stock`        goods on board, from the city's book
 - `bodies`, `neighbours`, `close_pairs`   sizes of mirrors, which of them are touched, who is close to whom
 - `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there
 

@@ -19,7 +19,6 @@ from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.gust import Gust
 from lingjing.engines.neighbours import Neighbour, Neighbours
 from lingjing.engines.sea import GRAVITY
-from lingjing.engines.stock import Accounts, booked
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import ARRIVED, COLLIDED
@@ -27,6 +26,7 @@ from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
+from lingjing.plugins.stock import Accounts, booked
 from lingjing.scene.blocks import Block
 from lingjing.scene.city import City
 from lingjing.scene.outlines import compass

@@ -9,6 +9,7 @@
 - `tasks`         what a mission asks for, for policies that may see its rules
 - `prompts`       the prompts of a policy, and how a better one is asked for; `frame_detector` what says whether a
   picture shows a target
+- `stock`         what is on board of an entity, of what a mission declares as `state`
 - `bodies`        measures of entities; `terrain` the ground and what stands on it; `roads` the public roads
 - `geometry`      camera rays and headings
 - `conformance`   tests for engines, policies, types, evaluators, scenes and files of kinds
@@ -19,5 +20,5 @@ Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 __all__ = [
     "bodies", "building", "calls", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet",
     "frame_detector", "geometry", "hookspecs", "host", "loading", "options", "policy", "prompts", "requests", "roads",
-    "step_clock", "tasks", "terrain",
+    "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

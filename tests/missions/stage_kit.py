@@ -20,7 +20,6 @@ import numpy as np
 from lingjing.analysis.relations import RelationTracker
 from lingjing.dsl.loading.load import load_mission
 from lingjing.engines import builtin
-from lingjing.engines.stock import Stock, booked
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world.inline import InlineWorld
@@ -30,6 +29,7 @@ from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.requests import Requests
+from lingjing.plugins.stock import Stock, booked
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Action,

@@ -18,10 +18,10 @@ from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
 from lingjing.engines.multirotor.power import RotorPower, hover_power
 from lingjing.engines.multirotor.verbs import Situation, plan
 from lingjing.engines.sea import GRAVITY
-from lingjing.engines.stock import Accounts, Stock
 from lingjing.mission.instance import Entity, Weather
 from lingjing.mission.vocabulary import BATTERY_EMPTY
 from lingjing.plugins.requests import STOP, Refusal
+from lingjing.plugins.stock import Accounts, Stock
 from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DEAD, GROUNDED, Command

@@ -17,10 +17,10 @@ from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
-from lingjing.engines.stock import Stock
 from lingjing.mission.instance import Entity, Vector
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DROWNED, FELL
 from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
 from lingjing.trace.records import DEAD, FALLEN, BodyState, Command
 

@@ -17,13 +17,13 @@ from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
 from lingjing.engines.quadruped.physics import MovingBox, Touch
 from lingjing.engines.quadruped.surroundings import DogSurroundings
-from lingjing.engines.stock import booked
 from lingjing.mission.instance import Vector
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
+from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain

@@ -15,7 +15,6 @@ from lingjing.engines.road.simulation import STEP_S, Simulation
 from lingjing.engines.road.traffic import Occupied, Traffic
 from lingjing.engines.road.vehicle import Vehicle
 from lingjing.engines.road.verbs import PLANNING, Planner
-from lingjing.engines.stock import booked
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
 from lingjing.mission.schedule import Schedule
@@ -23,6 +22,7 @@ from lingjing.mission.seeding import integer
 from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
+from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import CLEARED, BodyState, Command

@@ -24,8 +24,8 @@ from lingjing.engines.road.kinds import SPEED_MPS, declare, top_speed, vehicle_k
 from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
 from lingjing.engines.road.routing import Avoided, DrivingWay, onward
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
-from lingjing.engines.stock import Stock
 from lingjing.mission.instance import Entity
+from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState
 

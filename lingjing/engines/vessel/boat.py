@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from lingjing.engines import sea
-from lingjing.engines.stock import Stock
 from lingjing.engines.vessel import hull
 from lingjing.engines.vessel.steering import ARRIVED_M, Steering
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.requests import Refusal
+from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import AGROUND, BodyState

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from lingjing.engines.stock import booked
 from lingjing.engines.vessel.boat import Boat
 from lingjing.engines.vessel.hull import STEP_S
 from lingjing.mission.schedule import Schedule
@@ -12,6 +11,7 @@ from lingjing.mission.vocabulary import ARRIVED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import AGROUND, BodyState, Command

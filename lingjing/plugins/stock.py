@@ -20,6 +20,8 @@ def booked(mirrors: Iterable[BodyState]) -> Accounts:
     """The accounts that the mirrors carry; read once for all assets of an engine."""
     found: dict[str, list[float]] = {}
     for state in mirrors:
+        if not state.resources:
+            continue  # as of every background mover, and these are many
         for account, amount in state.resources.items():
             if "@" in account:
                 found.setdefault(account, []).append(amount)
@@ -31,11 +33,10 @@ class Stock:
 
     def __init__(self, entity: Entity) -> None:
         self._first = {one.field: value for one in entity.state if (value := entity.number(one.field)) is not None}
+        self.declared = tuple(one for one in entity.state if one.field in self._first)
+        """The states that are amounts, in the order of their declaration."""
         self._accounts = [
-            (one.field, f"{word}@{entity.id}")
-            for one in entity.state
-            if one.field in self._first
-            for word in dict.fromkeys((one.field, one.name))
+            (one.field, f"{word}@{entity.id}") for one in self.declared for word in dict.fromkeys((one.field, one.name))
         ]
         self.amounts: Mapping[str, float] = dict(self._first)
 
@@ -53,4 +54,4 @@ class Stock:
         return max(0.0, self.amounts.get("load_kg", 0.0))
 
 
-__all__ = ["Stock"]
+__all__ = ["Accounts", "Stock", "booked"]
