@@ -7,12 +7,12 @@ closely (`Terrain.solids_at`) is worth while. Made square by square where somebo
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
+from functools import lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.scene.terrain import Square, Terrain
+from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import TileKey
 
 CELL_M = 5.0
@@ -25,12 +25,12 @@ class Roofs:
     """The highest top in each cell of 5 m, elevations in metres, minus infinity where nothing stands."""
 
     def __init__(self, terrain: Terrain) -> None:
-        self._terrain = terrain
-        self._held: OrderedDict[TileKey, Array] = OrderedDict()
+        self._side_m = terrain.tile_m
+        self._heights = lru_cache(_KEPT_SQUARES)(partial(_drawn, terrain))
 
     def bound(self, x: Array, y: Array) -> Array:
         """For each place an elevation over which nothing that covers it reaches."""
-        side = self._terrain.tile_m
+        side = self._side_m
         columns, rows = np.floor(x / side).astype(np.int64), np.floor(y / side).astype(np.int64)
         found = np.empty(len(x))
         for column in np.unique(columns).tolist():
@@ -43,21 +43,14 @@ class Roofs:
                 found[here] = heights[east, north]
         return found
 
-    def _heights(self, key: TileKey) -> Array:
-        heights = self._held.get(key)
-        if heights is None:
-            heights = self._held[key] = _drawn(self._terrain.square(key), key, self._terrain.tile_m)
-            if len(self._held) > _KEPT_SQUARES:
-                self._held.popitem(last=False)
-        return heights
 
-
-def _drawn(square: Square, key: TileKey, side_m: float) -> Array:
+def _drawn(terrain: Terrain, key: TileKey) -> Array:
     """The tops of a square's blocks over the cells that their bounds touch."""
+    side_m = terrain.tile_m
     many = math.ceil(side_m / CELL_M)
     heights = np.full((many, many), -np.inf)
     west, south = key[0] * side_m, key[1] * side_m
-    for block in square.blocks:
+    for block in terrain.square(key).blocks:
         area = block.area
         if area.east < west or area.north < south or area.west > west + side_m or area.south > south + side_m:
             continue

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import lru_cache, partial
 from typing import Literal
 
 from lingjing.scene.blocks import Block, blocks
-from lingjing.scene.city import City
+from lingjing.scene.city import City, Water
 from lingjing.scene.outlines import BoundedPolygon, inside, touches
 from lingjing.scene.tiles import TileKey, Tiles
 
@@ -40,35 +40,17 @@ class Terrain:
         self._lands = tuple((BoundedPolygon.of(land.polygon), land.top_m) for land in city.lands)
         levels = [city.datum_m, *(top for _, top in self._lands), *(water.level_m for water in city.waters)]
         self._highest_ground_m = max(levels)
-        self._tiles = Tiles(city)
         self.tile_m = city.tile_m
-        self._squares: OrderedDict[TileKey, Square] = OrderedDict()
-        self._shores = [area.polygon for area, _ in (*self._waters, *self._lands)]
-        self._shores += [hole for _, water in self._waters for hole in water.holes]
-        self._water_cells: dict[TileKey, float | Literal["shore"] | None] = {}
+        self.square = lru_cache(_KEPT_SQUARES)(partial(_read_square, Tiles(city), city.tile_m))
+        """The square of a column and a row of `tile_m` side."""
+        self._water_cell = lru_cache(_KEPT_WATER_CELLS)(partial(_read_water, self._waters, self._lands))
 
     def water_level(self, x: float, y: float) -> float | None:
         """Still-water elevation at a point that is afloat, or None on dry land and off every water.
 
         A body at sea asks this many times a second. Where no outline crosses a cell, all of it is as its middle is."""
-        key = math.floor(x / _WATER_CELL_M), math.floor(y / _WATER_CELL_M)
-        cell = self._water_cells[key] if key in self._water_cells else self._read_water(key)
-        return self._water_level(x, y) if isinstance(cell, str) else cell
-
-    def _read_water(self, key: TileKey) -> float | Literal["shore"] | None:
-        half = _WATER_CELL_M / 2.0
-        x, y = key[0] * _WATER_CELL_M + half, key[1] * _WATER_CELL_M + half
-        shore = any(touches(one, x, y, half + _CLEAR_M) for one in self._shores)
-        if len(self._water_cells) >= _KEPT_WATER_CELLS:
-            self._water_cells.clear()
-        found = self._water_cells[key] = "shore" if shore else self._water_level(x, y)
-        return found
-
-    def _water_level(self, x: float, y: float) -> float | None:
-        level = max((water.level_m for area, water in self._waters if _wet(area, water.holes, x, y)), default=None)
-        if level is None or any(top > level and area.holds(x, y) for area, top in self._lands):
-            return None
-        return level
+        cell = self._water_cell(math.floor(x / _WATER_CELL_M), math.floor(y / _WATER_CELL_M))
+        return _water_level(self._waters, self._lands, x, y) if isinstance(cell, str) else cell
 
     def surface(self, x: float, y: float) -> float:
         """Elevation of the ground or the still water at a point; the datum where the map holds neither."""
@@ -102,22 +84,6 @@ class Terrain:
     def _square(self, x: float, y: float) -> Square:
         return self.square((math.floor(x / self.tile_m), math.floor(y / self.tile_m)))
 
-    def square(self, key: TileKey) -> Square:
-        """The square of a column and a row of `tile_m` side."""
-        square = self._squares.get(key)
-        if square is None:
-            square = self._squares[key] = self._read(key)
-            if len(self._squares) > _KEPT_SQUARES:
-                self._squares.popitem(last=False)
-        return square
-
-    def _read(self, key: TileKey) -> Square:
-        side = self.tile_m
-        west, south = key[0] * side, key[1] * side
-        reach = side * math.sqrt(0.5) + REACH_M  # the corners are that far from the middle
-        tiles = self._tiles.near(west + side / 2.0, south + side / 2.0, reach)
-        return Square((west, south, west + side, south + side), itertools.chain.from_iterable(map(blocks, tiles)))
-
 
 class Square:
     """The `blocks` that a body in one square can touch, by cells of 50 m. `highest_m` is the top of the highest."""
@@ -142,6 +108,35 @@ class Square:
     def near(self, x: float, y: float) -> tuple[Block, ...]:
         """The blocks within reach of a point of this square."""
         return self._cells.get((math.floor(x / _CELL_M), math.floor(y / _CELL_M)), ())
+
+
+def _read_square(tiles: Tiles, side: float, key: TileKey) -> Square:
+    west, south = key[0] * side, key[1] * side
+    reach = side * math.sqrt(0.5) + REACH_M  # the corners are that far from the middle
+    near = tiles.near(west + side / 2.0, south + side / 2.0, reach)
+    return Square((west, south, west + side, south + side), itertools.chain.from_iterable(map(blocks, near)))
+
+
+_Waters = Sequence[tuple[BoundedPolygon, Water]]
+_Lands = Sequence[tuple[BoundedPolygon, float]]
+
+
+def _read_water(waters: _Waters, lands: _Lands, column: int, row: int) -> float | Literal["shore"] | None:
+    """The still water of a whole cell; `shore` where an outline crosses it."""
+    half = _WATER_CELL_M / 2.0
+    x, y = column * _WATER_CELL_M + half, row * _WATER_CELL_M + half
+    shores = (area.polygon for area, _ in (*waters, *lands))
+    holes = (hole for _, water in waters for hole in water.holes)
+    if any(touches(one, x, y, half + _CLEAR_M) for one in itertools.chain(shores, holes)):
+        return "shore"
+    return _water_level(waters, lands, x, y)
+
+
+def _water_level(waters: _Waters, lands: _Lands, x: float, y: float) -> float | None:
+    level = max((water.level_m for area, water in waters if _wet(area, water.holes, x, y)), default=None)
+    if level is None or any(top > level and area.holds(x, y) for area, top in lands):
+        return None
+    return level
 
 
 def _cells(west: float, south: float, east: float, north: float) -> tuple[range, range]:

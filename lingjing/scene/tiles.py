@@ -11,8 +11,8 @@ of one city that are in use at a time share what was divided or read: an episode
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
 from math import floor, hypot
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -173,21 +173,14 @@ class _Folder:
     """The tiles of a folder, the most recently asked ones held."""
 
     def __init__(self, folder: str, keep: int) -> None:
-        self._folder, self._keep = folder, keep
         index = _decode(folder, INDEX_FILE, TileIndex)
         self.extents: Mapping[TileKey, Extent] = dict(zip(index.keys, index.extents, strict=True))
-        self._held: OrderedDict[TileKey, Tile] = OrderedDict()
+        self._read = lru_cache(keep)(partial(_read_tile, folder))
 
     def load(self, key: TileKey) -> Tile:
-        if key in self._held:
-            self._held.move_to_end(key)
-            return self._held[key]
         if key not in self.extents:
             raise KeyError(key)
-        tile = self._held[key] = _decode(self._folder, tile_file(key), Tile)
-        while len(self._held) > self._keep:
-            self._held.popitem(last=False)
-        return tile
+        return self._read(key)
 
 
 _memories: WeakValueDictionary[int, _Memory] = WeakValueDictionary()
@@ -207,6 +200,10 @@ def _source(city: City, keep: int) -> _Source:
     if memory is None:
         memory = _memories[id(city)] = _Memory(city)
     return memory
+
+
+def _read_tile(folder: str, key: TileKey) -> Tile:
+    return _decode(folder, tile_file(key), Tile)
 
 
 def _decode(folder: str, name: str, kind: type[_Read]) -> _Read:

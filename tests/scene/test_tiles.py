@@ -80,8 +80,7 @@ def test_few_tiles_are_held(tmp_path: Path) -> None:
     city = both(tmp_path)[1]
     tiles = Tiles(city, keep=3)
     assert len(tiles.near(0.0, 0.0, 5000.0)) == 64
-    held = tiles._source._held  # type: ignore[attr-defined]
-    assert len(held) == 3
+    assert tiles._source._read.cache_info().currsize == 3  # type: ignore[attr-defined]
     assert tiles.load(tiles.keys[-1]) is tiles.load(tiles.keys[-1])
     with pytest.raises(KeyError):
         tiles.load((99, 99))
@@ -190,7 +189,7 @@ def test_all_users_of_a_city_divide_and_read_it_once(tmp_path: Path) -> None:
     for city in (inline, stored):
         first, second = Tiles(city), Tiles(city)
         assert all(one is other for one, other in zip(first, second, strict=True))
-    assert len(Tiles(stored, keep=2)._source._held) == 0  # type: ignore[attr-defined]
+    assert Tiles(stored, keep=2)._source._read.cache_info().currsize == 0  # type: ignore[attr-defined]
 
 
 def test_cities_share_nothing_with_those_that_look_alike_or_have_gone(tmp_path: Path) -> None:

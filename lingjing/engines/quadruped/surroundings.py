@@ -7,12 +7,12 @@ that is not held, which is once in half a minute of walking at most.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 
-from lingjing.mission.geometry2d import Vector2
+from lingjing.mission.geometry2d import Extent, Vector2, bounds
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import City, Land, Tile
+from lingjing.scene.city import City, Land
 from lingjing.scene.shapes import Capsule, Hull, OrientedBox, Shape, prisms, shapes_of
 from lingjing.scene.tiles import TileKey, Tiles
 
@@ -27,7 +27,6 @@ _KEPT_TILES = 32
 _LEVEL_M = 1e-3
 
 CellIndex = tuple[int, int]
-PlanBounds = tuple[float, float, float, float]
 
 
 class DogSurroundings:
@@ -35,12 +34,10 @@ class DogSurroundings:
 
     def __init__(self, city: City) -> None:
         self.ground_m = city.datum_m
-        self._tiles = Tiles(city)
-        self._lands = tuple(
-            (land, _bounds(land.polygon)) for land in city.lands if land.top_m > city.datum_m + _LEVEL_M
-        )
-        self._made: OrderedDict[CellIndex, tuple[Shape, ...]] = OrderedDict()
-        self._cut: OrderedDict[TileKey, tuple[tuple[Shape, PlanBounds], ...]] = OrderedDict()
+        tiles = Tiles(city)
+        cut = lru_cache(_KEPT_TILES)(partial(_tile_shapes, tiles))  # once, although several cells look into a tile
+        lands = tuple((land, bounds(land.polygon)) for land in city.lands if land.top_m > city.datum_m + _LEVEL_M)
+        self._cell = lru_cache(_KEPT_CELLS)(partial(_cell_shapes, tiles, cut, lands, city.datum_m))
         self._held: frozenset[CellIndex] = frozenset()
 
     def suffices(self, points: Sequence[Vector2]) -> bool:
@@ -52,39 +49,37 @@ class DogSurroundings:
         wanted = sorted({cell for x, y, _ in points for cell in _cells_around((x, y), LOAD_M)})
         self._held = frozenset(wanted)
         low, high = min(point[2] for point in points) - REACH_M, max(point[2] for point in points) + REACH_M
-        shapes = OrderedDict.fromkeys(shape for cell in wanted for shape in self._cell(cell))
+        shapes = dict.fromkeys(shape for cell in wanted for shape in self._cell(cell))
         return tuple(part for shape in shapes if (part := _within(shape, low, high)) is not None)
 
-    def _cell(self, cell: CellIndex) -> tuple[Shape, ...]:
-        if cell not in self._made:
-            self._made[cell] = self._make(cell)
-            while len(self._made) > _KEPT_CELLS:
-                self._made.popitem(last=False)
-        self._made.move_to_end(cell)
-        return self._made[cell]
 
-    def _make(self, cell: CellIndex) -> tuple[Shape, ...]:
-        square = _square(cell)
-        centre = 0.5 * (square[0] + square[2]), 0.5 * (square[1] + square[3])
-        found: list[Shape] = []
-        for tile in self._tiles.near(*centre, CELL_M * math.sqrt(0.5)):
-            found += [shape for shape, extent in self._shapes(tile) if _meet(extent, square)]
-        for number, (land, span) in enumerate(self._lands):
-            if _meet(span, square):
-                found += _ground(f"land-{number}", land, square, self.ground_m)
-        return tuple(found)
-
-    def _shapes(self, tile: Tile) -> tuple[tuple[Shape, PlanBounds], ...]:
-        """A tile's shapes and what they cover: cut once, although several cells look into it."""
-        if tile.key not in self._cut:
-            self._cut[tile.key] = tuple((shape, _extent(shape)) for shape in shapes_of(tile))
-            while len(self._cut) > _KEPT_TILES:
-                self._cut.popitem(last=False)
-        self._cut.move_to_end(tile.key)
-        return self._cut[tile.key]
+_BoundedShapes = tuple[tuple[Shape, Extent], ...]
 
 
-def _ground(name: str, land: Land, square: PlanBounds, ground_m: float) -> list[Shape]:
+def _tile_shapes(tiles: Tiles, key: TileKey) -> _BoundedShapes:
+    """A tile's shapes and what they cover."""
+    return tuple((shape, _extent(shape)) for shape in shapes_of(tiles.load(key)))
+
+
+def _cell_shapes(
+    tiles: Tiles,
+    shapes_in: Callable[[TileKey], _BoundedShapes],
+    lands: Sequence[tuple[Land, Extent]],
+    ground_m: float,
+    cell: CellIndex,
+) -> tuple[Shape, ...]:
+    square = _square(cell)
+    centre = 0.5 * (square[0] + square[2]), 0.5 * (square[1] + square[3])
+    found: list[Shape] = []
+    for key in tiles.keys_near(*centre, CELL_M * math.sqrt(0.5)):
+        found += [shape for shape, extent in shapes_in(key) if _meet(extent, square)]
+    for number, (land, span) in enumerate(lands):
+        if _meet(span, square):
+            found += _ground(f"land-{number}", land, square, ground_m)
+    return tuple(found)
+
+
+def _ground(name: str, land: Land, square: Extent, ground_m: float) -> list[Shape]:
     """The part of a raised land in a cell: whole lands are kilometres wide, too wide for exact contacts."""
     import shapely
 
@@ -104,24 +99,24 @@ def _cells_around(point: Vector2, radius_m: float) -> list[CellIndex]:
     return [(column, row) for column in columns for row in rows]
 
 
-def _square(cell: CellIndex) -> PlanBounds:
+def _square(cell: CellIndex) -> Extent:
     column, row = cell
     return column * CELL_M, row * CELL_M, (column + 1) * CELL_M, (row + 1) * CELL_M
 
 
-def _meet(one: PlanBounds, other: PlanBounds) -> bool:
+def _meet(one: Extent, other: Extent) -> bool:
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 
-def _extent(shape: Shape) -> PlanBounds:
+def _extent(shape: Shape) -> Extent:
     if isinstance(shape, OrientedBox):
         x, y, _ = shape.centre
         reach = math.hypot(shape.half[0], shape.half[1])
         return x - reach, y - reach, x + reach, y + reach
     if isinstance(shape, Capsule):
-        west, south, east, north = _bounds([shape.start[:2], shape.end[:2]])
+        west, south, east, north = bounds([shape.start[:2], shape.end[:2]])
         return west - shape.radius_m, south - shape.radius_m, east + shape.radius_m, north + shape.radius_m
-    return _bounds([corner[:2] for corner in shape.corners])
+    return bounds([corner[:2] for corner in shape.corners])
 
 
 def _within(shape: Shape, low: float, high: float) -> Shape | None:
@@ -138,8 +133,3 @@ def _within(shape: Shape, low: float, high: float) -> Shape | None:
     corners = tuple((x, y, min(max(z, low), high)) for x, y, z in shape.corners)
     levels = [corner[2] for corner in corners]
     return Hull(shape.thing, corners) if max(levels) - min(levels) > _LEVEL_M else None
-
-
-def _bounds(points: Sequence[Vector2]) -> PlanBounds:
-    xs, ys = [point[0] for point in points], [point[1] for point in points]
-    return min(xs), min(ys), max(xs), max(ys)
