@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 
-from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.geometry2d import Polygon, signed_area
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Lane, PaintedArea, Pieces, Road
 from lingjing.scene.lines import lengths, section
@@ -89,8 +89,7 @@ def _ring(coordinates: Iterable[tuple[float, ...]]) -> Polygon:
     kept = tuple(point for before, point in pairwise(points) if point != before)
     if len(kept) < 3:
         return ()
-    twice = sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(kept, (*kept[1:], kept[0]), strict=True))
-    return kept if twice > 0.0 else kept[::-1]
+    return kept if signed_area(kept) > 0.0 else kept[::-1]
 
 
 def _from_within(outline: Polygon, column: int, row: int, side: float) -> Polygon:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lingjing.mission.geometry2d import Polygon, Vector2, edge_distance
+from lingjing.mission.geometry2d import Polygon, Vector2, bounds, edge_distance
 
 _ROUNDING = 1e-9
 
@@ -72,8 +72,7 @@ class BoundedPolygon:
     @classmethod
     def of(cls, polygon: Polygon) -> BoundedPolygon:
         """The area of a polygon."""
-        xs, ys = [point[0] for point in polygon], [point[1] for point in polygon]
-        return cls(polygon, min(xs), min(ys), max(xs), max(ys))
+        return cls(polygon, *bounds(polygon))
 
     def bounds_hold(self, x: float, y: float, margin_m: float = 0.0) -> bool:
         """Whether the point lies in the bounding box or within `margin_m` of it; if not, the area does not hold it."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from lingjing.mission.geometry2d import Extent, Polygon, Vector2
+from lingjing.mission.geometry2d import Extent, Polygon, Vector2, bounds, signed_area
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.tiles import Tiles
 
@@ -181,17 +181,12 @@ def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
 
 def _fills_its_box(shape: PlanShape) -> bool:
     west, south, east, north = _box(shape.points)
-    pairs = zip(shape.points, (*shape.points[1:], *shape.points[:1]), strict=True)
-    area = abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2.0
-    return not shape.holes and area >= 0.99 * (east - west) * (north - south) > 0.0
+    return not shape.holes and abs(signed_area(shape.points)) >= 0.99 * (east - west) * (north - south) > 0.0
 
 
 def _box(points: Sequence[Vector2]) -> Extent:
     """West, south, east, north; of no points one that is in every box."""
-    xs, ys = [x for x, _ in points], [y for _, y in points]
-    if not xs:
-        return math.inf, math.inf, -math.inf, -math.inf
-    return min(xs), min(ys), max(xs), max(ys)
+    return bounds(points) if points else (math.inf, math.inf, -math.inf, -math.inf)
 
 
 def _everywhere(city: City) -> Iterator[PlanShape]:

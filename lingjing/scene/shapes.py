@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from lingjing.mission.geometry2d import Polygon, Vector2, turn
+from lingjing.mission.geometry2d import Polygon, Vector2, signed_area, turn
 from lingjing.mission.instance import Vector
 from lingjing.scene.blocks import PIER_M, pier_places
 from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Prop, Slope, Solid
@@ -207,8 +207,7 @@ def _without_straights(outline: Sequence[Vector2]) -> tuple[Vector2, ...]:
         for n, point in enumerate(points)
         if abs(turn(points[n - 1], point, points[(n + 1) % len(points)])) > _TINY_M * _TINY_M
     ]
-    area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(kept, kept[1:] + kept[:1], strict=True))
-    return tuple(kept) if area > 0.0 else tuple(reversed(kept))
+    return tuple(kept) if signed_area(kept) > 0.0 else tuple(reversed(kept))
 
 
 def _as_box(thing: str, part: Sequence[Vector2], base_m: float, top_m: float) -> OrientedBox | None:

@@ -14,7 +14,7 @@ from typing import get_args
 import mapbox_earcut
 import numpy as np
 
-from lingjing.mission.geometry2d import Extent, Vector2
+from lingjing.mission.geometry2d import Extent, Vector2, bounds
 from lingjing.mission.instance import Instance, Vector
 from lingjing.scene.camera_geometry import mounted_camera_pose
 from lingjing.scene.city import City, Pieces
@@ -55,8 +55,7 @@ def surroundings(city: City, instance: Instance) -> Surroundings:
     """What a trace of this instance shows beside its records."""
     spots: list[Vector2] = [(e.position[0], e.position[1]) for e in instance.entities if e.position[2] < OVERHEAD_M]
     spots += [corner for region in instance.regions for corner in region.polygon]
-    xs, ys = [x for x, _ in spots] or [0.0], [y for _, y in spots] or [0.0]
-    return Surroundings(_meshes_around(city, (min(xs), min(ys), max(xs), max(ys))), mounted_camera_pose)
+    return Surroundings(_meshes_around(city, bounds(spots or [(0.0, 0.0)])), mounted_camera_pose)
 
 
 def shapes_around(city: City, played: Extent, most: int) -> tuple[tuple[PlanShape, ...], list[Layer]]:

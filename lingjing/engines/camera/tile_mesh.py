@@ -13,7 +13,7 @@ from lingjing.engines.camera.classes import CLASSES, prop_class
 from lingjing.engines.camera.mesh_rows import MeshPart, joined
 from lingjing.engines.camera.road_meshes import Middles, areas, junctions, lanes, middles_of, pavements
 from lingjing.engines.camera.structure_meshes import GroundBelow, bridge, pipe, slope, solid
-from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.geometry2d import Polygon, bounds
 from lingjing.scene.city import Junction, Pieces
 
 MATERIALS = ("wall", "plain", "road", "paving", "soil")
@@ -76,5 +76,5 @@ def _id(name: str, other: str) -> int:
 
 
 def _box(ring: Polygon, base: float, top: float) -> tuple[float, ...]:
-    xs, ys = [p[0] for p in ring], [p[1] for p in ring]
-    return min(xs), min(ys), base, max(xs), max(ys), top
+    west, south, east, north = bounds(ring)
+    return west, south, base, east, north, top

@@ -6,7 +6,7 @@ from math import cos, hypot, pi, radians, sin
 from random import Random
 
 from lingjing.mission.appearance import LinearRgb
-from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.geometry2d import Polygon, signed_area
 from lingjing.scene.city import Building, Slope
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, varied
@@ -175,8 +175,7 @@ def _quad(
     points = [
         (round(x + d * out[0] + a * along[0], 3), round(y + d * out[1] + a * along[1], 3)) for d, a in corners
     ]  # fmt: skip
-    twice = sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(points, (*points[1:], points[0]), strict=True))
-    return tuple(points if twice > 0 else points[::-1])
+    return tuple(points if signed_area(points) > 0.0 else points[::-1])
 
 
 def _dropped_kerb(draft: Draft, a: tuple[float, float], b: tuple[float, float]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from lingjing.mission import geometry2d
 from lingjing.mission.geometry2d import Polygon
 
 
@@ -85,5 +86,4 @@ def around(x: float, y: float, width: float, depth: float) -> Rect:
 
 def bounds(points: Polygon) -> Rect:
     """The bounding box."""
-    xs, ys = [x for x, _ in points], [y for _, y in points]
-    return Rect(min(xs), min(ys), max(xs), max(ys))
+    return Rect(*geometry2d.bounds(points))

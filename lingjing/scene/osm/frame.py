@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from lingjing.errors import UsageError
+from lingjing.mission import geometry2d
 from lingjing.mission.frames import from_geodetic
 from lingjing.scene.osm.read import DegreeBox, MapData, Way
 from lingjing.scene.osm.tags import VEHICLES
@@ -97,8 +98,7 @@ def frame_of(box: DegreeBox, because: str) -> MapFrame:
         )
     origin = (south + north) / 2.0, (west + east) / 2.0
     rim = [from_geodetic(lat, lon, origin) for lat in (south, origin[0], north) for lon in (west, origin[1], east)]
-    xs, ys = [x for x, _ in rim], [y for _, y in rim]
-    bounds = (min(xs), min(ys), max(xs), max(ys))
+    bounds = geometry2d.bounds(rim)
     wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
     if max(wide, high) > LARGEST_M:
         raise UsageError(
