@@ -126,7 +126,6 @@ class Projector:
         absent: Sequence[Absent] = (),
         task_events: Sequence[TaskEvent] = (),
         adjudicated: Sequence[AdjudicatedEvent] = (),
-        privileged: Privileged | None = None,
     ) -> Observation:
         """The agent's member of O_t: `task_events` are this boundary's, `adjudicated` those of the one before."""
         entities: dict[str, EntityView] = {}
@@ -149,7 +148,6 @@ class Projector:
             events=events,
             pictures=tuple(picture for picture in pictures if picture.entity in eyes),
             absent=tuple(item for item in absent if item.entity in eyes),
-            privileged=privileged,
             weather=self._schedule.weather(registry.time_s),
         )
 

@@ -103,24 +103,21 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def build_network(
-    nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], *, origin: tuple[float, float] = (31.0, 121.5),
-    crossings: bool = False,
-) -> Network:  # fmt: skip
+    nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], *, origin: tuple[float, float] = (31.0, 121.5)
+) -> Network:
     """The net of these streets, from the cache where it is known.
 
-    `crossings` lets netconvert add pedestrian crossings where sidewalks meet. Raises `UsageError` for streets that
-    make no net, `InfrastructureError` where netconvert is not installed or dies.
+    Raises `UsageError` for streets that make no net, `InfrastructureError` where netconvert is not installed or dies.
     """
     if not edges:
         raise UsageError("a road network without streets", hint="give at least one edge")
     node_file, edge_file = _node_xml(nodes), _edge_xml(nodes, edges)
-    options = [*_STREET_OPTIONS, *(("--crossings.guess",) if crossings else ())]
-    key = _digest("streets", repr(origin), node_file, edge_file, *options)
+    key = _digest("streets", repr(origin), node_file, edge_file, *_STREET_OPTIONS)
 
     def arguments(folder: Path) -> list[str]:
         (folder / "n.nod.xml").write_text(node_file, encoding="utf-8")
         (folder / "e.edg.xml").write_text(edge_file, encoding="utf-8")
-        return ["--node-files", str(folder / "n.nod.xml"), "--edge-files", str(folder / "e.edg.xml"), *options]
+        return ["--node-files", str(folder / "n.nod.xml"), "--edge-files", str(folder / "e.edg.xml"), *_STREET_OPTIONS]
 
     return _cached(key, origin, arguments, "the streets")
 

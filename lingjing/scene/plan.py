@@ -28,8 +28,8 @@ Layer = Literal["water", "land", "slab", "area", "path", "road", "solid", "bridg
 SLAB_M = 0.6
 """A solid no thicker than this is ground to stand on: a kerbed block, a deck."""
 
-SIDE_IN = 12.0
-"""The longer side of the picture that `draw_plan` writes, inches."""
+SIDE_IN, DPI = 12.0, 150
+"""The longer side of the picture that `draw_plan` writes, inches, and its pixels per inch."""
 
 _TREE_M = 4.0
 """Diameter of a drawn tree of scale 1."""
@@ -119,15 +119,15 @@ def is_sea(shapes: Sequence[PlanShape]) -> bool:
     return any(box[0] <= west and box[1] <= south and east <= box[2] and north <= box[3] for box in boxes)
 
 
-def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette, z_order: float = 0.0) -> None:
-    """Paint shapes within the limits of `axes`, whose aspect is equal, all below `z_order` + 1."""
+def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette) -> None:
+    """Paint shapes within the limits of `axes`, whose aspect is equal, all below the z-order 1."""
     from matplotlib.collections import LineCollection, PathCollection
 
     west, east = axes.get_xlim()
     points_per_m = axes.get_window_extent().width / axes.figure.dpi * 72.0 / (east - west)
     axes.set_facecolor(palette.layers.get("water", palette.ground) if is_sea(shapes) else palette.ground)
     for order, layer in enumerate(_LAYERS):
-        z = z_order + order / len(_LAYERS)
+        z = order / len(_LAYERS)
         edge = palette.edges.get(layer)
         filled = [(shape, colour) for shape in shapes if shape.layer == layer if (colour := palette.colour(shape))]
         fills = [(_outline(shape), colour) for shape, colour in filled if not shape.width_m and len(shape.points) > 2]
@@ -155,7 +155,7 @@ def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette, z_order: fl
             axes.add_collection(strokes, autolim=False)
 
 
-def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
+def draw_plan(city: City, path: Path) -> None:
     """Write the whole city as a picture with a scale; the file's suffix says which format (`.png`, `.svg`, `.pdf`)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -173,7 +173,7 @@ def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
     axes.plot([west + wide * 0.03, west + wide * 0.03 + bar], [south + high * 0.03] * 2, color="black", lw=3, zorder=20)
     axes.text(west + wide * 0.03, south + high * 0.038, f"{bar:g} m", fontsize=9, zorder=20)
     figure.text(0.01, 0.01, f"{city.id} · {city.attribution}", fontsize=8, parse_math=False)
-    figure.savefig(path, dpi=dpi, metadata={"Date": None} if path.suffix == ".svg" else None)
+    figure.savefig(path, dpi=DPI, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
 # -- private

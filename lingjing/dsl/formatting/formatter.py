@@ -44,9 +44,9 @@ class Formatted(msgspec.Struct, frozen=True):
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
-def format_text(text: str, *, path: str = "<string>") -> Formatted:
+def format_text(text: str) -> Formatted:
     """Format a text; see `format_source`."""
-    return format_source(SourceText(text, path))
+    return format_source(SourceText(text))
 
 
 def format_source(source: SourceText) -> Formatted:

@@ -158,15 +158,14 @@ def prism(
     return joined((sides, sheet([ring], top, colour, number, gloss=gloss)))
 
 
-def faces(corners: npt.ArrayLike, colour: LinearRgb, number: int, *, gloss: float = 0.0, at: npt.ArrayLike = 0.0,
-          style: Style = PLAIN) -> MeshPart:  # fmt: skip
+def faces(corners: npt.ArrayLike, colour: LinearRgb, number: int, *, gloss: float = 0.0) -> MeshPart:
     """Triangles (n, 3, 3) with face normals."""
     points = np.asarray(corners, np.float64).reshape(-1, 3, 3)
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     length = np.linalg.norm(normal, axis=1)
     some = length > 1e-9
     flat = np.repeat(normal[some] / length[some, None], 3, axis=0)
-    vertices = rows(points[some].reshape(-1, 3), flat, colour, number, gloss=gloss, at=at, style=style)
+    vertices = rows(points[some].reshape(-1, 3), flat, colour, number, gloss=gloss)
     return MeshPart(vertices, np.arange(len(vertices), dtype=np.uint32))
 
 

@@ -27,6 +27,8 @@ TALL_M, WIDE_M2 = 22.0, 2500.0
 TOWER_M = 45.0
 """From here on a building is seen for many kilometres."""
 MOST_BLOCKS = 5000
+CORNERS_MOST = 12
+"""Of a block's outline."""
 WATER = (0.045, 0.085, 0.09)
 
 
@@ -125,11 +127,11 @@ def _block(given: Building) -> MeshPart:
     return part
 
 
-def _thinned(ring: tuple[tuple[float, float], ...], most: int = 12) -> npt.NDArray[np.float64]:
+def _thinned(ring: tuple[tuple[float, float], ...]) -> npt.NDArray[np.float64]:
     points = oriented(ring)
-    if len(points) <= most:
+    if len(points) <= CORNERS_MOST:
         return points
-    return np.asarray(points[np.linspace(0, len(points), most, endpoint=False).astype(int)])
+    return np.asarray(points[np.linspace(0, len(points), CORNERS_MOST, endpoint=False).astype(int)])
 
 
 class _GroundRaster:

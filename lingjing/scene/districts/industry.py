@@ -63,7 +63,7 @@ def tank_farm(draft: Draft, cell: Rect, chance: Random) -> None:
         draft.pipes.append(Pipe(id=draft.name("pipe"), path=path, radius_m=0.3))
 
 
-def warehouse(draft: Draft, lot: Rect, heights: Heights, chance: Random, name: str = "") -> None:
+def warehouse(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     """A long warehouse with loading docks to the south and a yard where lorries stand."""
     draft.area(lot, "asphalt", KERB_M + 0.012)
     width = lot.width - chance.uniform(8.0, 20.0)
@@ -71,7 +71,7 @@ def warehouse(draft: Draft, lot: Rect, heights: Heights, chance: Random, name: s
     x = lot.centre[0]
     body = Rect(x - width / 2.0, lot.north - 8.0 - deep, x + width / 2.0, lot.north - 8.0)
     top = max(heights[0], min(heights[1], chance.uniform(9.0, 13.0)))
-    erect(draft, chance, body, use="warehouse", top_m=top, side="west", name=name)
+    erect(draft, chance, body, use="warehouse", top_m=top, side="west")
     dock = Rect(body.west + 6.0, body.south - 4.0, body.east - 6.0, body.south)
     draft.solid("dock", dock, 0.0, DOCK_M)
     for k in range(int(dock.width // 7.0)):

@@ -46,9 +46,9 @@ ORANGE: LinearRgb = (0.80, 0.24, 0.03)
 ORANGE_SHARE = 0.03
 
 
-def varied(colour: LinearRgb, chance: Random, by: float = 0.12) -> LinearRgb:
+def varied(colour: LinearRgb, chance: Random) -> LinearRgb:
     """The colour a little lighter or darker, to three digits."""
-    factor = chance.uniform(1.0 - by, 1.0 + by)
+    factor = chance.uniform(0.88, 1.12)
     red, green, blue = (round(min(0.78, channel * factor), 3) for channel in colour)
     return red, green, blue
 

@@ -56,10 +56,10 @@ class Rect(NamedTuple):
                 west, south = self.west + column * (width + gap), self.south + row * (depth + gap)
                 yield Rect(west, south, west + width, south + depth)
 
-    def meets(self, other: Rect, margin: float = 0.0) -> bool:
-        """Whether the two come nearer than `margin` metres along both axes."""
-        apart = self.west - other.east >= margin or other.west - self.east >= margin
-        return not (apart or self.south - other.north >= margin or other.south - self.north >= margin)
+    def meets(self, other: Rect) -> bool:
+        """Whether the two overlap."""
+        apart = self.west >= other.east or other.west >= self.east
+        return not (apart or self.south >= other.north or other.south >= self.north)
 
     def holds(self, x: float, y: float) -> bool:
         """Whether the point lies in the box or on its edge."""

@@ -64,26 +64,25 @@ class StreetGrid:
     half_m: float
 
 
-def grid(
-    half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (2, 1), main_every: int = 2
-) -> StreetGrid:
-    """The lines of a square that reaches `half_m` from the origin; `lanes` each way of main and other streets."""
+def grid(half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (2, 1)) -> StreetGrid:
+    """The lines of a square that reaches `half_m` from the origin; `lanes` each way of main and other streets, which
+    take turns."""
     return StreetGrid(
-        avenues=_lines(half_m, spacing[0], lanes, main_every, ("Avenue", "E", "W")),
-        streets=_lines(half_m, spacing[1], lanes, main_every, ("Street", "N", "S")),
+        avenues=_lines(half_m, spacing[0], lanes, ("Avenue", "E", "W")),
+        streets=_lines(half_m, spacing[1], lanes, ("Street", "N", "S")),
         half_m=half_m,
     )
 
 
 def _lines(
-    half_m: float, spacing: float, lanes: tuple[int, int], every: int, words: tuple[str, str, str]
+    half_m: float, spacing: float, lanes: tuple[int, int], words: tuple[str, str, str]
 ) -> tuple[StreetLine, ...]:
     many = int(half_m / spacing + 1e-6)
     word, plus, minus = words
     return tuple(
         StreetLine(
             at_m=k * spacing,
-            lanes=lanes[0] if k % every == 0 else lanes[1],
+            lanes=lanes[k % 2],
             name=f"{word} {plus if k > 0 else minus}{abs(k)}" if k else f"Central {word}",
         )
         for k in range(-many, many + 1)

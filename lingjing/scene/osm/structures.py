@@ -111,17 +111,17 @@ def middle(road: Road) -> tuple[tuple[Vector, ...], float]:
     return road.lanes[len(road.lanes) // 2].shape, width
 
 
-def raised(path: tuple[Vector, ...], above_m: float = DECK_M) -> list[tuple[Vector, ...]]:
-    """The stretches of a path that are higher than `above_m`, cut where it passes that height."""
+def raised(path: tuple[Vector, ...]) -> list[tuple[Vector, ...]]:
+    """The stretches of a path that are higher than `DECK_M`, cut where it passes that height."""
     found: list[list[Vector]] = []
     for a, b in pairwise(path):
         low, high = sorted((a[2], b[2]))
-        if high <= above_m:
+        if high <= DECK_M:
             continue
         start, end = a, b
-        if low < above_m:
-            crossing = _mix(a, b, (above_m - a[2]) / (b[2] - a[2]))
-            start, end = (crossing, b) if a[2] < above_m else (a, crossing)
+        if low < DECK_M:
+            crossing = _mix(a, b, (DECK_M - a[2]) / (b[2] - a[2]))
+            start, end = (crossing, b) if a[2] < DECK_M else (a, crossing)
         if found and found[-1][-1] == start:
             found[-1].append(end)
         else:

@@ -79,13 +79,13 @@ def pane(
     return flat(np.array([(p[0], p[1], p[2]), (p[0], p[2], p[3])]), colour, gloss)
 
 
-def wheel(x: float, y: float, radius: float, width: float, sides: int = 9) -> Mesh:
+def wheel(x: float, y: float, radius: float, width: float) -> Mesh:
     """A wheel that stands on z = 0, its axle across, with a grey hub."""
     out = x + (0.5 * width + 0.005) * (1.0 if x > 0 else -1.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 7)
     rim = [(out, y + 0.55 * radius * cos(a), radius + 0.55 * radius * sin(a)) for a in angle]
     hub = [((out, y, radius), rim[k], rim[k + 1]) for k in range(6)]
-    tyre = cylinder((x - width / 2, y, radius), (x + width / 2, y, radius), (radius, radius), BLACK, 0.05, sides=sides)
+    tyre = cylinder((x - width / 2, y, radius), (x + width / 2, y, radius), (radius, radius), BLACK, 0.05, sides=9)
     return merge(tyre, flat(np.array(hub), (0.34, 0.34, 0.36), 0.5))
 
 
