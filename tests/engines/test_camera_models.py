@@ -11,12 +11,10 @@ from lingjing.engines.camera.effects import (
     Site,
     changes_of,
     effects_of,
-    faced,
     prop_effects,
     site_of,
-    with_changes,
 )
-from lingjing.engines.camera.effects.town_changes import split
+from lingjing.engines.camera.effects.town_changes import faced, split, with_change
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.models import MODELS, ambient_parts, entity_model, entity_parts, look_of, prop_model
 from lingjing.engines.camera.models.catalogue import SINGLE, VARIED
@@ -254,17 +252,17 @@ def test_a_path_is_split_about_a_point() -> None:
     left, right = split(PATH, 120.0, 2.0, 8.0)
     assert left[0] == PATH[0] and right[-1] == PATH[-1]
     assert np.allclose(left[-1], (116.0, 0.0, 8.64)) and np.allclose(right[0], (124.0, 0.0, 8.96))
-    assert [len(part) for part in split(PATH, -5.0, 0.0, 8.0)] == [3]
+    assert [len(part) for part in split(PATH, -5.0, 0.0, 8.0)] == [0, 3]
 
 
 def test_a_fracture_cuts_the_bridge_and_its_lanes() -> None:
-    cut = with_changes(SPAN, [BREAK])
+    cut = with_change(SPAN, BREAK, (), site_of(BREAK, [SPAN], 0.0))
     assert [bridge.path[0][0] for bridge in cut.bridges] == pytest.approx([0.0, 124.0])
     spans = [road for road in cut.roads if road.bridge]
     assert len(spans) == 2 and spans[0].lanes[0].shape[-1][0] == pytest.approx(116.0)
     assert cut.roads[-1] == SPAN.roads[1], "a street under the bridge stays whole"
     far = thing("bridge_fracture", (120.0, 400.0, 0.0))
-    assert with_changes(SPAN, [far]) is SPAN
+    assert with_change(SPAN, far, (), site_of(far, [SPAN], 0.0)) is SPAN
 
 
 def test_a_fracture_cuts_the_railings_on_its_deck() -> None:
@@ -317,10 +315,10 @@ def test_the_reference_building_is_painted_and_named() -> None:
 
     tile = Tile(key=(0, 0), buildings=(house("near", 0.0), house("far", 30.0)))
     home = thing("reference_building", (5.0, -3.0, 0.0), properties={"colour": "red"})
-    changed = with_changes(tile, [home])
+    changed = with_change(tile, home, faced(tile.buildings, home), Site(0.0))
     assert changed.buildings[1] == tile.buildings[1] and changed.buildings[0].colour[0] > changed.buildings[0].colour[1]
-    assert list(faced(tile, [home])) == ["near"]
+    assert faced(tile.buildings, home) == ("near",)
     anchored = thing("reference_building", (5.0, -3.0, 0.0), properties={"colour": "red", "building": "far"})
-    assert list(faced(tile, [anchored])) == ["far"]
+    assert faced(tile.buildings, anchored) == ("far",)
     made = changes_of(lambda x, y, radius: (tile,), lambda x, y: 0.0, [BREAK, home])
     assert made.faced == {"near": 1} and set(made.tiles) == {(0, 0)} and set(made.sites) == {BREAK.id, home.id}

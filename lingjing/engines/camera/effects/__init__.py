@@ -36,9 +36,7 @@ from lingjing.engines.camera.effects.town_changes import (
     TownChanges,
     altered,
     changes_of,
-    faced,
     site_of,
-    with_changes,
 )
 
 __all__ = [
@@ -52,8 +50,6 @@ __all__ = [
     "altered",
     "changes_of",
     "effects_of",
-    "faced",
     "prop_effects",
     "site_of",
-    "with_changes",
 ]

@@ -6,7 +6,7 @@ the changed tiles, the buildings whose pixels are an entity's, and what each eff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import cos, inf, radians, sin
 from typing import TypeVar
@@ -39,7 +39,6 @@ BESIDE_M, OVER_M = 30.0, 6.0
 Path = tuple[Vector, ...]
 WorldBox = tuple[float, float, float, float, float, float]
 """West, south, low, east, north, high (m)."""
-P = TypeVar("P", bound=Pieces)
 T = TypeVar("T")
 
 
@@ -92,7 +91,7 @@ def changes_of(
         x, y, _ = entity.position
         tiles = near(x, y, TILES_M)
         made.sites[entity.id] = site_of(entity, tiles, ground(x, y))
-        chosen = faced(Pieces(buildings=tuple(b for tile in tiles for b in tile.buildings)), (entity,))
+        chosen = faced([building for tile in tiles for building in tile.buildings], entity)
         left_out = entity.id in without
         if not left_out:
             made.faced.update((building, number) for building in chosen)
@@ -102,7 +101,7 @@ def changes_of(
             if left_out:
                 after = _razed(before, chosen) if razed else before
             else:
-                after = with_changes(before, (entity,), chosen, made.sites)
+                after = with_change(before, entity, chosen, made.sites[entity.id])
             if after is not before:
                 made.tiles[tile.key] = after
     return made
@@ -147,7 +146,7 @@ def _outline(piece: Bridge | Road | Solid) -> Iterator[Vector]:
         yield from ((x, y, z) for x, y in piece.polygon for z in (piece.base_m, piece.top_m))
 
 
-def _razed(pieces: Pieces, gone: Mapping[str, Entity]) -> Pieces:
+def _razed(pieces: Pieces, gone: Collection[str]) -> Pieces:
     """The pieces without some buildings; the very same object if none of them is in it."""
     left = tuple(building for building in pieces.buildings if building.id not in gone)
     return pieces if len(left) == len(pieces.buildings) else msgspec.structs.replace(pieces, buildings=left)
@@ -176,45 +175,32 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     return Site(ground_m)
 
 
-def with_changes(
-    pieces: P,
-    entities: Sequence[Entity],
-    painted: Mapping[str, Entity] | None = None,
-    sites: Mapping[str, Site] | None = None,
-) -> P:
-    """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes.
-
-    Without `painted` and `sites` these are what the pieces themselves tell.
-    """
-    made = pieces
-    for entity in entities:
-        if look_of(entity) == "bridge_fracture" and not entity.dormant:
-            known = sites.get(entity.id) if sites is not None else None
-            made = _broken(made, entity, known or site_of(entity, [pieces], 0.0))
-    chosen = faced(pieces, entities) if painted is None else painted
-    here = {building.id for building in pieces.buildings}
-    named = {name: entity for name, entity in chosen.items() if name in here and _paint(entity) is not None}
-    if not named:
-        return made
-    buildings = tuple(_painted(building, named.get(building.id)) for building in pieces.buildings)
-    return msgspec.structs.replace(made, buildings=buildings)
+def with_change(pieces: Pieces, entity: Entity, painted: Collection[str], site: Site) -> Pieces:
+    """The pieces with the bridge broken, or the buildings `painted`, that an entity is; the very same object if none of
+    them is among them."""
+    if look_of(entity) == "bridge_fracture" and not entity.dormant:
+        pieces = _broken(pieces, entity, site)
+    given = entity.properties.get("colour")
+    colour = COLOURS.get(given) if isinstance(given, str) else None
+    if colour is None or not any(building.id in painted for building in pieces.buildings):
+        return pieces
+    buildings = tuple(
+        msgspec.structs.replace(building, colour=colour) if building.id in painted else building
+        for building in pieces.buildings
+    )
+    return msgspec.structs.replace(pieces, buildings=buildings)
 
 
-def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
-    """Building id → the reference building's entity: the one that it was anchored to, else the nearest of these."""
-    found: dict[str, Entity] = {}
-    for entity in entities:
-        if look_of(entity) != "reference_building":
-            continue
-        anchored = entity.properties.get("building")
-        if isinstance(anchored, str):
-            found.update((b.id, entity) for b in pieces.buildings if b.id == anchored)
-            continue
-        x, y, _ = entity.position
-        away, building = min(((area_distance(b.polygon, x, y), b.id) for b in pieces.buildings), default=(inf, ""))
-        if away <= NEAR_M:
-            found[building] = entity
-    return found
+def faced(buildings: Sequence[Building], entity: Entity) -> tuple[str, ...]:
+    """The building that an entity is: the one that it was anchored to, else the nearest of these."""
+    if look_of(entity) != "reference_building":
+        return ()
+    anchored = entity.properties.get("building")
+    if isinstance(anchored, str):
+        return tuple(building.id for building in buildings if building.id == anchored)
+    x, y, _ = entity.position
+    away, nearest = min(((area_distance(b.polygon, x, y), b.id) for b in buildings), default=(inf, ""))
+    return (nearest,) if away <= NEAR_M else ()
 
 
 def gap_of(entity: Entity) -> float:
@@ -223,12 +209,8 @@ def gap_of(entity: Entity) -> float:
     return max(2.0, float(given)) if isinstance(given, int | float) else GAP_M
 
 
-def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
-    """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
-    return tuple(part for part in _halves(path, x, y, gap_m) if part)
-
-
-def _halves(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, Path]:
+def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, Path]:
+    """What is left of a path on both sides of the `gap_m` of it about the point nearest to (x, y)."""
     at = project(path, x, y).at_m
     return section(path, 0.0, at - 0.5 * gap_m), section(path, at + 0.5 * gap_m, inf)
 
@@ -246,7 +228,7 @@ def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
     return best[1]
 
 
-def _broken(pieces: P, entity: Entity, site: Site) -> P:
+def _broken(pieces: Pieces, entity: Entity, site: Site) -> Pieces:
     """The pieces without what lay in the gap: deck, lanes, railings."""
     gap = gap_of(entity)
     bridges = tuple(part for bridge in pieces.bridges for part in _cut_bridge(bridge, entity, gap))
@@ -291,7 +273,7 @@ def _cut_bridge(bridge: Bridge, entity: Entity, gap: float) -> tuple[Bridge, ...
     x, y, _ = entity.position
     if project(bridge.path, x, y).off_m > NEAR_M:
         return (bridge,)
-    return tuple(msgspec.structs.replace(bridge, path=path) for path in split(bridge.path, x, y, gap))
+    return tuple(msgspec.structs.replace(bridge, path=path) for path in split(bridge.path, x, y, gap) if path)
 
 
 def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
@@ -300,20 +282,10 @@ def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
         return (road,)
     halves: tuple[list[Lane], list[Lane]] = ([], [])
     for lane in road.lanes:
-        for half, shape in zip(halves, _halves(lane.shape, x, y, gap), strict=True):
+        for half, shape in zip(halves, split(lane.shape, x, y, gap), strict=True):
             if shape:
                 half.append(msgspec.structs.replace(lane, shape=shape))
     return tuple(msgspec.structs.replace(road, lanes=tuple(half)) for half in halves if half)
-
-
-def _painted(building: Building, entity: Entity | None) -> Building:
-    paint = None if entity is None else _paint(entity)
-    return building if paint is None else msgspec.structs.replace(building, colour=paint)
-
-
-def _paint(entity: Entity) -> tuple[float, float, float] | None:
-    given = entity.properties.get("colour")
-    return COLOURS.get(given) if isinstance(given, str) else None
 
 
 def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, LinePlace[Vector]] | None:
@@ -323,4 +295,4 @@ def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, LineP
     return None if thing is None or place is None or place.off_m > NEAR_M else (thing, place)
 
 
-__all__ = ["Site", "TownChanges", "altered", "changes_of", "faced", "gap_of", "site_of", "split", "with_changes"]
+__all__ = ["Site", "TownChanges", "altered", "changes_of", "faced", "gap_of", "site_of", "split", "with_change"]
