@@ -20,10 +20,10 @@ from lingjing.kernel.constraints import ConstraintMonitor
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Binding, Registry, Report
-from lingjing.kernel.rules import bindings, holds, identity, rule_moves, settles_at_once
+from lingjing.kernel.rules import RUNNING, bindings, holds, identity, rule_moves, settles_at_once
 from lingjing.kernel.stages import Stages
 from lingjing.mission.expression import Call, Expr, parts
-from lingjing.mission.fold import Meaning
+from lingjing.mission.fold import Meanings
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
 from lingjing.mission.values import Area
@@ -53,7 +53,7 @@ class Adjudicator:
         self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
         self._settled = tuple(rule for rule in ordered if rule not in self._moving)
         self._areas = {region.name: Area(region.polygon) for region in instance.regions}
-        self._meanings: dict[int, tuple[Expr, Meaning]] = {}
+        self._meanings = Meanings(RUNNING)
         self._latest: RuntimeContext | None = None
         self._at_once = frozenset(rule.name for rule in ordered if settles_at_once(rule, self._rules, self.kinds))
 

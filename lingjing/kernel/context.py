@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 
 from lingjing.kernel.assignments import point
 from lingjing.kernel.registry import Binding, Registry, Report
-from lingjing.mission.expression import Expr
-from lingjing.mission.fold import Meaning
+from lingjing.mission.fold import Meanings
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.model import Rule
 from lingjing.mission.values import Area, Place, Value
@@ -22,8 +21,8 @@ Locals = Mapping[str, Entity | Report]
 class RuntimeContext:
     """The evaluation context of a running mission at `time_s`; an `EvaluationContext` of `lingjing.mission.values`.
 
-    `facts` are the functions that only a running mission answers. `meanings` holds what the mission's expressions mean,
-    each worked out at its first use; the contexts of one mission share it. `evidence` collects the numbers of the
+    `facts` are the functions that only a running mission answers. `meanings` holds what the mission's expressions mean;
+    the contexts of one mission share it. `evidence` collects the numbers of the
     latest evaluation.
     """
 
@@ -36,7 +35,7 @@ class RuntimeContext:
     kinds: frozenset[str]
     areas: Mapping[str, Area]
     facts: Mapping[str, Callable[..., Value]]
-    meanings: dict[int, tuple[Expr, Meaning]]
+    meanings: Meanings
     evidence: dict[str, float] = field(default_factory=dict)
 
     @property

@@ -51,10 +51,7 @@ def identity(value: Entity | Report) -> str:
 def evaluate(expr: Expr, scope: Locals, at: RuntimeContext) -> Value:
     """The value of `expr` at an instant with `scope` bound. Raises `LingjingError` only for what the checker should
     never have let through."""
-    known = at.meanings.get(id(expr))
-    if known is None:
-        known = at.meanings[id(expr)] = expr, meaning(expr, RUNNING)
-    return known[1](scope, at)
+    return at.meanings.of(expr)(scope, at)
 
 
 def holds(condition: Expr, scope: Locals, at: RuntimeContext) -> bool:
