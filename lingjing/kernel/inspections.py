@@ -16,8 +16,7 @@ from lingjing.kernel.assignments import point
 from lingjing.kernel.progress import EpisodeProgress, Inspected
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.instance import InspectionSpec, Instance
-from lingjing.trace.records import BodyState, Command, Route, Snapshot
-from lingjing.trace.request_ids import request_id
+from lingjing.trace.records import BodyState, Route, Snapshot
 
 PLAN = "route"
 """Verb of the kernel-origin command that asks the asset's engine for a route to a place (`x`, `y`)."""
@@ -104,19 +103,3 @@ def _seen(
             break
     complete = time_s if len(seen) == len(route.waypoints) else None
     return replace(known, seen=frozenset(seen), complete_s=complete)
-
-
-def commands_of(wanted: Iterable[RouteRequest], tick: int, sender: str, first: int) -> tuple[Command, ...]:
-    """Kernel-origin commands that ask for routes; their ids go on from `first`."""
-    return tuple(
-        Command(
-            id=request_id("kernel command", tick, number),
-            tick=tick,
-            sender=sender,
-            resource=asset,
-            verb=verb,
-            arguments={"x": place[0], "y": place[1]},
-            origin="kernel",
-        )
-        for number, (asset, verb, place) in enumerate(wanted, first)
-    )

@@ -26,7 +26,7 @@ from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
-from lingjing.kernel.inspections import Inspections, commands_of
+from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
 from lingjing.kernel.reference_pictures import ReferencePictures
@@ -37,7 +37,7 @@ from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.supported import check_playable
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Datum, Instance
 from lingjing.mission.vocabulary import PHOTO, UNLOCK
 from lingjing.plugins.evaluator import Evaluation, Evaluator
 from lingjing.plugins.policy import Brief, Inbox, Observation, Privileged
@@ -202,20 +202,23 @@ class Kernel:
 
     def _own_commands(self, tick: int, reports: Sequence[Report]) -> tuple[Command, ...]:
         """Kernel-origin commands: the interactions that the last boundary allowed, the routes that are asked for."""
-        unlocks = tuple(
-            [
-                Command(
-                    id=request_id("kernel command", tick, number),
-                    tick=tick,
-                    sender=KERNEL,
-                    resource=entity,
-                    verb=f"{UNLOCK}{interaction}",
-                    origin=KERNEL,
-                )
-                for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
-            ]
+        wanted: list[tuple[str, str, dict[str, Datum]]] = [
+            (entity, f"{UNLOCK}{interaction}", {}) for interaction, entity in self.state.unlocks
+        ]
+        for asset, verb, (east, north) in self._inspections.wanted(tick, reports):
+            wanted.append((asset, verb, {"x": east, "y": north}))
+        return tuple(
+            Command(
+                id=request_id("kernel command", tick, number),
+                tick=tick,
+                sender=KERNEL,
+                resource=resource,
+                verb=verb,
+                arguments=arguments,
+                origin=KERNEL,
+            )
+            for number, (resource, verb, arguments) in enumerate(wanted, 1)
         )
-        return unlocks + commands_of(self._inspections.wanted(tick, reports), tick, KERNEL, len(unlocks) + 1)
 
     def _commit(self, boundary: WorldBoundary, inputs: _Inputs) -> Published:
         before = self.state.registry
