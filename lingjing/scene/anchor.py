@@ -197,15 +197,14 @@ class _Anchoring:
         """The place on a lane nearest to an entity, in its region, that keeps its distance from vehicles."""
         x, y, _ = entity.position
         wanted = _kept_inside(line, project(line, x, y).at_m)
-        for step in range(int(line_length(line) / ALONG_M) + 1):
-            for at in (wanted + ALONG_M * step, wanted - ALONG_M * step) if step else (wanted,):
-                if at != _kept_inside(line, at):
-                    continue
-                (px, py, _), _ = point_at(line, at)
-                if not _in_region(entity, px, py):
-                    continue
-                if all(hypot(px - vx, py - vy) >= _apart(vx - px, vy - py, line, at) for vx, vy in vehicles):
-                    return at
+        for at in _outwards(line, wanted):
+            if at != _kept_inside(line, at):
+                continue
+            (px, py, _), _ = point_at(line, at)
+            if not _in_region(entity, px, py):
+                continue
+            if all(hypot(px - vx, py - vy) >= _apart(vx - px, vy - py, line, at) for vx, vy in vehicles):
+                return at
         return None
 
     # -- buildings
@@ -393,11 +392,15 @@ def _nearest_in_region(entity: Entity, line: tuple[Vector, ...]) -> float | None
     """How far along a line the place nearest to an entity lies that is in its region; None if there is none."""
     x, y, _ = entity.position
     wanted, total = project(line, x, y).at_m, line_length(line)
-    for step in range(int(total / ALONG_M) + 1):
-        for at in (wanted + ALONG_M * step, wanted - ALONG_M * step) if step else (wanted,):
-            if 0.0 <= at <= total and _in_region(entity, *point_at(line, at)[0][:2]):
-                return at
-    return None
+    inside = (at for at in _outwards(line, wanted) if 0.0 <= at <= total)
+    return next((at for at in inside if _in_region(entity, *point_at(line, at)[0][:2])), None)
+
+
+def _outwards(line: tuple[Vector, ...], wanted: float) -> Iterator[float]:
+    """Places along a line from the wanted one on, ever farther to both sides."""
+    yield wanted
+    for step in range(1, int(line_length(line) / ALONG_M) + 1):
+        yield from (wanted + ALONG_M * step, wanted - ALONG_M * step)
 
 
 def _with_building(entity: Entity, building: Building) -> Entity:
