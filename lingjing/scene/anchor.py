@@ -25,7 +25,7 @@ from lingjing.mission.geometry2d import area_distance, contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.instance_entities import GROUND_REACH_M
 from lingjing.mission.kinds import engine_kind, spoken
-from lingjing.scene.camera_geometry import turn_deg
+from lingjing.scene.camera_geometry import offset_xy, turn_deg
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import line_length, point_at, project
@@ -270,11 +270,12 @@ class _Anchoring:
         for _, _, building in found:
             if building.entrance is None:
                 continue
-            ex, ey, bearing = building.entrance
-            out = round(ex + 0.3 * sin(radians(bearing)), 3), round(ey + 0.3 * cos(radians(bearing)), 3)
+            door, bearing = building.entrance, building.entrance[2]
+            east, north = offset_xy(door, bearing, 0.3)
+            out = round(east, 3), round(north, 3)
             if not _in_region(entity, *out):
                 continue
-            before = ex + 3.0 * sin(radians(bearing)), ey + 3.0 * cos(radians(bearing))
+            before = offset_xy(door, bearing, 3.0)
             if self._footing.is_clear(*before, BODY_CLEAR_M):
                 self._facades.add(building.id)
                 height = self._footing.height(*before)

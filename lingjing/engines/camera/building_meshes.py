@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from math import atan2, cos, radians, sin
+from math import atan2, cos, sin
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,7 @@ from lingjing.engines.camera.mesh_rows import (
     walls,
 )
 from lingjing.mission.appearance import LinearRgb
+from lingjing.scene.camera_geometry import heading_vector
 from lingjing.scene.city import Building
 
 
@@ -210,7 +211,7 @@ def _entrance(given: Building, number: int) -> MeshPart:
     """A door with a canopy on the wall."""
     assert given.entrance is not None
     x, y, bearing = given.entrance
-    out, right = _bearing(bearing), _bearing(bearing + 90.0)
+    out, right = np.array(heading_vector(bearing)), np.array(heading_vector(bearing + 90.0))
     at = np.array([x, y])
     wide = 1.1 if given.use in ("house", "residential") else 2.0
     glass: LinearRgb = (0.03, 0.045, 0.055)
@@ -222,10 +223,6 @@ def _entrance(given: Building, number: int) -> MeshPart:
         prism(oriented(door), base, base + 2.5, glass, number, gloss=0.6),
         prism(oriented(roof), base + 2.8, base + 3.0, _mixed(given.colour, (0.2, 0.2, 0.2), 0.5), number),
     ))  # fmt: skip
-
-
-def _bearing(degrees: float) -> Floats:
-    return np.array([sin(radians(degrees)), cos(radians(degrees))])
 
 
 def _mixed(a: LinearRgb, b: LinearRgb, share: float) -> LinearRgb:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, radians, sin
+from math import cos, hypot, pi, sin
 from random import Random
 
 from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.geometry2d import Polygon, signed_area
+from lingjing.scene.camera_geometry import heading_vector
 from lingjing.scene.city import Building, Slope
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, varied
@@ -70,7 +71,7 @@ def erect(
 def doorstep(draft: Draft, entrance: tuple[float, float, float], chance: Random) -> None:
     """Two steps up to a door and, half the time, a ramp beside them."""
     x, y, bearing = entrance
-    out, along = _unit(bearing), _unit(bearing + 90.0)
+    out, along = heading_vector(bearing), heading_vector(bearing + 90.0)
     for step in (0, 1):
         near, far = 0.0, 1.1 - 0.4 * step
         outline = _quad(x, y, out, along, (near, far), (-1.4, 1.4))
@@ -156,10 +157,6 @@ def _entrance(box: Rect, side: str) -> tuple[float, float, float]:
     x, y = box.centre
     place = {"south": (x, box.south), "north": (x, box.north), "east": (box.east, y), "west": (box.west, y)}[side]
     return round(place[0], 3), round(place[1], 3), SIDES[side]
-
-
-def _unit(bearing: float) -> tuple[float, float]:
-    return sin(radians(bearing)), cos(radians(bearing))
 
 
 def _along(point: tuple[float, float], x: float, y: float, along: tuple[float, float]) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import cos, inf, radians, sin
+from math import inf
 from typing import TypeVar
 
 import msgspec
@@ -19,6 +19,7 @@ from lingjing.engines.camera.models.places import KERB_M
 from lingjing.mission.appearance import COLOURS
 from lingjing.mission.geometry2d import Polygon, area_distance
 from lingjing.mission.instance import Entity, Vector
+from lingjing.scene.camera_geometry import heading_vector
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Road, Solid, Tile
 from lingjing.scene.lines import LinePlace, between, project, section
 
@@ -244,7 +245,7 @@ def _cut_solid(solid: Solid, entity: Entity, site: Site, gap: float) -> tuple[So
     if site.deck_m is None or site.heading_deg is None or not site.deck_m - 0.3 <= solid.base_m <= site.deck_m + 3.0:
         return (solid,)
     x, y, _ = entity.position
-    east, north = sin(radians(site.heading_deg)), cos(radians(site.heading_deg))
+    east, north = heading_vector(site.heading_deg)
     along = [(px - x) * east + (py - y) * north for px, py in solid.polygon]
     aside = [abs((px - x) * north - (py - y) * east) for px, py in solid.polygon]
     if max(along) <= -0.5 * gap or min(along) >= 0.5 * gap or min(aside) > 0.5 * site.width_m + 1.0:
