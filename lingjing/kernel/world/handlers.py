@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 from lingjing.kernel.world.cosimulation import CoSimulation
 from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
@@ -36,59 +35,49 @@ ReplyWithDescriptors = tuple[WorkerMessage, tuple[int, ...]]
 """A reply and the descriptors that go with it; who yields it closes them after it was sent."""
 
 
-class RequestHandler(Protocol):
-    """A worker's trade."""
-
-    def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
-        """The replies to one request; raises what the engines raise."""
-        ...
-
-    def close(self) -> tuple[str, ...]:
-        """Close all engines; returns what went wrong."""
-        ...
-
-
-class _Engines:
-    """The engine objects of the present episode."""
+class RequestHandler:
+    """A worker's trade, and the engine objects of the present episode."""
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         self._find_host = find_host
         self._host: PluginHost | None = None
-        self._progress = progress
-        self.by_name: dict[str, Engine] = {}
+        self._enter = progress.enter
+        self._engines: dict[str, Engine] = {}
         self._taken: dict[tuple[str, ...], dict[str, str]] = {}
 
-    @property
-    def taken(self) -> dict[str, str]:
-        """What this process runs with these engines: read once, what they load is loaded for good."""
-        names = tuple(self.by_name)
-        if names not in self._taken:
-            self._taken[names] = taken()
-        return self._taken[names]
+    def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
+        """The replies to one request; raises what the engines raise."""
+        raise NotImplementedError
 
-    def prepare(self, names: tuple[str, ...]) -> Ready:
-        """Close the old ones and create the new."""
+    def close(self) -> tuple[str, ...]:
+        """Close all engines; returns what went wrong."""
+        engines, self._engines = self._engines, {}
+        return close_engines(engines, self._enter)
+
+    def _renewed(self, names: tuple[str, ...]) -> Ready:
+        """Close the old engines and create the new."""
         problems = self.close()
         if self._host is None:
             self._host = self._find_host()
-        self.by_name = start_engines(self._host, names, self._progress.enter)
+        self._engines = start_engines(self._host, names, self._enter)
         return Ready(problems=problems)
 
-    def close(self) -> tuple[str, ...]:
-        """Close all; returns what went wrong."""
-        engines, self.by_name = self.by_name, {}
-        return close_engines(engines, self._progress.enter)
+    def _is_reset(self) -> Ready:
+        """Says what this process runs with these engines: read once, what they load is loaded for good."""
+        names = tuple(self._engines)
+        if names not in self._taken:
+            self._taken[names] = taken()
+        return Ready(taken=self._taken[names])
 
 
-class WorldHandler:
+class WorldHandler(RequestHandler):
     """Motion engines: whole ticks when they are all here, single macro-steps when the caller hosts some too.
 
     Each episode gets fresh engine objects, so that nothing carries over but what was imported.
     """
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
-        self._engines = _Engines(find_host, progress)
-        self._enter = progress.enter
+        super().__init__(find_host, progress)
         self._engine_group: EngineGroup | None = None
         self._cosimulation: CoSimulation | None = None
 
@@ -96,22 +85,16 @@ class WorldHandler:
         """One reply to each request."""
         yield self._reply(request), ()
 
-    def close(self) -> tuple[str, ...]:
-        """Close all engines."""
-        return self._engines.close()
-
     def _reply(self, request: Request) -> WorkerMessage:
         match request:
             case Prepare():
                 gc.unfreeze()
                 self._engine_group = self._cosimulation = None
-                return self._engines.prepare(request.engines)
+                return self._renewed(request.engines)
             case Reset():
-                self._engine_group = EngineGroup(
-                    request.instance, unpacked(request.city), self._engines.by_name, self._enter
-                )
+                self._engine_group = EngineGroup(request.instance, unpacked(request.city), self._engines, self._enter)
                 self._cosimulation = CoSimulation(request.instance, (self._engine_group,)) if request.coupled else None
-                return Ready(taken=self._engines.taken)
+                return self._is_reset()
             case Begin() if self._engine_group is not None:
                 ready = self._begin(self._engine_group)
                 # What the episode is played on stays until its end: collections need not walk through a whole city
@@ -132,15 +115,14 @@ class WorldHandler:
         return Stepped(boundary=self._cosimulation.reset())
 
 
-class CameraHandler:
+class CameraHandler(RequestHandler):
     """The sensor engine: pictures are drawn, encoded and handed over one by one, each as soon as it is there.
 
     One engine object stays from episode to episode with its graphics context: a picture depends on nothing before it.
     """
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
-        self._engines = _Engines(find_host, progress)
-        self._enter = progress.enter
+        super().__init__(find_host, progress)
         self._sensor: Sensor | None = None
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
@@ -150,22 +132,18 @@ class CameraHandler:
                 yield self._prepare(request), ()
             case Reset() if self._sensor is not None:
                 self._sensor.reset(request.instance, unpacked(request.city))
-                yield Ready(taken=self._engines.taken), ()
+                yield self._is_reset(), ()
             case Capture() if self._sensor is not None:
                 yield from self._capture(self._sensor, request)
             case _:
                 raise RuntimeError(f"{type(request).__name__} came out of turn to the camera process")
 
-    def close(self) -> tuple[str, ...]:
-        """Close the sensor engine."""
-        return self._engines.close()
-
     def _prepare(self, request: Prepare) -> WorkerMessage:
         (name,) = request.engines
-        if name in self._engines.by_name:
+        if name in self._engines:
             return Ready()
-        ready = self._engines.prepare(request.engines)
-        self._sensor = Sensor(name, self._engines.by_name[name], self._enter)
+        ready = self._renewed(request.engines)
+        self._sensor = Sensor(name, self._engines[name], self._enter)
         return ready
 
     def _capture(self, sensor: Sensor, request: Capture) -> Iterator[ReplyWithDescriptors]:
