@@ -4,7 +4,6 @@ waves, never washed ashore."""
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 from lingjing.engines import sea
 from lingjing.mission.instance import Entity, Vector, Weather
@@ -21,51 +20,36 @@ _WANDER = 0.25
 _WANDER_TIME_S = 30.0
 
 
-class TargetBody(Protocol):
-    """A target's whereabouts."""
-
-    def blow(self, weather: Weather) -> None:
-        """The weather from now on."""
-        ...
-
-    def step(self) -> None:
-        """Move by `STEP_S`."""
-        ...
-
-    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
-        """Position and velocity at `time_s`, `remainder_s` after the last step."""
-        ...
-
-
 def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> TargetBody:
     """A body adrift for what drifts or stands on water, else one that stays where it is (on a bridge, say)."""
     x, y, _ = entity.position
     floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
     level = terrain.water_level(x, y) if floating else None
-    return FixedBody(entity.position) if level is None else DriftingBody(entity, terrain, level, weather, seed)
+    return TargetBody(entity.position) if level is None else DriftingBody(entity, terrain, level, weather, seed)
 
 
-class FixedBody:
-    """A target that does not move by itself."""
+class TargetBody:
+    """A target's whereabouts; of one that does not move by itself, as long as nothing more is said."""
 
     def __init__(self, position: Vector) -> None:
         self._position = position
 
     def blow(self, weather: Weather) -> None:
-        """Nothing moves it."""
+        """The weather from now on."""
 
     def step(self) -> None:
-        """It stays."""
+        """Move by `STEP_S`."""
 
     def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
-        """Where it was put."""
+        """Position and velocity at `time_s`, `remainder_s` after the last step."""
         return self._position, (0.0, 0.0, 0.0)
 
 
-class DriftingBody:
+class DriftingBody(TargetBody):
     """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
 
     def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:
+        super().__init__(entity.position)
         self._speed = entity.number_or("drift_mps", 0.0)
         self._terrain = terrain
         self._level = level_m
@@ -73,7 +57,6 @@ class DriftingBody:
         self._kick = _WANDER * self._speed * math.sqrt(1.0 - self._keep**2)
         self._stream = Stream(seed, f"city/{entity.id}/drift")
         self._wander = (0.0, 0.0)
-        self._position = entity.position[:2]
         self._velocity = (0.0, 0.0)
         self.blow(weather)
 
@@ -93,7 +76,7 @@ class DriftingBody:
         for candidate in (velocity, (velocity[0], 0.0), (0.0, velocity[1])):
             x, y = self._position[0] + STEP_S * candidate[0], self._position[1] + STEP_S * candidate[1]
             if self._terrain.water_level(x, y) is not None:
-                self._position, self._velocity = (x, y), candidate
+                self._position, self._velocity = (x, y, self._level), candidate
                 return
         self._velocity = (0.0, 0.0)
 
