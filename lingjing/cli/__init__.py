@@ -1,7 +1,8 @@
-"""The command line: one module a verb, each with `add_parser(subparsers)` and `handler(args) -> int`.
+"""The command line: one module a verb, each with `add_options(parser)` and `handler(args) -> int`.
 
 `main` picks the verb and imports its module alone, `parser` reads the arguments, `process` is the command's own process
-(streams, signals, exit codes), `files` reads missions and writes texts, `console` draws.
+(streams, signals, exit codes), `files` reads missions and writes texts, `console` draws. A verb with actions declares a
+handler for each of them.
 
 - `validate`, `compile`, `fmt`, `explain`, `lsp`   a text: its errors, its graph, its layout, what a code means
 - `graph`, `docs` ← `missionpage`                  a mission as a picture, as a page

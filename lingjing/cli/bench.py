@@ -30,11 +30,8 @@ KINDS = (
 FORMATS = ("markdown", "latex", "csv", "html")
 
 
-def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
-    """Declare the verb and what it can do; a word that is none of its actions is a suite to play."""
-    parser = subparsers.add_parser(
-        "bench", help="play a suite of many episodes; make tables of it", description=__doc__
-    )
+def add_options(parser: ArgumentParser) -> None:
+    """Declare what the verb can do; a word that is none of its actions is a suite to play."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     parser.implied_word = "play"
     _add_play(actions.add_parser("play", help="play a suite (the word `play` may be left out)", description=__doc__))
@@ -59,7 +56,6 @@ def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
     add_plant(actions.add_parser("plant", help="make episodes with known faults", description=plant_faults.__doc__))
     listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
-    parser.set_defaults(handler=handler)
 
 
 def _add_results(parser: ArgumentParser) -> None:
@@ -89,15 +85,9 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument("--keep", action="store_true", help="keep every trace (those of models are kept anyway)")
     play.add_argument("--other-code", action="store_true", help="go on in a folder whose rows other code has played")
     play.add_argument("--check", action="store_true", help="check the suite, say what it would play, and stop")
-    play.set_defaults(handler=_play)
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Run the action (each has a handler of its own)."""
-    return int(args.handler(args))
-
-
-def _play(args: argparse.Namespace) -> int:
     """Play what is missing, keep rows and tables in the folder, print the suite's tables."""
     from lingjing.bench.attribution import is_attribution_suite
     from lingjing.bench.folder import open_results

@@ -15,18 +15,14 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.reader import read_trace
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "blame", help="find what lost an episode by branches of it", description=__doc__,
-        epilog="exit codes: 0 the search was made, whatever it found; 2 it cannot be; 3 an engine failed",
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.epilog = "exit codes: 0 the search was made, whatever it found; 2 it cannot be; 3 an engine failed"
     parser.add_argument("trace", metavar="TRACE", help="the trace.mcap of an episode that ended by itself")
     parser.add_argument("--branches", metavar="N", default="120", help="how many branches at most (default 120)")
     parser.add_argument("--placebos", metavar="N", default="8", help="how many of them are placebos (default 8)")
     parser.add_argument("--seed", metavar="N", default="0", help="of permutations and placebos (default 0)")
     add_branch_options(parser)
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

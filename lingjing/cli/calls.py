@@ -19,11 +19,8 @@ _COLUMNS = ("tick", "agent", "call", "pictures", "attempts", "tokens in", "out",
 _SHOWN = 60
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "calls", help="list and read what an episode's policies asked chat models", description=__doc__
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("trace", metavar="TRACE", help="a trace, its folder, or the record beside it")
     parser.add_argument("--agent", metavar="NAME", help="this agent's alone")
     parser.add_argument("--tick", metavar="N", type=int, help="those of this boundary alone")

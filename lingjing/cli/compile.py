@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from lingjing.mission.model import Mission
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("compile", help="write the typed mission graph as JSON", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
     parser.add_argument("--emit", choices=("mission", "reset-scenario", "ljs"), default="mission", help="what to write")
@@ -25,7 +24,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     drawn.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     drawn.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
     drawn.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

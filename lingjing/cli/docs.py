@@ -10,9 +10,8 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.model import Mission
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("docs", help="write a page that says what a mission is", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("file", metavar="MISSION", help="a .ljs or .json file, or a shipped mission; - reads input")
     parser.add_argument(
         "--trace", metavar="TRACE", nargs="+", default=[],
@@ -23,7 +22,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "-o", "--output", metavar="OUT",
         help="where to write: a file (default: standard output), or with --trace or --results a folder",
     )  # fmt: skip
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -7,11 +7,9 @@ import argparse
 from lingjing.errors import ExitCode, UsageError
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("explain", help="say what an error code means", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as LJ0101; without one all are listed")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -10,9 +10,8 @@ from lingjing.cli.process import say
 from lingjing.errors import ExitCode
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("film", help="make a film of an episode", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("trace", metavar="TRACE", help="a trace.mcap or trace.mcap.part")
     parser.add_argument(
         "-o", "--output", metavar="FILE", default="episode.mp4", help="an .mp4 or .gif (default episode.mp4)"
@@ -20,7 +19,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--truth", action="store_true", help="show hidden targets, true boxes and the whole explanation"
     )
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

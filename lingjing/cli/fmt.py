@@ -13,15 +13,13 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.terminal import write_data, write_styled
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("fmt", help="lay mission files out the one way", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument(
         "files", metavar="FILE", nargs="+", help="a .ljs file, a folder of them, or - for standard input to output"
     )
     parser.add_argument("--check", action="store_true", help="write nothing; end with 1 if a file would change")
     parser.add_argument("--diff", action="store_true", help="write nothing; show what would change, and end with 1")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -24,14 +24,10 @@ from lingjing.trace.records import MessageChange, Substitution
 _LATER = "by so many boundaries (default 1)"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "fork",
-        help="run a trace on from a boundary with something changed",
-        description=f"{__doc__} Without a change nothing may differ: a null fork.",
-        epilog="exit codes: 0 the branch was played, whatever came of it; 2 it cannot be; 3 its engines failed",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.epilog = "exit codes: 0 the branch was played, whatever came of it; 2 it cannot be; 3 its engines failed"
+    parser.description = f"{__doc__} Without a change nothing may differ: a null fork."
     parser.add_argument("trace", metavar="TRACE", help="a trace.mcap or trace.mcap.part")
     parser.add_argument("--at", metavar="T", help="the boundary whose decisions are the first to be replaced")
     parser.add_argument(
@@ -58,7 +54,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder for the branch as a trace")
     add_branch_options(parser)
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

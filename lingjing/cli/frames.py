@@ -22,18 +22,12 @@ if TYPE_CHECKING:
 NONE = "none"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
-    """Declare the verb and its actions."""
-    parser = subparsers.add_parser("frames", help="labelled sets of frames for detectors", description=__doc__)
+def add_options(parser: ArgumentParser) -> None:
+    """Declare the actions."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     _add_export(actions)
     _add_twins(actions)
     _add_probe(actions)
-
-
-def handler(args: argparse.Namespace) -> int:
-    """Do what was asked for."""
-    return int(args.run(args))
 
 
 def _add_export(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
@@ -55,7 +49,7 @@ def _add_export(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
     export.add_argument("--set", metavar="PARAM=VALUE", action="append", default=[], help="a parameter of the missions")
     export.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="episodes at a time")
     export.add_argument("--episodes", metavar="DIR", type=Path, help="where they are kept (default DIR.episodes)")
-    export.set_defaults(run=_export)
+    export.set_defaults(handler=_export)
 
 
 def _add_twins(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
@@ -66,7 +60,7 @@ def _add_twins(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
     twins.add_argument(
         "--refuse", metavar="FILE", type=Path, help="CSV of frames' names and why a look at their edits refused them"
     )
-    twins.set_defaults(run=_twins)
+    twins.set_defaults(handler=_twins)
 
 
 def _add_probe(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
@@ -79,7 +73,7 @@ def _add_probe(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
     probe.add_argument("--classes", metavar="CLASS", nargs="+", help="default: those of the set")
     probe.add_argument("--split", choices=("train", "validation", "all"), default="all", help="default: all")
     probe.add_argument("-o", "--output", metavar="DIR", type=Path, help="a new folder for answers and tables")
-    probe.set_defaults(run=_probe)
+    probe.set_defaults(handler=_probe)
 
 
 def _export(args: argparse.Namespace) -> int:

@@ -16,14 +16,12 @@ FORMATS = ("svg", "mermaid", "dot", "json")
 _SUFFIXES = {".svg": "svg", ".mmd": "mermaid", ".mermaid": "mermaid", ".dot": "dot", ".gv": "dot", ".json": "json"}
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("graph", help="draw the mission graph", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("file", metavar="MISSION", help="a .ljs or .json file, or a shipped mission; - reads input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
     parser.add_argument("--format", choices=FORMATS, help="what to write (default: by OUT's suffix, else mermaid)")
     parser.add_argument("--mode", metavar="MODE", help="as it is in one mode, star or broadcast (default: all)")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -9,11 +9,9 @@ from importlib.util import find_spec
 from lingjing.errors import ExitCode, UsageError
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("lsp", help="serve an editor over standard input and output", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("--stdio", action="store_true", help="what editors say; it is always so")
-    parser.set_defaults(handler=handler)
 
 
 def handler(_args: argparse.Namespace) -> int:

@@ -24,48 +24,45 @@ _UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPER
 
 
 class CommandVerb(NamedTuple):
-    """A verb of the command line: `module` has `add_parser` and `handler`; `summary` is its line in the help. One that
-    `computes` loads numerical libraries, which are pinned before its module is imported.
+    """A verb of the command line: `lingjing.cli.NAME` has `add_options` and `handler`; `summary` is its line in the
+    help. One that `computes` loads numerical libraries, which are pinned before its module is imported.
 
     No dataclass: that module costs 6 ms of every start.
     """
 
     name: str
-    module: str
     summary: str
     computes: bool = False
 
 
 VERBS = (
-    CommandVerb("run", "lingjing.cli.run", "play a mission to a score and a trace", computes=True),
-    CommandVerb("bench", "lingjing.cli.bench", "play a suite of many episodes; make tables of it", computes=True),
-    CommandVerb("verify", "lingjing.cli.verify", "say whether traces are what was written"),
-    CommandVerb("replay", "lingjing.cli.replay", "run traces again and confirm their digests", computes=True),
-    CommandVerb("fork", "lingjing.cli.fork", "run a trace on with something changed", computes=True),
-    CommandVerb("blame", "lingjing.cli.blame", "find what lost an episode by branches of it", computes=True),
-    CommandVerb("value", "lingjing.cli.value", "find what each message was worth by branches", computes=True),
-    CommandVerb("why", "lingjing.cli.why", "say why an episode ended as it did"),
-    CommandVerb("shrink", "lingjing.cli.shrink", "make the smallest mission that fails as a trace did", computes=True),
-    CommandVerb("view", "lingjing.cli.view", "show an episode in the browser, or as one HTML file", computes=True),
-    CommandVerb("film", "lingjing.cli.film", "make a film of an episode, MP4 or GIF", computes=True),
-    CommandVerb("metrics", "lingjing.cli.metrics", "compute the paper's metrics of traces"),
-    CommandVerb("report", "lingjing.cli.report", "make the paper's figures of one's own runs", computes=True),
-    CommandVerb("validate", "lingjing.cli.validate", "report every error of mission files"),
-    CommandVerb("explain", "lingjing.cli.explain", "say what an error code means"),
-    CommandVerb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
-    CommandVerb("graph", "lingjing.cli.graph", "draw the mission graph"),
-    CommandVerb("docs", "lingjing.cli.docs", "write a page that says what a mission is"),
-    CommandVerb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
-    CommandVerb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
-    CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one", computes=True),
-    CommandVerb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
-    CommandVerb("prompts", "lingjing.cli.prompts", "list, show and improve the prompts of policies", computes=True),
-    CommandVerb(
-        "frames", "lingjing.cli.frames", "make labelled sets of frames; probe detectors with them", computes=True
-    ),
-    CommandVerb("new", "lingjing.cli.new", "write a file to start from"),
-    CommandVerb("calls", "lingjing.cli.calls", "list and read what an episode's policies asked chat models"),
-    CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions", computes=True),
+    CommandVerb("run", "play a mission to a score and a trace", computes=True),
+    CommandVerb("bench", "play a suite of many episodes; make tables of it", computes=True),
+    CommandVerb("verify", "say whether traces are what was written"),
+    CommandVerb("replay", "run traces again and confirm their digests", computes=True),
+    CommandVerb("fork", "run a trace on with something changed", computes=True),
+    CommandVerb("blame", "find what lost an episode by branches of it", computes=True),
+    CommandVerb("value", "find what each message was worth by branches", computes=True),
+    CommandVerb("why", "say why an episode ended as it did"),
+    CommandVerb("shrink", "make the smallest mission that fails as a trace did", computes=True),
+    CommandVerb("view", "show an episode in the browser, or as one HTML file", computes=True),
+    CommandVerb("film", "make a film of an episode, MP4 or GIF", computes=True),
+    CommandVerb("metrics", "compute the paper's metrics of traces"),
+    CommandVerb("report", "make the paper's figures of one's own runs", computes=True),
+    CommandVerb("validate", "report every error of mission files"),
+    CommandVerb("explain", "say what an error code means"),
+    CommandVerb("compile", "write the typed mission graph as JSON"),
+    CommandVerb("graph", "draw the mission graph"),
+    CommandVerb("docs", "write a page that says what a mission is"),
+    CommandVerb("fmt", "lay mission files out the one way"),
+    CommandVerb("lsp", "serve an editor: errors, completion, renaming as you type"),
+    CommandVerb("scene", "build a city from a map; look at one", computes=True),
+    CommandVerb("plugins", "list engines, policies, scenes and evaluators; the options of one"),
+    CommandVerb("prompts", "list, show and improve the prompts of policies", computes=True),
+    CommandVerb("frames", "make labelled sets of frames; probe detectors with them", computes=True),
+    CommandVerb("new", "write a file to start from"),
+    CommandVerb("calls", "list and read what an episode's policies asked chat models"),
+    CommandVerb("doctor", "check that this machine can play missions", computes=True),
 )
 
 
@@ -140,20 +137,21 @@ def _dispatch(arguments: list[str]) -> int:
     if chosen is not None:
         with unheard():  # interrupted while it loads, msgspec 0.22 may crash the process where it is used
             import_module("msgspec")
-    module = import_module(chosen.module) if chosen else None
+    module = import_module(f"lingjing.cli.{chosen.name}") if chosen else None
     shown = (chosen,) if chosen is not None and arguments[0] == chosen.name else VERBS
     for verb in shown:  # where a verb comes first, nothing that is printed names the others
+        declared = subparsers.add_parser(verb.name, help=verb.summary)
         if verb is chosen and module is not None:
-            module.add_parser(subparsers)
-        else:
-            subparsers.add_parser(verb.name, help=verb.summary)
+            declared.description = module.__doc__
+            module.add_options(declared)
     args = parser.parse_args(arguments)
     if args.version:
         return _print_version()
     if module is None:
         parser.print_help(sys.stderr)
         return ExitCode.USAGE
-    return int(module.handler(args))
+    handler = vars(args).get("handler") or module.handler  # an action's, or the verb's
+    return int(handler(args))
 
 
 def _first_word(arguments: Sequence[str]) -> str:

@@ -21,9 +21,8 @@ UNDEFINED = "N/A"
 """What is printed for a rate over nothing, as the paper's tables do."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("metrics", help="compute the paper's metrics of traces", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
     parser.add_argument("--baseline", metavar="TRACE", nargs="+", default=[], help="token cost relative to these")
     parser.add_argument(
@@ -33,7 +32,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="read N traces at a time")
     parser.add_argument("--output-format", choices=("text", "json", "csv"), default="text", help="default: text")
     parser.add_argument("-o", "--output", metavar="FILE", help="default: standard output")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

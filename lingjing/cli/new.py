@@ -11,9 +11,8 @@ from lingjing.errors import ExitCode, UsageError
 _TEMPLATES = Path(__file__).parent / "templates"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("new", help="write a file or a package to start from", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     kinds = ("agent", "mission", "engine")
     parser.add_argument("kind", choices=kinds, metavar="agent|mission|engine", help="what to write")
     parser.add_argument(
@@ -22,7 +21,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "-o", "--output", metavar="DIR", help="the folder to write into; an engine's own (default: a new one, NAME)"
     )
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

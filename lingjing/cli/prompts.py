@@ -19,17 +19,14 @@ if TYPE_CHECKING:
     from lingjing.plugins.prompts import PromptPlugin
 
 
-def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
-    """Declare the verb and its actions."""
-    parser = subparsers.add_parser(
-        "prompts", help="list, show and improve the prompts of policies", description=__doc__
-    )
+def add_options(parser: ArgumentParser) -> None:
+    """Declare the actions."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     listed = actions.add_parser("list", help="list the prompts that ship", description=_list.__doc__)
-    listed.set_defaults(run=_list)
+    listed.set_defaults(handler=_list)
     show = actions.add_parser("show", help="print one", description=_show.__doc__)
     show.add_argument("prompt", metavar="NAME")
-    show.set_defaults(run=_show)
+    show.set_defaults(handler=_show)
     better = actions.add_parser("improve", help="revise one from failed traces", description=_improve.__doc__)
     better.add_argument("mission", metavar="MISSION", help="a shipped mission or an .ljs file")
     better.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="where the best goes")
@@ -47,12 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
     better.add_argument("--max-cost", metavar="USD", help="what all calls of both models may cost")
     better.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="episodes at a time")
     better.add_argument("--folder", metavar="DIR", type=Path, help="where the search is kept (default FILE.search)")
-    better.set_defaults(run=_improve)
-
-
-def handler(args: argparse.Namespace) -> int:
-    """Do what was asked for."""
-    return int(args.run(args))
+    better.set_defaults(handler=_improve)
 
 
 def _list(args: argparse.Namespace) -> int:

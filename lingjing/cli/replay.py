@@ -12,19 +12,15 @@ from lingjing.errors import ExitCode, LingjingError
 from lingjing.trace.reader import read_trace
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "replay", help="run traces again and confirm their digests", description=__doc__,
-        epilog="exit codes: 0 all are confirmed, 1 one differs, 2 one cannot be run again here",
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.epilog = "exit codes: 0 all are confirmed, 1 one differs, 2 one cannot be run again here"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
     parser.add_argument(
         "--pictures", action="store_true", help="draw the pictures anew; else their boxes are the trace's"
     )
     parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

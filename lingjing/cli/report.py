@@ -18,9 +18,8 @@ TITLE = "Lingjing report"
 _SUFFIXES = (".svg", ".png")
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("report", help="make the paper's figures of one's own runs", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument(
         "places", metavar="PLACE", nargs="*", type=Path,
         help="traces, folders of runs, results of suites, and folders of prompt searches, probes, frames and twins",
@@ -31,7 +30,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--title", metavar="TEXT", default=TITLE, help=f"the page's title (default: {TITLE})")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="read N traces at a time")
     parser.add_argument("--other-code", action="store_true", help="put rows of several versions of the code together")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -31,9 +31,8 @@ from lingjing.play.supervised_child import SeedFolder
 from lingjing.play.supervision import can_supervise, play_supervised
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options. What is not given is None or empty: `PlayOptions` has the defaults."""
-    parser = subparsers.add_parser("run", help="play a mission to a score and a trace", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options. What is not given is None or empty: `PlayOptions` has the defaults."""
     parser.add_argument(
         "mission", metavar="MISSION", nargs="?", help="a .ljs or resetScenario .json file, or a shipped name"
     )

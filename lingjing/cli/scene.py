@@ -25,9 +25,8 @@ _KINDS = (
 )  # fmt: skip
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and what it can do."""
-    parser = subparsers.add_parser("scene", help="build a city from a map; look at one", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what the verb can do."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     build = actions.add_parser("build", help="turn OpenStreetMap data into a city", description=_build.__doc__)
     build.add_argument("map", metavar="MAP", help="an .osm, .osm.gz, .osm.bz2 or .osm.pbf file")
@@ -46,7 +45,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_city(draw)
     draw.add_argument("-o", "--output", metavar="OUT", required=True, help=f"ends in {', '.join(_PICTURES)}")
     draw.set_defaults(handler=_draw)
-    parser.set_defaults(handler=handler)
 
 
 def _add_city(parser: argparse.ArgumentParser) -> None:
@@ -54,11 +52,6 @@ def _add_city(parser: argparse.ArgumentParser) -> None:
         "city", metavar="DIR|MISSION", help="a folder that `scene build` wrote, or a mission, whose scene is meant"
     )
     parser.add_argument("--seed", metavar="N", default="0", help="the episode's seed, for a mission (default 0)")
-
-
-def handler(args: argparse.Namespace) -> int:
-    """Run the action (each has a handler of its own)."""
-    return int(args.handler(args))
 
 
 def _build(args: argparse.Namespace) -> int:

@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from lingjing.play.options import PlayOptions
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "shrink", help="make the smallest mission that fails as a trace did", description=__doc__,
-        epilog="interrupted or out of episodes: the best so far is written, and the same command goes on from there",
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.epilog = (
+        "interrupted or out of episodes: the best so far is written, and the same command goes on from there"
+    )
     parser.add_argument("trace", metavar="TRACE", help="the trace.mcap of a lost episode")
     parser.add_argument("-o", "--output", metavar="SMALL.ljs", type=Path, required=True, help="a new file")
     parser.add_argument("--mission", metavar="FILE", default="", help="the mission's file (default: a shipped name)")
@@ -47,7 +46,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--budget", metavar="N", type=int, default=200, help="episodes at most (default 200)")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N at a time (default 1)")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

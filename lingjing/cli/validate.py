@@ -18,16 +18,14 @@ if TYPE_CHECKING:
     from lingjing.mission.model import Mission
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("validate", help="report every error of mission files", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("files", metavar="FILE", nargs="+", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("--output-format", choices=("text", "json", "sarif"), default="text")
     parser.add_argument("--fix", action="store_true", help="apply the safe fixes to the files")
     parser.add_argument("--unsafe-fixes", action="store_true", help="apply the likely fixes too; look at them")
     parser.add_argument("--diff", action="store_true", help="show what --fix would change, and change nothing")
     parser.add_argument("--no-cache", action="store_true", help="compile anew even what is known to be good")
-    parser.set_defaults(handler=handler)
 
 
 class Checked(NamedTuple):

@@ -15,19 +15,15 @@ from lingjing.errors import ExitCode, LingjingError
 from lingjing.trace.reader import read_trace
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "value", help="find what each message was worth by branches", description=__doc__,
-        epilog="exit codes: 0 all traces were tried, 2 one cannot be branched, 3 an engine failed",
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.epilog = "exit codes: 0 all traces were tried, 2 one cannot be branched, 3 an engine failed"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap of an episode that ended by itself")
     parser.add_argument(
         "--unsaid", action="store_true", help="messages are never sent: then no adjudicator hears a report either"
     )
     parser.add_argument("--branches", metavar="N", default="200", help="how many messages of a trace (default 200)")
     add_branch_options(parser)
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -12,16 +12,12 @@ if TYPE_CHECKING:
     from lingjing.trace.verification import Verification
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser(
-        "verify", help="say whether traces are what was written", description=__doc__,
-        epilog="exit codes: 0 all are ok, 1 one is wrong, cut or unsealed, 2 one is no trace or cannot be read",
-    )  # fmt: skip
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.epilog = "exit codes: 0 all are ok, 1 one is wrong, cut or unsealed, 2 one is no trace or cannot be read"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
     parser.add_argument("--key", metavar="KEYFILE", help="the key that `run --sign` signed them with")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -19,9 +19,8 @@ from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.trace.reader import Trace
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
-    parser = subparsers.add_parser("view", help="show an episode in the browser", description=__doc__)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
     parser.add_argument("trace", metavar="TRACE", help="a trace.mcap or trace.mcap.part")
     parser.add_argument(
         "--truth", action="store_true", help="show hidden targets, true boxes and the whole explanation"
@@ -40,7 +39,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--port", metavar="N", default="0", help="the server's port (default: a free one)")
     parser.add_argument("--no-open", action="store_true", help="print the address, open no browser")
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by `run --watch`
-    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:

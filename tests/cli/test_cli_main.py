@@ -33,7 +33,7 @@ def raising(error: BaseException) -> types.ModuleType:
     def handler(args: object) -> int:
         raise error
 
-    module.add_parser = lambda subparsers: subparsers.add_parser("run")  # type: ignore[attr-defined]
+    module.add_options = lambda parser: None  # type: ignore[attr-defined]
     module.handler = handler  # type: ignore[attr-defined]
     return module
 
