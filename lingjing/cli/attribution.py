@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.files import write_whole
 from lingjing.cli.parser import ArgumentParser
+from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def plant_faults(args: argparse.Namespace) -> int:
     for policy in args.policies:
         plan = PlantingPlan(policy, parse_seeds(args.seeds), args.most, args.tries, plays=args.plays)
         folder = args.output.with_name(f"{args.output.name}.tried") / policy
-        found += Planting(plan, folder, LocalExecutor(args.jobs), _say).run(wanted)
+        found += Planting(plan, folder, LocalExecutor(args.jobs), say).run(wanted)
         write_whole(str(args.output), encode_planted(found).decode())
     ones = sum(one.kind == "one" for one in found)
     print(f"{args.output}: {ones} episodes with one fault that loses them, {len(found) - ones} decoys")
@@ -84,13 +85,9 @@ def measure(path: Path, args: argparse.Namespace) -> int:
     names: Sequence[str] = args.method or suite.methods
     methods = {name: find_method(name) for name in names}
     if args.check:
-        _say(f"{path}: {len(chosen)} episodes with planted faults, methods: {', '.join(names)}")
+        say(f"{path}: {len(chosen)} episodes with planted faults, methods: {', '.join(names)}")
         return ExitCode.OK
-    run = AttributionRun(args.output or RUNS / "bench" / suite.name, methods, LocalExecutor(args.jobs), _say)
+    run = AttributionRun(args.output or RUNS / "bench" / suite.name, methods, LocalExecutor(args.jobs), say)
     tables = attribution_tables(run.run(chosen), suite.title or suite.name)
     sys.stdout.write("\n".join(map(EXPORTS["markdown"], tables)))
     return ExitCode.OK
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

@@ -12,6 +12,7 @@ from lingjing.cli.arguments import parse_seeds
 from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
+from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
 
@@ -112,7 +113,7 @@ def handler(args: argparse.Namespace) -> int:
     seeds = seeds[: args.limit] if args.limit else seeds
     if args.check:
         episodes = _episodes(cells, seeds, shard)
-        _say(f"{plan.path}: {_size(cells, len(seeds), shard)}{len(episodes)} episodes")
+        say(f"{plan.path}: {_size(cells, len(seeds), shard)}{len(episodes)} episodes")
         _tell_cost(plan, episodes)
         return ExitCode.OK
     players = tuple({cell.player.name: cell.player for cell in cells}.values())
@@ -155,19 +156,19 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
     due = run.due(seeds, cells, shard or WHOLE)
     run.check_recorded(due)
     finals = sum(row.standing != "aborted" for row in results.rows)
-    _say(f"{suite.name}: {finals} episodes are there, {len(due)} to play, results in {results.folder}")
+    say(f"{suite.name}: {finals} episodes are there, {len(due)} to play, results in {results.folder}")
     done = 0
 
     def tell(row: SuiteRow, countdown: Countdown) -> None:
         nonlocal done
         done += row.standing != "aborted"
-        _say(f"{_bar(done, len(due), countdown)} {_one(row)}")
+        say(f"{_bar(done, len(due), countdown)} {_one(row)}")
 
     run.tell = tell
     try:
         run.play(due)
     except KeyboardInterrupt:
-        _say(f"interrupted after {done} of {len(due)} episodes; the same command goes on from here")
+        say(f"interrupted after {done} of {len(due)} episodes; the same command goes on from here")
         raise
     results.compact()
     if run.is_out_of_money:
@@ -211,7 +212,7 @@ def _merge(args: argparse.Namespace) -> int:
         write_whole(args.output, encode_rows(rows))
     except OSError as error:
         raise UsageError(f"cannot write `{args.output}`: {error.strerror}", hint="choose another with -o") from error
-    _say(f"{len(rows)} rows of {len(args.results)} results in {args.output}")
+    say(f"{len(rows)} rows of {len(args.results)} results in {args.output}")
     return ExitCode.OK
 
 
@@ -306,10 +307,6 @@ def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:
 # -- what is said
 
 
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
-
-
 def _episodes(cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> list[SuiteEpisode]:
     """What is to be played, whatever a folder has of it."""
     from lingjing.bench.running import WHOLE, SuiteEpisode
@@ -333,7 +330,7 @@ def _tell_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:
     from lingjing.bench.money import estimates, in_words
 
     for line in in_words(estimates(episodes, plan.missions, ())):
-        _say(line)
+        say(line)
 
 
 def _one(row: SuiteRow) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from lingjing.cli.files import read_mission, write_output
+from lingjing.cli.process import say
 from lingjing.errors import ErrorCollector, ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
 
@@ -66,7 +66,7 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
     errors.check()
     text = emit(mission, seed=seed, mode=args.mode, settings=settings, plain=args.plain)
     if mission.origin.document not in ("", text):
-        print("note: the object 'lingjing' was added, which names the template; --plain leaves it out", file=sys.stderr)
+        say("note: the object 'lingjing' was added, which names the template; --plain leaves it out")
     return text
 
 
@@ -76,5 +76,5 @@ def _ljs(mission: Mission) -> str:
 
     text = to_ljs(mission)
     for place in lost(mission, text):
-        print(f"note: {place} has no place in .ljs text and is left out", file=sys.stderr)
+        say(f"note: {place} has no place in .ljs text and is left out")
     return text

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from lingjing.cli.files import write_whole
-from lingjing.cli.process import say_error
+from lingjing.cli.process import say, say_error
 from lingjing.errors import ExitCode, UsageError
 from lingjing.terminal import write_data, write_styled
 
@@ -56,7 +56,7 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
     if formatted.text is None:
         color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
         write_styled(sys.stderr, render_text(formatted.diagnostics, source, color=color))
-        print(f"{name}: left as it is: {summary(formatted.diagnostics)}", file=sys.stderr)
+        say(f"{name}: left as it is: {summary(formatted.diagnostics)}")
         return ExitCode.MISSION
     changes = name != "-" and formatted.text.encode() != Path(name).read_bytes()
     if diff:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.process import say
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.model import Mission
 
@@ -102,7 +102,7 @@ def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator
     try:
         frames = in_order([*frames, *(unasked_frames(traces[0], frames, look_back) if traces else ())])
     except InfrastructureError as error:
-        print(f"note: only the cameras that were used are shown: {error}", file=sys.stderr)
+        say(f"note: only the cameras that were used are shown: {error}")
     if traces and not frames:
         yield "No picture was taken: positions, states and messages are all that the agents used."
     for shown in frames:

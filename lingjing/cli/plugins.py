@@ -11,6 +11,7 @@ import msgspec
 
 from lingjing.cli.files import print_columns
 from lingjing.cli.option_listing import OptionSpec, option_specs
+from lingjing.cli.process import say
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.mission.kinds import scene_kind
 from lingjing.mission.kinds_format import SceneOption
@@ -181,7 +182,7 @@ def _print_entry_points() -> None:
 
     for entry in sorted(entry_points(group="lingjing"), key=lambda entry: entry.name):
         distribution = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "?"
-        print(f"{entry.name}  {entry.value}  {distribution}  {_load_result(entry)}", file=sys.stderr)
+        say(f"{entry.name}  {entry.value}  {distribution}  {_load_result(entry)}")
 
 
 def _load_result(entry: EntryPoint) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
+from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
 
@@ -108,7 +109,7 @@ def _improve(args: argparse.Namespace) -> int:
         raise UsageError(f"cannot write `{args.output}`: there is no folder `{parent}`")
 
     def tell(candidate: PromptCandidate) -> None:
-        print(f"candidate {candidate.number}: {candidate.line}", file=sys.stderr, flush=True)
+        say(f"candidate {candidate.number}: {candidate.line}")
 
     search = PromptSearch(
         folder, options, plugin.option, seeds, partial(plugin.reviser, asked), plugin.check, args.jobs, tell
@@ -116,7 +117,7 @@ def _improve(args: argparse.Namespace) -> int:
     try:
         best = search.run(start, args.rounds)
     except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
+        say("interrupted; the same command goes on from here")
         raise
     write_output(best.text, str(args.output))
     print(f"candidate {best.number} is the best: {best.line}; sha256:{best.sha256}")
@@ -142,7 +143,7 @@ def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
     column = Column(Path(options.mission), mission.name, options.mode or mission.modes.default, options.settings)
     cell = SuiteCell(player, column, args=options.policy_args)
     for line in in_words(estimates([SuiteEpisode(cell, 0)] * episodes, {mission.name: mission}, ())):
-        print(line, file=sys.stderr)
+        say(line)
     if options.max_cost is None:
         raise UsageError(
             "calls of models cost money",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 
 from lingjing.causal.replay import Replay, replay
 from lingjing.cli.files import NO_OUTCOME
+from lingjing.cli.process import say_error
 from lingjing.errors import ExitCode, LingjingError
 from lingjing.trace.reader import read_trace
 
@@ -31,7 +31,7 @@ def handler(args: argparse.Namespace) -> int:
             told = replay(read_trace(path), world=args.world, draw=args.pictures)
         except LingjingError as error:
             failed.append(error)
-            print(f"error: {error}" + (f"\nhint: {error.hint}" if error.hint else ""), file=sys.stderr)
+            say_error(error)
             continue
         found.append(told)
         if args.output_format == "text":

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.analysis.played_city import credit
+from lingjing.cli.process import say
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, SeedsReport
@@ -40,21 +41,17 @@ def explain(episodes: Sequence[EpisodeReport]) -> None:
     """On standard error: what cut an episode short or deserves a warning, and what to do; nothing if all is well."""
     for episode in episodes:
         for warning in episode.warnings:
-            _say(f"warning: seed {episode.seed}: {warning}")
+            say(f"warning: seed {episode.seed}: {warning}")
         if episode.reason == INTERRUPTED:
-            _say(f"interrupted: seed {episode.seed} at tick {episode.ticks}; the partial trace is {episode.trace}")
+            say(f"interrupted: seed {episode.seed} at tick {episode.ticks}; the partial trace is {episode.trace}")
         if episode.reason == ABORTED:
-            _say(f"error: seed {episode.seed} was aborted: {episode.detail}")
+            say(f"error: seed {episode.seed} was aborted: {episode.detail}")
     for hint in dict.fromkeys(_hint(episode) for episode in episodes if episode.reason == ABORTED):
-        _say(f"hint: {hint}")
+        say(f"hint: {hint}")
 
 
 def _hint(aborted: EpisodeReport) -> str:
     return aborted.hint or (_LOOK if Path(aborted.trace).exists() else _EARLY if aborted.crashed else _GONE)
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)
 
 
 def print_json(report: EpisodeReport | SeedsReport) -> None:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -61,10 +61,10 @@ def handler(args: argparse.Namespace) -> int:
         control="" if args.control == "none" else args.control, episodes=args.budget, jobs=args.jobs,
     )  # fmt: skip
     try:
-        found = shrink(read_trace(args.trace), args.output, options, _say)
+        found = shrink(read_trace(args.trace), args.output, options, say)
     except KeyboardInterrupt:
         if args.output.is_file():
-            _say(f"interrupted; the smallest so far is {args.output}, and the same command goes on from there")
+            say(f"interrupted; the smallest so far is {args.output}, and the same command goes on from there")
         raise
     if args.output_format == "json":
         import msgspec
@@ -73,10 +73,6 @@ def handler(args: argparse.Namespace) -> int:
     else:
         print(_told(found))
     return ExitCode.OK
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
 
 
 def _told(found: ShrunkMission) -> str:

@@ -11,6 +11,7 @@ from lingjing.causal.message_value import EpisodeValues, by_kind, by_mode, messa
 from lingjing.causal.result_texts import value_text
 from lingjing.cli.arguments import parse_amount
 from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
+from lingjing.cli.process import say_error
 from lingjing.errors import ExitCode, LingjingError
 from lingjing.trace.reader import read_trace
 
@@ -39,7 +40,7 @@ def handler(args: argparse.Namespace) -> int:
                 found.append(message_values(trace, options, unsaid=args.unsaid, most=most, progress=progress))
         except LingjingError as error:
             failed.append(error)
-            print(f"error: {error}" + (f"\nhint: {error.hint}" if error.hint else ""), file=sys.stderr)
+            say_error(error)
     if args.output_format == "json":
         whole = {"episodes": found, "kinds": by_kind(found), "modes": by_mode(found)}
         sys.stdout.write(msgspec.json.encode(whole).decode() + "\n")

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from lingjing.cli.process import say
 from lingjing.cli.progress import LiveProgress
 from lingjing.errors import UsageError
 from lingjing.mission.model import Mission
@@ -43,7 +44,7 @@ class EpisodeDisplays:
             raise UsageError("--watch draws on the terminal, and standard error is none here", hint=_INSTEAD)
         self._drawable = os.environ.get("TERM", "dumb") not in ("dumb", "unknown", "")
         if not self._drawable:
-            print("note: this terminal cannot be drawn on (TERM=dumb): progress only", file=sys.stderr)
+            say("note: this terminal cannot be drawn on (TERM=dumb): progress only")
         self._mission, self._options, self._truth = mission, options, truth
         self._cities = CityBuilder(PluginHost())
         self._seed = 0
