@@ -10,7 +10,8 @@ import msgspec
 from lingjing.causal.blame import BlameOptions, blame
 from lingjing.causal.result_texts import blame_text
 from lingjing.cli.arguments import parse_amount, parse_seed, whole_number
-from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
+from lingjing.cli.branches import add_branch_options, branch_options
+from lingjing.cli.progress import BranchProgress
 from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.reader import read_trace
 

@@ -1,12 +1,10 @@
-"""What the verbs that play branches of traces share: options, progress, and how a substitution is spelled."""
+"""What the verbs that play branches of traces share: options, and how a substitution is spelled."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self, get_args
+from typing import get_args
 
 from lingjing.causal.faculties import faculties_of
 from lingjing.causal.redriven import BranchOptions
@@ -16,9 +14,6 @@ from lingjing.mission.instance import Instance
 from lingjing.suggest import nearest
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Faculty
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
 
 FACULTY_NAMES: tuple[Faculty, ...] = get_args(Faculty)
 
@@ -78,38 +73,3 @@ def parse_faculty(text: str, instance: Instance) -> tuple[tuple[Faculty, str], .
     if not having:
         raise UsageError(f"--substitute {text}: no agent of {instance.mission} has {faculty}")
     return having
-
-
-class BranchProgress:
-    """A context manager to be told what a branch host does; silent if standard error is no terminal."""
-
-    def __init__(self, title: str) -> None:
-        self._title = title
-        self._bar: Bar | None = None
-
-    def __enter__(self) -> Self:
-        if sys.stderr.isatty():
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-            from lingjing.cli.console import console, spell_proxies
-
-            self._bar = Progress(
-                TextColumn("{task.description}", markup=False),
-                BarColumn(bar_width=24),
-                MofNCompleteColumn(),
-                console=console(sys.stderr),
-                transient=True,
-            )
-            self._bar.start()
-            spell_proxies()
-            self._bar.add_task(self._title, total=None)
-        return self
-
-    def __call__(self, what: str, done: int, due: int) -> None:
-        """Show it."""
-        if self._bar is not None:
-            self._bar.update(self._bar.task_ids[0], description=what, completed=done, total=due or None)
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self._bar is not None:
-            self._bar.stop()

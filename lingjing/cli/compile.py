@@ -38,7 +38,7 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.dsl.feasibility.absent import missing_files
 
     for fault in missing_files(mission):
-        print(f"note: {fault.message}" + (f"; {fault.hint}" if fault.hint else ""), file=sys.stderr)
+        say(f"note: {fault.message}" + (f"; {fault.hint}" if fault.hint else ""))
     if args.emit == "mission":
         from lingjing.mission.document import encode
 

@@ -14,7 +14,8 @@ from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan, boundary_of, check, check_trace
 from lingjing.causal.result_texts import branch_text
 from lingjing.cli.arguments import parse_amount, whole_number
-from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options, parse_faculty
+from lingjing.cli.branches import add_branch_options, branch_options, parse_faculty
+from lingjing.cli.progress import BranchProgress
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.instance import Datum
 from lingjing.play.folders import claim_folder, release_if_empty

@@ -47,9 +47,9 @@ class _ShownBar:
         if self._bar is not None:
             self._bar.stop()
 
-    def _show(self, completed: int, total: int, text: str) -> None:
+    def _show(self, completed: int, total: int | None, text: str = "", title: str | None = None) -> None:
         if self._bar is not None:
-            self._bar.update(self._bar.task_ids[0], completed=completed, total=total, text=text)
+            self._bar.update(self._bar.task_ids[0], completed=completed, total=total, text=text, description=title)
 
 
 class LiveProgress(_ShownBar):
@@ -68,7 +68,15 @@ class CountProgress(_ShownBar):
 
     def __call__(self, done: int, whole: int) -> None:
         """Show this much."""
-        self._show(done, whole, "")
+        self._show(done, whole)
+
+
+class BranchProgress(_ShownBar):
+    """To be called with what a branch host does, and how much of how much of it is done; 0 where that is not known."""
+
+    def __call__(self, what: str, done: int, due: int) -> None:
+        """Show it."""
+        self._show(done, due or None, title=what)
 
 
 def _bar() -> Bar:

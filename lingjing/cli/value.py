@@ -10,8 +10,9 @@ import msgspec
 from lingjing.causal.message_value import EpisodeValues, by_kind, by_mode, message_values
 from lingjing.causal.result_texts import value_text
 from lingjing.cli.arguments import parse_amount
-from lingjing.cli.branches import BranchProgress, add_branch_options, branch_options
+from lingjing.cli.branches import add_branch_options, branch_options
 from lingjing.cli.process import say_error
+from lingjing.cli.progress import BranchProgress
 from lingjing.errors import ExitCode, LingjingError
 from lingjing.trace.reader import read_trace
 
