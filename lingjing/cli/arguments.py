@@ -69,6 +69,21 @@ def whole_number(text: str, most: int) -> int | None:
     return number if number <= most else None
 
 
+def parse_whole(option: str, text: str, most: int) -> int:
+    """A whole number from 0 to `most`. Raises `UsageError`."""
+    number = whole_number(text, most)
+    if number is None:
+        raise UsageError(f"{option} {text}: a whole number from 0 to {most} is due")
+    return number
+
+
+def check_counts(*given: tuple[str, int | None]) -> None:
+    """Raise `UsageError` for an option whose number is below one; None is not given."""
+    for option, number in given:
+        if number is not None and number < 1:
+            raise UsageError(f"{option} {number}: at least one")
+
+
 def parse_amount(option: str, text: str | None, *, whole: bool = False) -> float | int | None:
     """A number above 0, None if none is given; a whole one where a fraction means nothing. Raises `UsageError`."""
     if text is None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import parse_seeds
+from lingjing.cli.arguments import check_counts, parse_seeds
 from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
@@ -266,8 +266,7 @@ def shard_of(text: str) -> Shard:
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
-    if args.jobs < 1:
-        raise UsageError(f"-j {args.jobs}: at least one")
+    check_counts(("-j", args.jobs), ("--limit", args.limit))
     if args.max_cost is not None and not 0.0 < args.max_cost < 1e9:
         raise UsageError(f"--max-cost {args.max_cost:g}: an amount of US dollars is due")
     if (args.calls == "replay") != (args.calls_from is not None):
@@ -276,8 +275,6 @@ def _check_numbers(args: argparse.Namespace) -> None:
         )
     if args.calls_from is not None and not (args.calls_from / "salt").is_file():
         raise UsageError(f"--calls-from: `{args.calls_from}` is no suite's folder")
-    if args.limit is not None and args.limit < 1:
-        raise UsageError(f"--limit {args.limit}: at least one")
 
 
 def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:

@@ -9,10 +9,10 @@ import msgspec
 
 from lingjing.causal.blame import BlameOptions, blame
 from lingjing.causal.result_texts import blame_text
-from lingjing.cli.arguments import parse_amount, parse_seed, whole_number
+from lingjing.cli.arguments import parse_amount, parse_seed, parse_whole
 from lingjing.cli.branches import add_branch_options, branch_options
 from lingjing.cli.progress import BranchProgress
-from lingjing.errors import ExitCode, UsageError
+from lingjing.errors import ExitCode
 from lingjing.trace.reader import read_trace
 
 
@@ -32,7 +32,7 @@ def handler(args: argparse.Namespace) -> int:
     branched = branch_options(args, trace)
     options = BlameOptions(
         branches=int(parse_amount("--branches", args.branches, whole=True) or 1),
-        placebos=_number("--placebos", args.placebos),
+        placebos=parse_whole("--placebos", args.placebos, 99_999),
         seed=parse_seed(args.seed),
         jobs=branched.jobs,
         reference=branched.reference,
@@ -47,10 +47,3 @@ def handler(args: argparse.Namespace) -> int:
     else:
         print(blame_text(told))
     return ExitCode.OK
-
-
-def _number(option: str, text: str) -> int:
-    number = whole_number(text, 99_999)
-    if number is None:
-        raise UsageError(f"{option} {text}: a whole number from 0 to 99999 is due")
-    return number

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import check_counts, parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
@@ -116,9 +116,7 @@ def _export(args: argparse.Namespace) -> int:
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
-    for option, number in (("-j", args.jobs), ("--most", args.most)):
-        if number is not None and number < 1:
-            raise UsageError(f"{option} {number}: at least one")
+    check_counts(("-j", args.jobs), ("--most", args.most))
     if not 0 <= args.validation < 1:
         raise UsageError(f"--validation {args.validation:g}: a share from 0 to below 1")
 

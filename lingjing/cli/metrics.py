@@ -36,13 +36,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def handler(args: argparse.Namespace) -> int:
     """Print the numbers of one episode, or of several: means, and what is pooled."""
+    from lingjing.cli.arguments import check_counts
     from lingjing.cli.files import check_output, write_output
     from lingjing.errors import UsageError
 
     if args.attention and len(args.traces) > 1:
         raise UsageError("--attention is of one trace", hint="picture ids repeat from trace to trace")
-    if args.jobs < 1:
-        raise UsageError(f"-j {args.jobs}: at least one")
+    check_counts(("-j", args.jobs))
     if args.output is not None:
         check_output(args.output, [path for path in (*args.traces, args.attention) if path])
     found = _all_of(_once(args.traces), args.jobs)

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import check_counts, parse_amount, parse_pairs, parse_seeds, parse_settings
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import say
@@ -89,9 +89,7 @@ def _improve(args: argparse.Namespace) -> int:
             f"development seeds must not be those of the evaluation, and {both[0]} is both",
             hint="give other --seeds, or --held-out for what is evaluated",
         )
-    for option, number in (("--rounds", args.rounds), ("-j", args.jobs)):
-        if number < 1:
-            raise UsageError(f"{option} {number}: at least one")
+    check_counts(("--rounds", args.rounds), ("-j", args.jobs))
     plugin = _prompts_of(args.policy)
     start = _text_of(args.start, plugin)
     given = parse_pairs("--policy-arg", args.policy_arg)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.arguments import check_counts
 from lingjing.cli.files import check_output, print_columns, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
@@ -41,8 +42,7 @@ def handler(args: argparse.Namespace) -> int:
         return ExitCode.OK
     if not args.places:
         raise UsageError("nothing to report", hint="name traces or folders: lingjing report runs/ -o report.html")
-    if args.jobs < 1:
-        raise UsageError(f"-j {args.jobs}: at least one")
+    check_counts(("-j", args.jobs))
     kind = figure_named(args.figure) if args.figure is not None else None
     output = args.output or (f"{kind.name}.svg" if kind is not None else "report.html")
     if kind is not None and output != "-" and Path(output).suffix.lower() not in _SUFFIXES:

@@ -11,7 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import Protocol
 
-from lingjing.cli.arguments import whole_number
+from lingjing.cli.arguments import parse_whole
 from lingjing.cli.files import check_output, say_if_cut, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
@@ -45,7 +45,7 @@ def handler(args: argparse.Namespace) -> int:
     """Write the file, or show the episode until an interrupt."""
     if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
         return ExitCode.INTERRUPTED
-    budget, port = _number("--pictures", args.pictures, 2000), _number("--port", args.port, 65535)
+    budget, port = parse_whole("--pictures", args.pictures, 2000), parse_whole("--port", args.port, 65535)
     if args.follow:
         return _follow(args, port)
     if args.output is not None:
@@ -166,10 +166,3 @@ def open_in_browser(url: str) -> None:
     """Open an address, or say that it is to be opened by hand."""
     if not webbrowser.open(url):
         say("no browser could be started here: open the address yourself")
-
-
-def _number(option: str, text: str, most: int) -> int:
-    number = whole_number(text, most)
-    if number is None:
-        raise UsageError(f"{option} {text}: a whole number from 0 to {most} is due")
-    return number
