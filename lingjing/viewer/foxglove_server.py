@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import hmac
 import json
 import secrets
 import socket
@@ -39,7 +38,7 @@ from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
 from lingjing.trace.writer import PART, nanoseconds
 from lingjing.viewer.file_server import ORIGIN
 from lingjing.viewer.live import POLL_S
-from lingjing.viewer.server import HOST, asked_for
+from lingjing.viewer.server import HOST, refused, taking
 from lingjing.viewer.told import ToldEpisode
 
 PROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
@@ -57,6 +56,10 @@ CHANNELS = ("", "depth", "semantic")
 SPARE = ("depth", "semantic")
 """Of a picture, and those of it that are large and not read from the file unless somebody wants them."""
 _MESSAGE = struct.Struct("<BIQ")
+_REFUSED = {
+    HTTPStatus.MISDIRECTED_REQUEST: "this server answers for this machine only\n",
+    HTTPStatus.FORBIDDEN: "the address lacks its token\n",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +186,7 @@ class FoxgloveServer:
         except ImportError as error:
             hint = "pip install 'lingjing[foxglove]'"
             raise UsageError("Foxglove's live view needs websockets, which is not installed", hint=hint) from error
-        try:
+        with taking(port):
             return serve(
                 self._talk,
                 HOST,
@@ -194,19 +197,13 @@ class FoxgloveServer:
                 max_size=MOST_ASKED,
                 server_header=None,
             )
-        except (OSError, OverflowError) as error:
-            why = getattr(error, "strerror", None) or str(error)
-            raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
 
     def _checked(self, connection: Any, request: Any) -> Any:
         """An answer that refuses, or None: the token, this machine's own name, and room for one more."""
         port = self._server.socket.getsockname()[1]
-        given = asked_for(request.path)[1].get("token", "")
-        named = [host.lower() for host in request.headers.get_all("Host")]
-        if named not in ([f"{HOST}:{port}"], [f"localhost:{port}"]):
-            return connection.respond(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for this machine only\n")
-        if not hmac.compare_digest(given.encode(), self.token.encode()):
-            return connection.respond(HTTPStatus.FORBIDDEN, "the address lacks its token\n")
+        why = refused(request.path, request.headers.get_all("Host"), port, self.token)
+        if why is not None:
+            return connection.respond(why, _REFUSED[why])
         if len(self._clients) >= MOST_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections\n")
         return None

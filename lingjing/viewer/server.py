@@ -62,31 +62,45 @@ class Served(Protocol):
         ...
 
 
-class ViewServer:
-    """Serves one `Served` until `close`. `port` 0 takes a free one. Raises `UsageError` if it cannot be had."""
+class LocalServer:
+    """Answers by a handler, which has the attributes `given` and the token, until `close`. `port` 0 takes a free one.
+    Raises `UsageError` if it cannot be had."""
 
-    def __init__(self, served: Served, port: int = 0, token: str = "") -> None:
+    def __init__(self, handler: type[LocalRequest], given: dict[str, object], port: int, token: str = "") -> None:
         self.token = token or secrets.token_urlsafe(24)
-        handler = type("Handler", (_Handler,), {"served": served, "token": self.token})
-        try:
-            self._http = LocalHttpServer((HOST, port), handler)
-        except (OSError, OverflowError) as error:
-            why = getattr(error, "strerror", None) or str(error)
-            raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
-        self._thread = threading.Thread(target=self._http.serve_forever, args=(0.1,), name="lingjing-view", daemon=True)
+        with taking(port):
+            self._http = _HttpServer((HOST, port), type("Handler", (handler,), {**given, "token": self.token}))
+        self._thread = threading.Thread(target=self._http.serve_forever, args=(0.1,), name="lingjing-http", daemon=True)
         with unheard():  # by its threads, which hand their mask on
             self._thread.start()
 
-    @property
-    def url(self) -> str:
-        """Where the page is, with the token."""
-        return f"http://{HOST}:{self._http.server_port}/?token={self.token}"
+    def address(self, path: str) -> str:
+        """The URL of a path, with the token."""
+        return f"http://{HOST}:{self._http.server_port}{path}?token={self.token}"
 
     def close(self) -> None:
         """Stop listening. Connections that are open end by themselves or with the process."""
         self._http.shutdown()
         self._http.server_close()
         self._thread.join()
+
+
+@contextlib.contextmanager
+def taking(port: int) -> Iterator[None]:
+    """Raise `UsageError` for a port that cannot be listened on."""
+    try:
+        yield
+    except (OSError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
+
+
+def refused(target: str, hosts: list[str], port: int, token: str) -> HTTPStatus | None:
+    """Why a request gets no answer: it does not name this machine and the port, or its target lacks the token."""
+    if [host.lower() for host in hosts] not in ([f"{HOST}:{port}"], [f"localhost:{port}"]):
+        return HTTPStatus.MISDIRECTED_REQUEST
+    given = asked_for(target)[1].get("token", "")
+    return None if hmac.compare_digest(given.encode(), token.encode()) else HTTPStatus.FORBIDDEN
 
 
 def asked_for(target: str) -> tuple[str, dict[str, str]]:
@@ -99,7 +113,7 @@ def asked_for(target: str) -> tuple[str, dict[str, str]]:
         return "", {}
 
 
-class LocalHttpServer(ThreadingHTTPServer):
+class _HttpServer(ThreadingHTTPServer):
     """A thread for each of at most `MOST_CONNECTIONS` connections; readers that go away are no news."""
 
     daemon_threads = True
@@ -129,32 +143,53 @@ class LocalHttpServer(ThreadingHTTPServer):
         """A reader that goes away is no news."""
 
 
-class _Handler(BaseHTTPRequestHandler):
-    served: Served
+class LocalRequest(BaseHTTPRequestHandler):
+    """One connection to a `LocalServer`."""
+
     token: str
     protocol_version = "HTTP/1.1"
     server_version = "lingjing"
     sys_version = ""
     timeout = PATIENCE_S
 
-    def do_GET(self) -> None:
-        """Answer, or say why not."""
-        path, asked = asked_for(self.path)
-        if not self._is_local():
-            self._refuse(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for 127.0.0.1 and localhost only")
-        elif not hmac.compare_digest(asked.get("token", "").encode(), self.token.encode()):
-            self._refuse(HTTPStatus.FORBIDDEN, "the address lacks its token: open the one that the command printed")
-        else:
-            self._answer(path, asked)
-
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
         """Nothing is logged: the addresses hold the token."""
 
-    # -- parts
+    def refused(self) -> HTTPStatus | None:
+        """Why the request gets no answer, None if it does."""
+        return refused(self.path, [self.headers.get("Host", "")], self.connection.getsockname()[1], self.token)
 
-    def _is_local(self) -> bool:
-        port = self.connection.getsockname()[1]
-        return self.headers.get("Host", "").lower() in (f"{HOST}:{port}", f"localhost:{port}")
+
+class ViewServer(LocalServer):
+    """Serves the page of one `Served`."""
+
+    def __init__(self, served: Served, port: int = 0, token: str = "") -> None:
+        super().__init__(_PageRequest, {"served": served}, port, token)
+
+    @property
+    def url(self) -> str:
+        """Where the page is, with the token."""
+        return self.address("/")
+
+
+_REFUSED = {
+    HTTPStatus.MISDIRECTED_REQUEST: "this server answers for 127.0.0.1 and localhost only",
+    HTTPStatus.FORBIDDEN: "the address lacks its token: open the one that the command printed",
+}
+
+
+class _PageRequest(LocalRequest):
+    served: Served
+
+    def do_GET(self) -> None:
+        """Answer, or say why not."""
+        why = self.refused()
+        if why is not None:
+            self._refuse(why, _REFUSED[why])
+        else:
+            self._answer(*asked_for(self.path))
+
+    # -- parts
 
     def _answer(self, path: str, asked: dict[str, str]) -> None:
         makers: dict[str, Callable[[], tuple[str, bytes]]] = {
