@@ -18,7 +18,7 @@
 - `clauses`     what a condition lacks, with the values it had
 - `ending`      `why(trace)`: why it ended as it did
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics
-- `pooled`      figures of several traces together; `shares` the confidence interval of a share
+- `shares`      the confidence interval of a share
 - `history`     what a picture of the episode needs, gathered by entity and by tick
 - `played_city` the city of an episode, built again, and whom to name for its map
 - `page_pictures` the map with the trails and the best picture of each camera, for pages

@@ -121,11 +121,6 @@ def behaviour(actions: Iterable[JudgedAction]) -> BehaviourRates:
     return counted(actions).rates()
 
 
-def by_tercile(actions: Iterable[JudgedAction]) -> dict[str, BehaviourRates]:
-    """The rates of the first, second and last third of each agent's actions, pooled."""
-    return {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(actions), strict=True)}
-
-
 @once_per_trace
 def actions(trace: Trace) -> tuple[JudgedAction, ...]:
     """Every action of a trace, in order."""
@@ -230,6 +225,6 @@ def _whole(value: object) -> object:
 
 
 __all__ = [
-    "TERCILES", "ActionCounts", "BehaviourRates", "JudgedAction", "actions", "behaviour", "by_tercile", "counted",
+    "TERCILES", "ActionCounts", "BehaviourRates", "JudgedAction", "actions", "behaviour", "counted",
     "counted_by_tercile",
 ]  # fmt: skip

@@ -6,15 +6,11 @@ averaged over a mission's modes, then over missions and entrants alike. Rates by
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from functools import reduce
-from operator import add
 from statistics import fmean
 
-from lingjing.analysis.behaviour import TERCILES, ActionCounts
 from lingjing.analysis.families import FAMILIES, FailureFamily
-from lingjing.bench.played import columns_of, rows_by
+from lingjing.bench.played import Played, columns_of, grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ABSENT, PRIVILEGED, ResultCell, ResultLine, ResultTable, percent, plain, titled
 
@@ -47,10 +43,10 @@ def failure_tables(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable
     if competing:
         yield _balanced(competing, title)
     lines = []
-    for (_, condition), own in rows_by(lost, lambda row: (row.entrant, row.condition)).items():
+    for (_, condition), own in grouped(lost, lambda row: (row.entrant, row.condition)).items():
         for column in columns_of(own):
             few = [row for row in own if (row.mission, row.mode) == column]
-            shares = _shares(few)
+            shares = Played.of(few).families()
             cells = (ResultCell(str(len(few)), len(few)), *(percent(shares[family]) for family in FAMILY_NAMES))
             lines.append(ResultLine(own[0].group, (_called(own[0], condition), few[0].column), cells))
     yield ResultTable(
@@ -77,14 +73,9 @@ def _balanced(tiers: Mapping[str, Sequence[SuiteRow]], title: str) -> ResultTabl
 
 def _by_mission(rows: Sequence[SuiteRow]) -> dict[tuple[str, str, str], FamilyShares]:
     """The shares of every entrant, condition and mission: the mean over the modes in which it lost anything."""
-    cells = rows_by(rows, lambda row: (row.entrant, row.condition, row.mission))
-    return {key: _mean([_shares(few) for few in rows_by(own, lambda row: row.mode).values()])
+    cells = grouped(rows, lambda row: (row.entrant, row.condition, row.mission))
+    return {key: _mean([Played.of(few).families() for few in grouped(own, lambda row: row.mode).values()])
             for key, own in cells.items()}  # fmt: skip
-
-
-def _shares(rows: Sequence[SuiteRow]) -> FamilyShares:
-    counted = Counter(row.report.family for row in rows)
-    return {family: counted[family] / len(rows) for family in FAMILIES}
 
 
 def _mean(shares: Sequence[FamilyShares]) -> FamilyShares:
@@ -108,7 +99,7 @@ def drift_table(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     lines = []
     for tier, own in _by_tier([row for row in told if not row.privileged]).items():
         lines += _thirds("", tier, own)
-    for (_, condition), own in rows_by(told, lambda row: (row.entrant, row.condition)).items():
+    for (_, condition), own in grouped(told, lambda row: (row.entrant, row.condition)).items():
         lines += _thirds(own[0].group or OTHERS, _called(own[0], condition), own)
     heads = ("Actions", "Adher.", "Repeat", "OOB", "Forgot")
     note = (
@@ -118,11 +109,8 @@ def drift_table(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _thirds(group: str, name: str, rows: Sequence[SuiteRow]) -> list[ResultLine]:
-    pooled: list[ActionCounts] = [
-        reduce(add, each) for each in zip(*(row.report.terciles for row in rows), strict=True)
-    ]
     found = []
-    for third, counts in zip(TERCILES, pooled, strict=True):
+    for third, counts in Played.of(rows).terciles().items():
         rates = counts.rates()
         values = (rates.adherence, rates.repetition, rates.out_of_bounds, rates.forgotten)
         cells = (plain(counts.actions, ".0f"), *map(percent, values))
@@ -132,7 +120,7 @@ def _thirds(group: str, name: str, rows: Sequence[SuiteRow]) -> list[ResultLine]
 
 def _by_tier(rows: Sequence[SuiteRow]) -> dict[str, list[SuiteRow]]:
     none = OTHERS if any(row.group for row in rows) else UNGROUPED
-    return rows_by(rows, lambda row: row.group or none)
+    return grouped(rows, lambda row: row.group or none)
 
 
 def _called(row: SuiteRow, condition: str) -> str:

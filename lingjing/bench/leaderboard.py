@@ -43,7 +43,7 @@ def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
         if not group:
             listed += 1
             place, last = place if average == last else listed, average  # who ties shares a place
-        cells = [percent(Played(tuple(row for row in own if (row.mission, row.mode) == one)).rate()) for one in columns]
+        cells = [percent(Played.of(row for row in own if (row.mission, row.mode) == one).rate()) for one in columns]
         label = (str(place) if not group else "", f"{name} {PRIVILEGED}" if shown else name)
         lines.append(ResultLine(group, label, (ranged(average, average_range(own, columns)), *cells)))
     heads = ("Avg", *(column_head(mission, mode, columns) for mission, mode in columns))

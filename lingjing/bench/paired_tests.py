@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import PairedTest, holm, mcnemar
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, probability, titled
@@ -15,14 +15,14 @@ def paired_tests(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """McNemar's test of every two entrants, or conditions of one, on the instances that both have played, and of the
     two modes of a mission. Each of the two families is corrected for its number of tests."""
     competing = [row for row in rows if not row.privileged]
-    entrants = rows_by(competing, lambda row: (row.entrant, row.condition))
+    entrants = grouped(competing, lambda row: (row.entrant, row.condition))
     pairs = [
         (_called(first), _called(second), mcnemar(*(_won(some) for some in (own, others))))
         for (first, own), (second, others) in combinations(entrants.items(), 2)
         if first[0] == second[0] or first[1] == second[1]  # one thing differs
     ]
     modes = []
-    for (entrant, condition, mission), own in rows_by(
+    for (entrant, condition, mission), own in grouped(
         competing, lambda row: (row.entrant, row.condition, row.mission)
     ).items():
         both = [_won((row for row in own if row.mode == mode), by_seed=True) for mode in ("star", "broadcast")]

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
-from lingjing.analysis.behaviour import ActionCounts, BehaviourRates
+from lingjing.analysis.behaviour import TERCILES, ActionCounts
 from lingjing.analysis.detection import PerceptionCounts, calibration_error
+from lingjing.analysis.families import FAMILIES, FailureFamily
 from lingjing.analysis.metrics import Metrics
-from lingjing.bench.rows import SuiteRow
+from lingjing.play.report import EpisodeReport
+
+if TYPE_CHECKING:
+    from lingjing.bench.rows import SuiteRow
 
 KeyT = TypeVar("KeyT", bound=Hashable)
+ThingT = TypeVar("ThingT")
 
 _PAPERS_ORDER = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
 _MODE_ORDER = ("single", "star", "broadcast")
@@ -21,25 +27,30 @@ _MODE_ORDER = ("single", "star", "broadcast")
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """The counted episodes of one cell, or of several that are taken together."""
+    """The counted episodes of one cell, or of several that are taken together. What is not defined is nan."""
 
-    rows: tuple[SuiteRow, ...]
+    episodes: tuple[EpisodeReport, ...]
+
+    @classmethod
+    def of(cls, rows: Iterable[SuiteRow]) -> Played:
+        """Those of rows of a suite."""
+        return cls(tuple(row.report for row in rows))
 
     def won(self) -> dict[int, bool]:
         """Whether the episode of each seed was won."""
-        return {row.seed: row.report.success for row in self.rows}
+        return {episode.seed: episode.success for episode in self.episodes}
 
     def rate(self) -> float:
-        """The share of successes; nan where nothing was played."""
-        return mean_of([float(row.report.success) for row in self.rows])
+        """The share of successes."""
+        return mean_of([float(episode.success) for episode in self.episodes])
 
     def scr(self) -> float:
         """The mean subtask completion rate."""
-        return mean_of([row.report.scr for row in self.rows])
+        return mean_of([episode.scr for episode in self.episodes])
 
     def metrics(self) -> list[Metrics]:
         """The metrics of all that have any."""
-        return [row.report.metrics for row in self.rows if row.report.metrics is not None]
+        return [episode.metrics for episode in self.episodes if episode.metrics is not None]
 
     def mean(self, name: str) -> float:
         """The mean of a metric over the episodes in which it is defined."""
@@ -49,8 +60,7 @@ class Played:
     def perceived(self, kind: Literal["missing", "hallucinating", "confusing"]) -> float:
         """The share of all aligned frames with one or more of a kind of error."""
         told = self._perceived()
-        frames = sum(one.frames for one in told)
-        return sum(getattr(one, kind) for one in told) / frames if frames else math.nan
+        return _share(sum(getattr(one, kind) for one in told), sum(one.frames for one in told))
 
     def location_error_m(self) -> float:
         """The median over all matched reports of their distance from the target."""
@@ -62,32 +72,48 @@ class Played:
         error = calibration_error([said for one in self._perceived() for said in one.confidences])
         return math.nan if error is None else error
 
-    def attention_iou(self) -> float:
-        """The mean over the episodes whose attention is known."""
-        return mean_of([row.attention_iou for row in self.rows if row.attention_iou is not None])
-
     def _perceived(self) -> list[PerceptionCounts]:
-        return [row.report.perceived for row in self.rows if row.report.perceived is not None]
+        return [episode.perceived for episode in self.episodes if episode.perceived is not None]
 
     def weighted(self, name: str, weight: str) -> float:
-        """The mean of a rate over what `weight` counts in each episode, as over one pool of all of them."""
+        """The mean of a share of what `weight` counts in each episode, as over one pool of all of them."""
         pairs = [(getattr(one, name), getattr(one, weight)) for one in self.metrics()]
-        known = [(float(value), float(count)) for value, count in pairs if value is not None]
-        whole = sum(count for _, count in known)
-        return sum(value * count for value, count in known) / whole if whole else math.nan
+        known = [(round(value * count), count) for value, count in pairs if value is not None]
+        return _share(sum(part for part, _ in known), sum(count for _, count in known))
 
-    def behaviour(self) -> BehaviourRates:
-        """The rates of all actions, pooled."""
-        return sum((third for row in self.rows for third in row.report.terciles), ActionCounts()).rates()
+    def terciles(self) -> dict[str, ActionCounts]:
+        """The counts of the first, second and last third of each agent's actions."""
+        told = [episode.terciles for episode in self.episodes if episode.terciles]
+        return {name: sum((each[at] for each in told), ActionCounts()) for at, name in enumerate(TERCILES)}
+
+    def families(self) -> dict[FailureFamily, float]:
+        """Of all lost episodes the share of each failure family; nothing where none was lost."""
+        counts = Counter(episode.family for episode in self.episodes if episode.family is not None)
+        return {family: counts[family] / counts.total() for family in FAMILIES if counts}
+
+    def precision(self) -> float:
+        """Detections over detections and false reports."""
+        hits, false, _ = self._detected()
+        return _share(hits, hits + false)
+
+    def recall(self) -> float:
+        """Detections over detections and misses."""
+        hits, _, missed = self._detected()
+        return _share(hits, hits + missed)
 
     def f1(self) -> float:
         """Detection F1 over the pooled counts."""
-        found = [
-            one for one in self.metrics() if one.f1 is not None or one.precision is not None or one.recall is not None
-        ]
-        hits = sum(one.detections for one in found)
-        wrong = sum(one.false_positives + one.misses for one in found)
-        return 2 * hits / (2 * hits + wrong) if hits + wrong else math.nan
+        hits, false, missed = self._detected()
+        return _share(2 * hits, 2 * hits + false + missed)
+
+    def _detected(self) -> tuple[int, int, int]:
+        """Detections, false reports and misses, all of them."""
+        told = self.metrics()
+        return (
+            sum(one.detections for one in told),
+            sum(one.false_positives for one in told),
+            sum(one.misses for one in told),
+        )
 
     def stages(self) -> dict[str, float]:
         """The share of episodes that completed each stage and all before it, in the mission's order."""
@@ -105,16 +131,20 @@ class Played:
         return {f"S{stage}": mean_of([float(count >= stage) for count in done]) for stage in range(1, 6) if done}
 
 
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else math.nan
+
+
 def mean_of(values: Sequence[float]) -> float:
     """The mean; nan of nothing."""
     return sum(values) / len(values) if values else math.nan
 
 
-def rows_by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], KeyT]) -> dict[KeyT, list[SuiteRow]]:
-    """The rows by what a function says of each, in the order in which that comes first."""
-    found: dict[KeyT, list[SuiteRow]] = {}
-    for row in rows:
-        found.setdefault(key(row), []).append(row)
+def grouped(things: Iterable[ThingT], key: Callable[[ThingT], KeyT]) -> dict[KeyT, list[ThingT]]:
+    """The things by what a function says of each, in the order in which that comes first."""
+    found: dict[KeyT, list[ThingT]] = {}
+    for thing in things:
+        found.setdefault(key(thing), []).append(thing)
     return found
 
 
@@ -135,4 +165,4 @@ def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
     return tuple(sorted(found, key=place))
 
 
-__all__ = ["Played", "as_listed", "columns_of", "mean_of", "rows_by"]
+__all__ = ["Played", "as_listed", "columns_of", "grouped", "mean_of"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
+from statistics import fmean
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -57,9 +58,8 @@ def macro_average(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> flo
     (mission, mode) and seed."""
     missions: dict[str, list[float]] = {}
     for (mission, _), values in columns.items():
-        missions.setdefault(mission, []).append(sum(values.values()) / len(values))
-    means = [sum(each) / len(each) for each in missions.values()]
-    return sum(means) / len(means)
+        missions.setdefault(mission, []).append(fmean(values.values()))
+    return fmean(map(fmean, missions.values()))
 
 
 def macro_bounds(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> ConfidenceBounds:

@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.shares import ConfidenceBounds, wilson
 from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
-from lingjing.bench.played import Played, columns_of, mean_of, rows_by
+from lingjing.bench.played import Played, columns_of, grouped, mean_of
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import (
     bootstrap,
@@ -76,10 +77,10 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
 
 def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's main table: TSR of every entrant in every column, and the macro average."""
-    for condition, some in rows_by(rows, lambda row: row.condition).items():
+    for condition, some in grouped(rows, lambda row: row.condition).items():
         columns = columns_of(some)
         lines = []
-        for entrant, own in rows_by(some, lambda row: row.entrant).items():
+        for entrant, own in grouped(some, lambda row: row.entrant).items():
             cells = [percent(_played(own, column).rate()) for column in columns]
             lines.append(_line(own[0], (entrant,), (*cells, percent(_average(own, columns)))))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
@@ -89,10 +90,10 @@ def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The same with what is behind each rate: successes of episodes, Wilson's interval; a bootstrap for the average."""
-    for condition, some in rows_by(rows, lambda row: row.condition).items():
+    for condition, some in grouped(rows, lambda row: row.condition).items():
         columns = columns_of(some)
         lines = []
-        for entrant, own in rows_by(some, lambda row: row.entrant).items():
+        for entrant, own in grouped(some, lambda row: row.entrant).items():
             cells = [_wilson_cell(_played(own, column)) for column in columns]
             cells.append(ranged(_average(own, columns), average_range(own, columns)))
             lines.append(_line(own[0], (entrant,), cells))
@@ -107,11 +108,11 @@ def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's table of communication modes: what each costs in the same instances."""
     lines: list[ResultLine] = []
-    entrants = rows_by(rows, lambda row: (row.entrant, row.condition))
+    entrants = grouped(rows, lambda row: (row.entrant, row.condition))
     for (entrant, condition), own in entrants.items():
-        for mission, some in rows_by(own, lambda row: row.mission).items():
-            both = [Played(tuple(row for row in some if row.mode == mode)) for mode in ("star", "broadcast")]
-            if not all(one.rows for one in both):
+        for mission, some in grouped(own, lambda row: row.mission).items():
+            both = [Played.of(row for row in some if row.mode == mode) for mode in ("star", "broadcast")]
+            if not all(one.episodes for one in both):
                 continue
             group = "" if len(entrants) == 1 else f"{entrant}{condition and f', {condition}'}"
             for name, of, text, lower in _MODE_MEASURES:
@@ -124,17 +125,17 @@ def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """Ablations, sweeps, prompts and interventions: every condition of a mission under each entrant."""
-    for (mission, mode), some in rows_by(rows, lambda row: (row.mission, row.mode)).items():
+    for (mission, mode), some in grouped(rows, lambda row: (row.mission, row.mode)).items():
         lines: list[ResultLine] = []
-        stages = tuple(Played(tuple(some)).steps())
+        stages = tuple(Played.of(some).steps())
         heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "JSON", "Cost x", *stages)
-        for entrant, own in rows_by(some, lambda row: row.entrant).items():
+        for entrant, own in grouped(some, lambda row: row.entrant).items():
             group = entrant
-            base = Played(tuple(row for row in own if row.baseline)).mean("tokens")
-            each = rows_by(own, lambda row: row.condition)
+            base = Played.of(row for row in own if row.baseline).mean("tokens")
+            each = grouped(own, lambda row: row.condition)
             measured = []
             for condition, few in each.items():
-                played = Played(tuple(few))
+                played = Played.of(few)
                 spent = played.mean("tokens") / base if base else math.nan
                 done = played.steps()
                 measured.append((condition or "default", (
@@ -156,13 +157,13 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """Provenance: cumulative success of the stages, and how well the calls behind them saw."""
-    for condition, some in rows_by(rows, lambda row: row.condition).items():
-        missions = rows_by(some, lambda row: (row.entrant, row.mission, row.mode))
-        names = tuple(dict.fromkeys(name for own in missions.values() for name in Played(tuple(own)).stages()))
-        farthest = max((_finite(Played(tuple(own)).location_error_m()) for own in missions.values()), default=0.0)
+    for condition, some in grouped(rows, lambda row: row.condition).items():
+        missions = grouped(some, lambda row: (row.entrant, row.mission, row.mode))
+        names = tuple(dict.fromkeys(name for own in missions.values() for name in Played.of(own).stages()))
+        farthest = max((_finite(Played.of(own).location_error_m()) for own in missions.values()), default=0.0)
         lines = []
         for (entrant, mission, mode), own in missions.items():
-            played, done = Played(tuple(own)), Played(tuple(own)).stages()
+            played, done = Played.of(own), Played.of(own).stages()
             error = played.location_error_m()
             cells = (
                 *(percent(done.get(name, math.nan)) for name in names),
@@ -188,11 +189,11 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's behavioural signatures and rates of actions: means over episodes, actions pooled."""
-    for condition, some in rows_by(rows, lambda row: row.condition).items():
+    for condition, some in grouped(rows, lambda row: row.condition).items():
         lines = []
-        for entrant, own in rows_by(some, lambda row: row.entrant).items():
-            played = Played(tuple(own))
-            rates = played.behaviour()
+        for entrant, own in grouped(some, lambda row: row.entrant).items():
+            played = Played.of(own)
+            rates = sum(played.terciles().values(), ActionCounts()).rates()
             cells = (
                 percent(played.mean("coverage")),
                 plain(played.mean("first_discovery_tick"), ".1f"),
@@ -221,13 +222,13 @@ def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """The paper's perception by entrant: what was overlooked, what was made up, where it looked."""
     lines = []
-    for entrant, own in rows_by(rows, lambda row: row.entrant).items():
-        played = Played(tuple(own))
+    for entrant, own in grouped(rows, lambda row: row.entrant).items():
+        played = Played.of(own)
         cells = (
             percent(played.perceived("missing")),
             percent(played.perceived("hallucinating")),
             percent(played.perceived("confusing")),
-            plain(played.attention_iou(), ".2f"),
+            plain(mean_of([row.attention_iou for row in own if row.attention_iou is not None]), ".2f"),
             plain(played.f1(), ".2f"),
             plain(played.calibration_error(), ".2f"),
         )
@@ -241,8 +242,8 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """What an episode takes: calls, tokens, dollars, seconds."""
     lines = []
-    for entrant, own in rows_by(rows, lambda row: row.entrant).items():
-        played = Played(tuple(own))
+    for entrant, own in grouped(rows, lambda row: row.entrant).items():
+        played = Played.of(own)
         total = sum(one.cost_usd for one in played.metrics())
         cells = (
             ResultCell(str(len(own)), len(own)),
@@ -297,7 +298,7 @@ def average_range(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) 
 
 
 def _played(rows: Iterable[SuiteRow], column: tuple[str, str]) -> Played:
-    return Played(tuple(row for row in rows if (row.mission, row.mode) == column))
+    return Played.of(row for row in rows if (row.mission, row.mode) == column)
 
 
 def _seeded(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> dict[tuple[str, str], dict[int, float]]:
@@ -329,16 +330,16 @@ _MODE_MEASURES: tuple[tuple[str, Callable[[Played], float], Callable[[float], Re
 
 
 def _wilson_cell(played: Played) -> ResultCell:
-    rate, bounds = played.rate(), wilson(sum(played.won().values()), len(played.rows))
-    return ranged(rate, bounds, f" ({sum(played.won().values())}/{len(played.rows)})")
+    won, count = sum(played.won().values()), len(played.episodes)
+    return ranged(played.rate(), wilson(won, count), f" ({won}/{count})")
 
 
 def _wilson_ends(played: Played) -> ResultCell:
-    return _ends(wilson(sum(played.won().values()), len(played.rows)))
+    return _ends(wilson(sum(played.won().values()), len(played.episodes)))
 
 
 def _bootstrap_ends(played: Played) -> ResultCell:
-    return _ends(bootstrap([row.report.scr for row in played.rows]))
+    return _ends(bootstrap([episode.scr for episode in played.episodes]))
 
 
 def _ends(bounds: ConfidenceBounds) -> ResultCell:

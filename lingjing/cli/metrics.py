@@ -6,7 +6,8 @@ import argparse
 import csv
 import io
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -14,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 from lingjing.errors import ExitCode
 
 if TYPE_CHECKING:
-    from lingjing.analysis.pooled import EpisodeCounts
-    from lingjing.trace.reader import Trace
+    from lingjing.bench.played import Played
+    from lingjing.play.report import EpisodeReport
 
 UNDEFINED = "N/A"
 """What is printed for a rate over nothing, as the paper's tables do."""
@@ -46,14 +47,16 @@ def handler(args: argparse.Namespace) -> int:
     if args.output is not None:
         check_output(args.output, [path for path in (*args.traces, args.attention) if path])
     found = _all_of(_once(args.traces), args.jobs)
-    rows = [row for row, _ in found]
-    pooled = _pooled([counts for _, counts in found], args)
+    rows = [_row(report, complete) for report, complete in found]
+    played = _played(report for report, _ in found)
+    pooled = {"episodes": len(rows), **together(played), **_compared(played, args)}
     if args.output_format == "csv":
         text = as_csv(rows)
     elif args.output_format == "json":
         text = json.dumps({"episodes": rows, "together": pooled}, indent=2, ensure_ascii=False) + "\n"
     else:
-        text = _table(_counted(rows, [counts for _, counts in found]), pooled)
+        kept = [row for row, (report, _) in zip(rows, found, strict=True) if retained(report)]
+        text = _table(kept or rows, pooled)
     if args.output_format == "text" and args.output in (None, "-"):
         print(text, end="")  # names of others are spelled out on a terminal, which data is not
     else:
@@ -61,10 +64,18 @@ def handler(args: argparse.Namespace) -> int:
     return ExitCode.OK
 
 
-def _counted(rows: Sequence[dict[str, Any]], counts: Sequence[EpisodeCounts]) -> Sequence[dict[str, Any]]:
-    """The rows that means are taken of: those of episodes that ended by themselves, if there are any."""
-    kept = [row for row, one in zip(rows, counts, strict=True) if one.retained]
-    return kept or rows
+def retained(report: EpisodeReport) -> bool:
+    """Whether the episode ended by itself: infrastructure failures are left out, as the paper leaves them out of all
+    its figures of models."""
+    from lingjing.trace.records import CUT_SHORT
+
+    return report.reason not in CUT_SHORT
+
+
+def _played(reports: Iterable[EpisodeReport]) -> Played:
+    from lingjing.bench.played import Played
+
+    return Played(tuple(filter(retained, reports)))
 
 
 def _once(paths: Sequence[str]) -> list[str]:
@@ -84,8 +95,9 @@ def _once(paths: Sequence[str]) -> list[str]:
     return list(found.values())
 
 
-def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], EpisodeCounts]]:
-    """Row and counts of each trace, in the order given; one trace at a time is in memory for each job."""
+def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[EpisodeReport, bool]]:
+    """The report of each trace and whether it is complete, in the order given; one trace at a time is in memory for
+    each job."""
     if jobs == 1 or len(paths) == 1:
         return [_one(path) for path in paths]
     from concurrent.futures import ProcessPoolExecutor
@@ -94,72 +106,110 @@ def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[dict[str, Any], Episo
         return list(pool.map(_one, paths, chunksize=4))
 
 
-def _one(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
+def _one(path: str) -> tuple[EpisodeReport, bool]:
     from lingjing.trace.reader import collector_paused
 
     with collector_paused():  # until the trace is gone too: to look through it takes as long as to read it
         return _read(path)
 
 
-def _read(path: str) -> tuple[dict[str, Any], EpisodeCounts]:
-    from lingjing.analysis.pooled import counts_of
+def _read(path: str) -> tuple[EpisodeReport, bool]:
     from lingjing.cli.files import say_if_cut
+    from lingjing.play.report import report_of
     from lingjing.trace.reader import read_trace
 
     trace = read_trace(path)
     say_if_cut(trace)
-    counts = counts_of(trace)
-    return _row(trace, counts), counts
+    policies = "+".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
+    return report_of(trace, policies), trace.complete
 
 
-def _row(trace: Trace, counts: EpisodeCounts) -> dict[str, Any]:
+def _row(report: EpisodeReport, complete: bool) -> dict[str, Any]:
     """Who played what, and every metric."""
     import msgspec
 
-    from lingjing.analysis.metrics import metrics
-
-    instance = trace.header.instance
-    policies = "+".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
-    who: dict[str, Any] = {
-        "trace": str(trace.path),
-        "mission": instance.mission,
-        "mode": instance.mode,
-        "seed": instance.seed,
-    }
-    who |= {"policy": policies, "complete": trace.complete, "family": counts.family}
-    return {**who, **msgspec.to_builtins(metrics(trace))}
+    who = {name: getattr(report, name) for name in ("trace", "mission", "mode", "seed", "policy")}
+    return {**who, "complete": complete, "family": report.family, **msgspec.to_builtins(report.metrics)}
 
 
-def _pooled(episodes: Sequence[EpisodeCounts], args: argparse.Namespace) -> dict[str, Any]:
-    """What is not a mean of episodes."""
+def together(played: Played) -> dict[str, Any]:
+    """What is not a mean of episodes: rates over pictures and actions are pooled, their counts are added up before they
+    are divided."""
     import msgspec
 
-    from lingjing.analysis import pooled
-    from lingjing.trace.reader import read_trace
+    from lingjing.bench.played import Played, grouped
+    from lingjing.bench.statistics import macro_average
 
-    found: dict[str, Any] = {
-        "episodes": len(episodes),
-        "retained": sum(one.retained for one in episodes),
-        "tsr": pooled.tsr(episodes),
-        "macro_average": pooled.macro_average(episodes),
-        "f1": pooled.f1(episodes),
-        "repeated_target_rate": pooled.repeated_target_rate(episodes),
-        "perception": msgspec.to_builtins(pooled.perception(episodes)),
-        "stages": pooled.cumulative_stages(episodes),
-        "families": pooled.family_shares(episodes),
-        "terciles": msgspec.to_builtins(pooled.drift(episodes)),
+    columns = grouped(played.episodes, lambda one: (one.mission, one.mode))
+    won = {column: dict(enumerate(float(one.success) for one in some)) for column, some in columns.items()}
+    missions = grouped(played.episodes, lambda one: one.mission)
+    return {
+        "retained": len(played.episodes),
+        "tsr": _defined(played.rate()),
+        "macro_average": macro_average(won) if won else None,
+        "f1": _defined(played.f1()),
+        "repeated_target_rate": _defined(played.weighted("rep", "target_events")),
+        "perception": _perception(played),
+        "stages": {mission: Played(tuple(some)).stages() for mission, some in missions.items()},
+        "families": played.families() or None,
+        "terciles": {name: msgspec.to_builtins(counts.rates()) for name, counts in played.terciles().items()},
     }
+
+
+def _compared(played: Played, args: argparse.Namespace) -> dict[str, Any]:
+    """What takes other files than the traces."""
+    found: dict[str, Any] = {}
     if args.baseline:
-        found["relative_cost"] = pooled.relative_cost(episodes, [_one(path)[1] for path in _once(args.baseline)])
+        found["relative_cost"] = relative_cost(played, _played(_one(path)[0] for path in _once(args.baseline)))
     if args.real:
-        found["f1_domain_difference"] = pooled.f1_domain_difference(
-            episodes, [_one(path)[1] for path in _once(args.real)]
-        )
+        found["f1_domain_difference"] = domain_difference(played, _played(_one(path)[0] for path in _once(args.real)))
     if args.attention:
         from lingjing.analysis.attention import attention_iou, read_attention
+        from lingjing.trace.reader import read_trace
 
         found["attention_iou"] = attention_iou(read_trace(args.traces[0]), read_attention(args.attention))
     return found
+
+
+def _perception(played: Played) -> dict[str, float | None]:
+    """What the paper says of perception, over the aligned frames and reports of all episodes."""
+    return {
+        "precision": _defined(played.precision()),
+        "recall": _defined(played.recall()),
+        "f1": _defined(played.f1()),
+        "miss_rate": _defined(played.perceived("missing")),
+        "hallucination_rate": _defined(played.perceived("hallucinating")),
+        "confusion_rate": _defined(played.perceived("confusing")),
+        "localisation_error_m": _defined(played.location_error_m()),
+        "calibration_error": _defined(played.calibration_error()),
+    }
+
+
+def relative_cost(played: Played, baseline: Played) -> float | None:
+    """Prompt and completion tokens of all model calls, an episode, over those of the baseline."""
+    base = baseline.mean("tokens")
+    return _defined(played.mean("tokens") / base) if base else None
+
+
+def domain_difference(simulated: Played, real: Played) -> float | None:
+    """F1 on real-style pictures less F1 on the matched simulator's: negative where they are harder.
+
+    Raises `UsageError` if the two sets are not matched: the same missions, modes and seeds, equally often.
+    """
+    from collections import Counter
+
+    from lingjing.errors import UsageError
+
+    here, there = (Counter((one.mission, one.mode, one.seed) for one in some.episodes) for some in (simulated, real))
+    if here != there:
+        mission, mode, seed = min((here - there) + (there - here))
+        raise UsageError(f"the two sets are not matched: {mission} {mode} seed {seed} is not equally often in both")
+    return _defined(real.f1() - simulated.f1())
+
+
+def _defined(value: float) -> float | None:
+    """None for nan, which JSON has no word for."""
+    return None if math.isnan(value) else value
 
 
 def as_csv(rows: Sequence[dict[str, Any]]) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.report.evidence import ReportStudy
 
@@ -29,20 +29,20 @@ class VariedColumn(NamedTuple):
             row for row in self.rows
             if (of in row.options.policy_args if of else not apart & set(row.options.policy_args))
         ]  # fmt: skip
-        return rows_by(kept, lambda row: (row.entrant, row.condition))
+        return grouped(kept, lambda row: (row.entrant, row.condition))
 
 
 def varied_columns(study: ReportStudy) -> Iterator[VariedColumn]:
     """Every mission and mode of a study in which options differ."""
     for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
-        options = frozenset(name for own in rows_by(rows, lambda row: row.entrant).values() for name in _differing(own))
+        options = frozenset(name for own in grouped(rows, lambda row: row.entrant).values() for name in _differing(own))
         if options:
             yield VariedColumn(mission, mode, tuple(rows), options)
 
 
 def _differing(rows: Sequence[SuiteRow]) -> Iterator[str]:
     """Names of options that change from condition to condition."""
-    each = [own[0].options.policy_args for own in rows_by(rows, lambda row: row.condition).values()]
+    each = [own[0].options.policy_args for own in grouped(rows, lambda row: row.condition).values()]
     for name in sorted({name for one in each for name in one}):
         if len({repr(one.get(name)) for one in each}) > 1:
             yield name

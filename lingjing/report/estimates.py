@@ -119,9 +119,8 @@ def weighted(name: str, weight: str, factor: float = 1.0) -> RowMeasure:
 
 def unmatched(rows: Sequence[SuiteRow]) -> BoundedEstimate:
     """1 - F1 of detection over the pooled counts."""
-    found = [one for one in metrics_of(rows) if (one.f1, one.precision, one.recall) != (None, None, None)]
-    wrong = [float(one.false_positives + one.misses) for one in found]
-    return pooled((each, 2.0 * one.detections + each) for each, one in zip(wrong, found, strict=True))
+    told = [(one.false_positives + one.misses, 2 * one.detections) for one in metrics_of(rows)]
+    return pooled((wrong, right + wrong) for wrong, right in told)
 
 
 def perceived(kind: Literal["missing", "hallucinating", "confusing"], factor: float = 1.0) -> RowMeasure:

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from lingjing.bench.frame_sets.probe import ProbeCell
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.prompt_search import PromptCandidate
 from lingjing.bench.rows import SuiteRow
 
@@ -30,7 +30,7 @@ class ReportStudy(msgspec.Struct, frozen=True, kw_only=True):
 
     def by(self, key: Callable[[SuiteRow], KeyT]) -> dict[KeyT, list[SuiteRow]]:
         """The counted rows by what a function says of each."""
-        return rows_by(self.rows, key)
+        return grouped(self.rows, key)
 
     def numbers(self) -> Callable[[SuiteRow], int]:
         """What gives the place of a row's entrant, with its condition where that is no baseline, among the plain rows:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.mission.instance import GivenOption
 from lingjing.play.options import PlayOptions
@@ -50,10 +50,10 @@ def row_of(trace: Trace) -> SuiteRow:
 def with_conditions(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
     """The rows with their conditions, and with the places of entrants and conditions in tables."""
     named: list[SuiteRow] = []
-    for (mission, mode), own in rows_by(rows, lambda row: (row.mission, row.mode)).items():
+    for (mission, mode), own in grouped(rows, lambda row: (row.mission, row.mode)).items():
         settings = _differing([row.options.settings for row in own])
         usual = parameters_of(mission, mode)
-        for some in rows_by(own, lambda row: row.entrant).values():
+        for some in grouped(own, lambda row: row.entrant).values():
             options = _differing([row.options.policy_args for row in some])
             for row in some:
                 given = {name: row.options.policy_args[name] for name in options if name in row.options.policy_args}

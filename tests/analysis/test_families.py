@@ -10,12 +10,13 @@ import pytest
 from lingjing.analysis import families
 from lingjing.analysis.ending import why
 from lingjing.analysis.families import FAMILIES, Attribution, attribute
-from lingjing.analysis.pooled import counts_of, family_shares
 from lingjing.bench.columns import shipped
+from lingjing.bench.played import Played
 from lingjing.mission.expression import Attr, Binary, Call, Quantified, Ref
 from lingjing.mission.instance import MessageSpec
 from lingjing.mission.model import Field, Rule, RuleParameter
 from lingjing.play.episode import Session
+from lingjing.play.report import report_of
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import (
     Action,
@@ -201,10 +202,10 @@ def test_won_and_aborted_episodes_have_no_family_and_shares_add_up(lost, trace: 
     aborted = lost({}, reason="infrastructure-abort")
     assert attribute(trace) is None and attribute(aborted) is None
     played = [lost({5: SEEN}), lost({}), lost({}, reason="constraint"), trace, aborted]
-    found = family_shares(map(counts_of, played))
-    assert found is not None and tuple(found) == FAMILIES and sum(found.values()) == pytest.approx(1.0)
+    found = Played(tuple(report_of(one, "someone") for one in played)).families()
+    assert tuple(found) == FAMILIES and sum(found.values()) == pytest.approx(1.0)
     assert found["perception_miss"] == 2 / 3 and found["unattributed"] == 1 / 3
-    assert family_shares([counts_of(trace)]) is None
+    assert Played((report_of(trace, "someone"),)).families() == {}
 
 
 def test_why_tells_the_family_with_its_records(lost) -> None:  # type: ignore[no-untyped-def]

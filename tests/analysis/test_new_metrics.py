@@ -11,16 +11,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.analysis import pooled
 from lingjing.analysis.attention import attention_iou, box_iou, read_attention
-from lingjing.analysis.behaviour import actions, behaviour, by_tercile
+from lingjing.analysis.behaviour import TERCILES, actions, behaviour, counted_by_tercile
 from lingjing.analysis.detection import calibration_error, confused_with, detect, iou
+from lingjing.analysis.metrics import StageMetric
 from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
+from lingjing.bench.played import Played
 from lingjing.cli.main import main
-from lingjing.cli.metrics import as_csv
+from lingjing.cli.metrics import as_csv, domain_difference, relative_cost, retained, together
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Flag
 from lingjing.mission.model import Constraint
+from lingjing.play.report import EpisodeReport, report_of
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
     Action,
@@ -37,6 +39,11 @@ from lingjing.trace.records import (
 from tests.analysis.test_metrics import at, boundary, frame, matched, report
 
 replace = msgspec.structs.replace
+
+
+def played(*traces: Trace) -> Played:
+    """What the verb counts of them."""
+    return Played(tuple(filter(retained, (report_of(trace, "someone") for trace in traces))))
 
 
 @pytest.fixture
@@ -72,7 +79,7 @@ def test_adherence_repetition_and_bounds_are_counted_by_action(of) -> None:  # t
     assert [one.third for one in found] == [0, 0, 1, 1, 2, 2]
     rates = behaviour(found)
     assert (rates.actions, rates.adherence, rates.repetition, rates.out_of_bounds) == (6, 3 / 6, 1 / 5, 2 / 6)
-    thirds = by_tercile(found)
+    thirds = {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(found), strict=True)}
     assert [thirds[name].adherence for name in ("early", "mid", "late")] == [1.0, 0.0, 0.5]
     assert [thirds[name].out_of_bounds for name in ("early", "mid", "late")] == [0.0, 0.5, 0.5]
     assert behaviour(()).adherence is None
@@ -248,19 +255,20 @@ def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # typ
     """SSR won in star (1 of 1) and half the time in broadcast, BI lost: ((1 + 0.5) / 2 + 0) / 2."""
     assert trace.outcome is not None
 
-    def episode(mission: str, mode: str, seed: int, won: bool, reason: str = "") -> pooled.EpisodeCounts:
+    def episode(mission: str, mode: str, seed: int, won: bool, reason: str = "") -> Trace:
         comms = replace(trace.header.instance.comms, mode=mode)
         instance = replace(trace.header.instance, mission=mission, comms=comms, seed=seed)
         outcome = replace(trace.outcome, success=won, reason=reason or ("success" if won else "budget"))
-        return pooled.counts_of(of(boundary(0), header=replace(trace.header, instance=instance), outcome=outcome))
+        return of(boundary(0), header=replace(trace.header, instance=instance), outcome=outcome)
 
-    played = [
+    told = together(played(
         episode("ssr", "star", 1, True), episode("ssr", "broadcast", 1, True), episode("ssr", "broadcast", 2, False),
         episode("bi", "single", 1, False), episode("bi", "single", 2, False, "infrastructure-abort"),
-    ]  # fmt: skip
-    assert sum(one.retained for one in played) == 4
-    assert pooled.tsr(played) == 2 / 4 and pooled.macro_average(played) == 0.375
-    assert pooled.tsr([]) is None and pooled.macro_average([]) is None
+    ))  # fmt: skip
+    assert told["retained"] == 4
+    assert told["tsr"] == 2 / 4 and told["macro_average"] == 0.375
+    nothing = together(played())
+    assert nothing["tsr"] is None and nothing["macro_average"] is None
 
 
 def test_perception_is_pooled_over_the_frames_of_retained_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
@@ -274,12 +282,11 @@ def test_perception_is_pooled_over_the_frames_of_retained_episodes(of, trace: Tr
     )
     blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"), frame("b", 1, "victim[2]"))), outcome=over)
     cut = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)), outcome=replace(over, reason="error"))
-    played = [pooled.counts_of(one) for one in (found, blind, cut)]
-    told = pooled.perception(played)
-    assert (told.precision, told.recall, told.f1, told.miss_rate) == (1.0, 1 / 3, 0.5, 2 / 3)
-    assert (told.hallucination_rate, told.confusion_rate) == (0.0, 0.0)
-    assert (told.localisation_error_m, told.calibration_error) == (5.0, None)
-    assert pooled.perception([played[2]]).miss_rate is None
+    told = together(played(found, blind, cut))["perception"]
+    assert (told["precision"], told["recall"], told["f1"], told["miss_rate"]) == (1.0, 1 / 3, 0.5, 2 / 3)
+    assert (told["hallucination_rate"], told["confusion_rate"]) == (0.0, 0.0)
+    assert (told["localisation_error_m"], told["calibration_error"]) == (5.0, None)
+    assert together(played(cut))["perception"]["miss_rate"] is None
 
 
 def test_calibration_weighs_ten_bins_by_their_reports() -> None:
@@ -291,15 +298,18 @@ def test_calibration_weighs_ten_bins_by_their_reports() -> None:
     assert calibration_error([]) is None
 
 
-def test_repeated_events_and_stages_are_pooled(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_repeated_events_and_stages_are_pooled(trace: Trace) -> None:
     """1 of 2 and 0 of 8 events: 0.1, where the mean of rates would be 0.25; two episodes, one to its first stage."""
-    one = pooled.counts_of(trace)
-    some = replace(one, events=2, repeated=1, stages=(("detect", True), ("locate", False)))
-    more = replace(one, events=8, repeated=0, stages=(("detect", False), ("locate", False)))
-    lost = replace(one, events=5, repeated=5, retained=False)
-    assert pooled.repeated_target_rate([some, more, lost]) == 0.1
-    assert pooled.repeated_target_rate([lost]) is None
-    assert pooled.cumulative_stages([some, more, lost]) == {"ssr": {"detect": 0.5, "locate": 0.0}}
+    (one,) = played(trace).episodes
+
+    def episode(rep: float, events: int, detected: bool) -> EpisodeReport:
+        done = {"detect": detected, "locate": False}
+        stages = tuple(StageMetric(name=name, done=0, required=1, cumulative=whole) for name, whole in done.items())
+        return replace(one, metrics=replace(one.metrics, rep=rep, target_events=events, stages=stages))
+
+    told = together(Played((episode(0.5, 2, True), episode(0.0, 8, False))))
+    assert told["repeated_target_rate"] == 0.1 and told["stages"] == {"ssr": {"detect": 0.5, "locate": 0.0}}
+    assert together(Played(()))["repeated_target_rate"] is None
 
 
 def test_domain_difference_is_real_less_simulated_on_matched_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
@@ -312,27 +322,26 @@ def test_domain_difference_is_real_less_simulated_on_matched_episodes(of, trace:
     )
     blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)), outcome=over)
     other = of(boundary(0), header=replace(good.header, instance=replace(good.header.instance, seed=99)), outcome=over)
-    good, blind, other = map(pooled.counts_of, (good, blind, other))
-    assert (pooled.f1([good]), pooled.f1([blind]), pooled.f1([good, blind])) == (1.0, 0.0, 2 / 3)
-    assert pooled.f1_domain_difference([good], [blind]) == -1.0
+    assert (played(good).f1(), played(blind).f1(), played(good, blind).f1()) == (1.0, 0.0, 2 / 3)
+    assert domain_difference(played(good), played(blind)) == -1.0
     with pytest.raises(UsageError, match="not matched"):
-        pooled.f1_domain_difference([good], [other])
+        domain_difference(played(good), played(other))
     with pytest.raises(UsageError, match="not matched"):
-        pooled.f1_domain_difference([good], [good, good])
+        domain_difference(played(good), played(good, good))
 
 
 def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    def spent(prompt: int, completion: int) -> pooled.EpisodeCounts:
+    def spent(prompt: int, completion: int) -> Trace:
         usage = Usage(calls=1, prompt_tokens=prompt, completion_tokens=completion)
         made = DecisionRecord(agent="scout[1]", decision=Decision(usage=usage))
-        return pooled.counts_of(of(boundary(0), boundary(1, decisions=(made,)), outcome=trace.outcome))
+        return of(boundary(0), boundary(1, decisions=(made,)), outcome=trace.outcome)
 
-    assert pooled.relative_cost([spent(100, 20)], [spent(200, 40)]) == 0.5
-    assert pooled.relative_cost([spent(100, 20)], [pooled.counts_of(of(boundary(0)))]) is None
-    cut = replace(spent(100, 20), retained=False)
-    assert pooled.relative_cost([spent(100, 20), cut], [spent(200, 40), cut]) == 0.5
-    assert pooled.relative_cost([spent(100, 20), cut], [spent(200, 40)] * 2) == 0.5  # one of two was aborted
-    assert pooled.relative_cost([cut], [spent(200, 40)]) is None
+    some, more, cut = spent(100, 20), spent(200, 40), of(boundary(0))
+    assert relative_cost(played(some), played(more)) == 0.5
+    assert relative_cost(played(some), played(of(boundary(0), outcome=trace.outcome))) is None
+    assert relative_cost(played(some, cut), played(more, cut)) == 0.5
+    assert relative_cost(played(some, cut), played(more, more)) == 0.5  # one of two was aborted
+    assert relative_cost(played(cut), played(more)) is None
 
 
 def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

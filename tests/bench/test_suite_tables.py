@@ -35,7 +35,7 @@ def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
         {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "rep": 0.1, "target_events": 10},
         {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "rep": 0.5, "target_events": 90},
     ]
-    played = Played(tuple(made_row(seed=seed, metrics=one) for seed, one in enumerate(metrics)))
+    played = Played.of(made_row(seed=seed, metrics=one) for seed, one in enumerate(metrics))
     assert played.f1() == pytest.approx(18 / 19)
     assert played.weighted("rep", "target_events") == pytest.approx(0.46)
     assert math.isnan(Played(()).f1()) and math.isnan(Played(()).rate())
@@ -48,7 +48,7 @@ def test_perception_is_pooled_over_frames_and_reports() -> None:
         PerceptionCounts(frames=10, missing=1, errors_m=(1.0, 2.0, 3.0), confidences=((0.9, True),)),
         PerceptionCounts(frames=90, missing=45, hallucinating=9, errors_m=(80.0,), confidences=((0.9, False),)),
     ]
-    played = Played((*(made_row(seed=seed, perceived=one) for seed, one in enumerate(told)), made_row(seed=2)))
+    played = Played.of((*(made_row(seed=seed, perceived=one) for seed, one in enumerate(told)), made_row(seed=2)))
     assert played.perceived("missing") == pytest.approx(0.46)
     assert (played.perceived("hallucinating"), played.perceived("confusing")) == (pytest.approx(0.09), 0.0)
     assert played.location_error_m() == 2.5
@@ -264,9 +264,14 @@ def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -
     few = {"coverage": 0.9, "first_discovery_tick": 12, "redundant_revisits": 0.1, "idle_fraction": 0.12,
            "discovery_messages": 0.8}  # fmt: skip
     many = {**few, "first_discovery_tick": None}
+    none = ActionCounts()
     thirds = {
-        0: (ActionCounts(actions=5, adherent=5), ActionCounts(actions=5, adherent=5, following=5, repeated=5)),
-        1: (ActionCounts(actions=30, following=29, adherent=30), ActionCounts(actions=60, following=60, adherent=15)),
+        0: (ActionCounts(actions=5, adherent=5), ActionCounts(actions=5, adherent=5, following=5, repeated=5), none),
+        1: (
+            ActionCounts(actions=30, following=29, adherent=30),
+            none,
+            ActionCounts(actions=60, following=60, adherent=15),
+        ),
     }
     rows = [
         made_row(seed=seed, report=made_report(seed=seed, metrics=blank_metrics(**one), terciles=thirds[seed]))

@@ -58,8 +58,8 @@ def row(*, metrics: dict[str, object] | None = None, settings: dict[str, float] 
         **changes: object) -> SuiteRow:  # fmt: skip
     """A counted row; what its report and its options hold is given by their names."""
     report = made_report(
-        success=success, scr=1.0 if success else 0.5, metrics=blank_metrics(**(metrics or {})), family=family,
-        terciles=terciles, perceived=perceived,
+        seed=changes.get("seed", 0), success=success, scr=1.0 if success else 0.5,
+        metrics=blank_metrics(**(metrics or {})), family=family, terciles=terciles, perceived=perceived,
     )  # fmt: skip
     options = PlayOptions(mission="ssr", policy="p", settings=settings or {}, policy_args=args or {})
     return made_row(report=report, options=options, **changes)

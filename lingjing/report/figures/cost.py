@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, plain
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
 from lingjing.report.estimates import UNKNOWN, metric, metrics_of, weighted
@@ -23,7 +23,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
             spent = [row for row in rows if row.report.metrics is not None and row.report.metrics.calls]
             groups = []
-            for (_, condition), own in rows_by(spent, lambda row: (row.entrant, row.condition)).items():
+            for (_, condition), own in grouped(spent, lambda row: (row.entrant, row.condition)).items():
                 factor = cost_factor(own, rows)
                 name = called(own[0], condition)
                 groups.append(BarGroup(name, (ChartBar("thousand tokens an episode", 0, _TOKENS(own)),), ".1f"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from lingjing.analysis.behaviour import TERCILES, ActionCounts
-from lingjing.bench.played import as_listed, rows_by
+from lingjing.bench.played import as_listed, grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
@@ -25,7 +25,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         told = {
             key: some
-            for key, rows in rows_by(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items()
+            for key, rows in grouped(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items()
             if (some := [row for row in rows if row.report.terciles])
         }
         if not told:
@@ -55,7 +55,7 @@ _NOTE = "each agent's actions of an episode in three equal parts, pooled; interv
 
 def _tiers(rows: Sequence[SuiteRow]) -> dict[str, list[SuiteRow]]:
     """The rows of each heading of entrants, where there are headings; those that were shown the truth are in none."""
-    return rows_by(
+    return grouped(
         (row for row in rows if row.group and not row.privileged and row.report.terciles), lambda row: row.group
     )
 

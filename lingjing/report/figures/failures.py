@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from lingjing.bench.failure_tables import FAMILY_NAMES
-from lingjing.bench.played import as_listed, rows_by
+from lingjing.bench.played import as_listed, grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.report.charts import ShareBar, share_chart
 from lingjing.report.evidence import ReportEvidence
@@ -16,7 +16,7 @@ from lingjing.report.figure import FigureKind, FigurePart, called, column_words,
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         drawings = []
-        for (_, condition), rows in rows_by(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items():
+        for (_, condition), rows in grouped(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items():
             bars = list(_bars(rows))
             if bars:
                 drawings.append(share_chart(called(rows[0], condition), tuple(FAMILY_NAMES.values()), bars))
@@ -27,7 +27,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _bars(rows: Sequence[SuiteRow]) -> Iterator[ShareBar]:
-    for (mission, mode), own in rows_by(rows, lambda row: (row.mission, row.mode)).items():
+    for (mission, mode), own in grouped(rows, lambda row: (row.mission, row.mode)).items():
         lost = Counter(row.report.family for row in own if row.report.family is not None)
         if lost:
             shares = tuple(lost[family] / lost.total() for family in FAMILY_NAMES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lingjing.analysis.last_mile import STAGES
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import BarGroup, ChartBar, ChartSeries, bar_chart, line_chart
@@ -23,7 +23,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
             series, lines, groups = list[ChartSeries](), list[ResultLine](), list[BarGroup]()
-            for (_, condition), own in rows_by(rows, lambda row: (row.entrant, row.condition)).items():
+            for (_, condition), own in grouped(rows, lambda row: (row.entrant, row.condition)).items():
                 done = [one.last_mile for one in metrics_of(own) if one.last_mile is not None]
                 if not done:
                     continue

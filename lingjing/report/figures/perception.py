@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from lingjing.bench.played import as_listed, rows_by
+from lingjing.bench.played import as_listed, grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
@@ -36,11 +36,11 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         ]
         if not judged:
             continue
-        cells = rows_by(judged, lambda row: (row.mission, row.mode, row.entrant, row.condition))
+        cells = grouped(judged, lambda row: (row.mission, row.mode, row.entrant, row.condition))
         errors = [location_error_m(rows).value for rows in cells.values()]
         farthest = max((error for error in errors if not math.isnan(error)), default=math.nan)
         number_of = study.numbers()
-        columns = rows_by(judged, lambda row: (row.mission, row.mode))
+        columns = grouped(judged, lambda row: (row.mission, row.mode))
         yield FigurePart(
             heading=heading_of(study, evidence),
             drawings=tuple(
@@ -57,7 +57,7 @@ def _measured(rows: Sequence[SuiteRow], farthest: float) -> tuple[BoundedEstimat
 
 
 def _drawn(number_of: Callable[[SuiteRow], int], title: str, rows: Sequence[SuiteRow], farthest: float) -> Drawing:
-    each = rows_by(rows, lambda row: (row.entrant, row.condition))
+    each = grouped(rows, lambda row: (row.entrant, row.condition))
     measured = [(own[0], called(own[0], key[1]), _measured(own, farthest)) for key, own in each.items()]
     groups = [
         BarGroup(
@@ -89,7 +89,7 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
 def _backbones(study: ReportStudy) -> ResultTable:
     """The paper's table by backbone; attention is of models whose maps lie beside their traces."""
     lines = []
-    for rows in rows_by(as_listed(study.plain), lambda row: row.entrant).values():
+    for rows in grouped(as_listed(study.plain), lambda row: row.entrant).values():
         looked = [row.attention_iou for row in rows if row.attention_iou is not None]
         cells = (
             ResultCell(str(len(rows)), len(rows)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lingjing.bench.played import Played, rows_by
+from lingjing.bench.played import Played, grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
@@ -16,12 +16,12 @@ from lingjing.report.figure import FigureKind, FigurePart, called, column_words,
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         drawings, tables, number_of = [], [], study.numbers()
-        for (mission, mode), rows in rows_by(study.plain, lambda row: (row.mission, row.mode)).items():
-            names = tuple(Played(tuple(rows)).stages())
+        for (mission, mode), rows in grouped(study.plain, lambda row: (row.mission, row.mode)).items():
+            names = tuple(Played.of(rows).stages())
             if len(names) < 2:
                 continue
             series, lines, notes = [], [], list[str]()
-            for (_, condition), own in rows_by(rows, lambda row: (row.entrant, row.condition)).items():
+            for (_, condition), own in grouped(rows, lambda row: (row.entrant, row.condition)).items():
                 done = [
                     {stage.name: stage.cumulative for stage in row.report.metrics.stages}
                     for row in own

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
@@ -25,12 +25,12 @@ SIGNATURES: tuple[tuple[str, RowMeasure, str, float | None, bool], ...] = (
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         drawings, tables, number_of = [], [], study.numbers()
-        columns = rows_by(study.plain, lambda row: (row.mission, row.mode, row.condition))
+        columns = grouped(study.plain, lambda row: (row.mission, row.mode, row.condition))
         for (mission, mode, condition), rows in columns.items():
             if all(one.coverage is None for one in metrics_of(rows)):
                 continue
             title = ", ".join(filter(None, (column_words(mission, mode), condition)))
-            entrants = rows_by(rows, lambda row: row.entrant)
+            entrants = grouped(rows, lambda row: row.entrant)
             drawings.append(bar_chart(title, list(_groups(number_of, entrants))))
             tables.append(_table(title, entrants))
         if drawings:

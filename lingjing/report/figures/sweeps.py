@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from lingjing.bench.played import rows_by
+from lingjing.bench.played import grouped
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
 from lingjing.report.estimates import RowMeasure, location_error_m, metric, metrics_of, scr, share, tsr
@@ -60,7 +60,7 @@ def _measures(sweep: ParameterSweep) -> list[tuple[str, str, float | None, RowMe
 def _part(sweep: ParameterSweep, measures: list[tuple[str, str, float | None, RowMeasure]]) -> FigurePart:
     values = list(sweep.points)
     steps = [sweep.words(value) for value in values]
-    entrants = rows_by((row for rows in sweep.points.values() for row in rows), lambda row: row.entrant)
+    entrants = grouped((row for rows in sweep.points.values() for row in rows), lambda row: row.entrant)
     drawings = []
     for title, unit, most, measure in measures:
         series = [
