@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.epilog = "exit codes: 0 all are ok, 1 one is wrong, cut or unsealed, 2 one is no trace or cannot be read"
+    parser.epilog = "exit codes: 0 all are ok, 1 one is wrong or cut, 2 one is no trace or cannot be read"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
     parser.add_argument("--key", metavar="KEYFILE", help="the key that `run --sign` signed them with")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")

@@ -22,7 +22,7 @@ from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
-from lingjing.trace.records import CUT_SHORT, FIRST_FORMAT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
+from lingjing.trace.records import CUT_SHORT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
 TOPICS_READ = (CAMERAS, RECORDS)
@@ -145,7 +145,7 @@ class UnknownFormatError(UsageError):
 class _AnyHeader(msgspec.Struct):
     """What every version's header has."""
 
-    format: str = FIRST_FORMAT
+    format: str = ""
 
 
 class FoundRecords:
@@ -202,11 +202,11 @@ class FoundRecords:
         return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
 
     def _header(self, stored: Stored) -> Header:
-        """The header, after a look at the format that it names: one of tomorrow is told by its name."""
+        """The header, after a look at the format that it names: another version's is told by its name."""
         named = self._decoded(stored, _AnyHeader).format
-        if named not in (FIRST_FORMAT, FORMAT):
+        if named != FORMAT:
             raise UnknownFormatError(
-                f"{self.path} is of the format `{named[:40]}`; this version reads {FIRST_FORMAT} and {FORMAT}",
+                f"{self.path} is of the format `{named[:40]}`; this version reads {FORMAT}",
                 hint="read it with the version that wrote it",
             )
         return self._decoded(stored, Header)

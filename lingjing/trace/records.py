@@ -479,9 +479,8 @@ class BranchOrigin(TraceRecord, frozen=True, kw_only=True):
     reference: str = ""
 
 
-FIRST_FORMAT = "lingjing-trace/1"
 FORMAT = "lingjing-trace/2"
-"""What `Header.format` is: the first had no seals, this one has (ADR 0017)."""
+"""What `Header.format` is; the first had no seals (ADR 0017)."""
 
 
 class Header(TraceRecord, frozen=True, kw_only=True):

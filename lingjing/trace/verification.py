@@ -14,18 +14,17 @@ import msgspec
 from lingjing.errors import LingjingError
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import Trace, UnknownFormatError, read_trace
-from lingjing.trace.records import FIRST_FORMAT
 from lingjing.trace.seal_check import SealReport, SignatureState, check_seals
 
-State = Literal["ok", "wrong", "cut", "unsealed", "unreadable"]
+State = Literal["ok", "wrong", "cut", "unreadable"]
 
 
 class Verification(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of a file, in words in `said`.
 
     `ok`: every byte is as it was sealed and the records agree with each other; `wrong`: `said` names the first that is
-    not or does not; `cut`: all that is there is right, but the file ends before its last seal; `unsealed`: its
-    records agree, but it is of the first format, which had no seals; `unreadable`: no trace, or another version's.
+    not or does not; `cut`: all that is there is right, but the file ends before its last seal;
+    `unreadable`: no trace, or another version's.
 
     `signature` is `good` or `bad` under the key that was given, `unchecked` without one.
     """
@@ -58,8 +57,6 @@ def _verdict(path: Path, seals: SealReport, key: bytes | None) -> tuple[State, s
     if disagreement:
         return "wrong", disagreement
     held = _held(trace)
-    if not seals.seals and trace.header.format == FIRST_FORMAT:
-        return "unsealed", f"{held}; its records agree, but its format had no seals: {_UNSEALED}"
     if not seals.seals:
         return "wrong", f"{held}; its seals are missing"
     if key is not None and seals.signature == "none":
@@ -77,7 +74,6 @@ def _cut_off(trace: Trace, loose: int) -> str:
     return f", as they were sealed; the file ends before the episode did{behind}"
 
 
-_UNSEALED = "header, outcome and what viewers show could have been changed"
 _SIGNATURES: dict[SignatureState, str] = {
     "none": "sealed, not signed",
     "good": "sealed and signed with this key",
