@@ -11,7 +11,7 @@ import hashlib
 import os
 import secrets
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -21,6 +21,7 @@ from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.rows import SuiteRow
 from lingjing.errors import UsageError
 from lingjing.mission.seeding import integer
+from lingjing.whole_files import PARTIAL, written_whole
 
 RESULTS = "results.parquet"
 PARTS = "parts"
@@ -28,7 +29,6 @@ MOST_PARTS = 256
 """So many parts are made one file."""
 
 _SUFFIX = ".parquet"
-_PARTIAL = ".partial"
 
 
 @contextmanager
@@ -83,17 +83,10 @@ def with_attention(rows: Iterable[SuiteRow], folder: Path) -> list[SuiteRow]:
 
 def write_whole(file: Path, content: bytes) -> None:
     """Write a file so that it is there whole or not at all, also after a power failure. Raises `OSError`."""
-    partial = file.with_name(f"{file.name}{_PARTIAL}")
-    try:
-        with partial.open("wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(file)
-    except OSError:
-        with suppress(OSError):
-            partial.unlink()
-        raise
+    with written_whole(file) as partial, partial.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 class ResultsFolder:
@@ -103,7 +96,7 @@ class ResultsFolder:
         self.folder = folder
         self._lock = lock
         self._salt = ""
-        for left in (*folder.glob(f"*{_PARTIAL}"), *(folder / PARTS).glob(f"*{_PARTIAL}")):
+        for left in (*folder.glob(f"*{PARTIAL}"), *(folder / PARTS).glob(f"*{PARTIAL}")):
             left.unlink(missing_ok=True)
         self.rows = _merged(_files(folder))
         self._parts = sorted((folder / PARTS).glob(f"*{_SUFFIX}"))

@@ -27,6 +27,7 @@ from lingjing.mission.model import Mission
 from lingjing.play.options import PlayOptions
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.reader import Trace
+from lingjing.whole_files import written_whole
 
 _SAME = ("mission", "mode", "settings", "clock", "budget", "agents", "messages", "rules", "stages", "success")
 """Fields by which an instance shows which mission it is of."""
@@ -210,10 +211,9 @@ class _Shrinking:
         return self._trace.boundaries[-1].digest
 
     def _write(self, text: str) -> None:
-        temporary = self._out.with_name(f"{self._out.name}.part")
         try:
-            temporary.write_text(text, encoding="utf-8")
-            temporary.replace(self._out)
+            with written_whole(self._out) as partial:
+                partial.write_text(text, encoding="utf-8")
         except OSError as error:
             raise UsageError(f"cannot write `{self._out}`: {error.strerror}", hint="choose another with -o") from error
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 from lingjing.cli.process import say
 from lingjing.errors import UsageError
 from lingjing.terminal import aligned, write_data
+from lingjing.whole_files import written_whole
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
@@ -97,21 +97,11 @@ def write_whole(path: str, content: str | bytes) -> None:
         return
     _check_not_recorded(target, path)
     try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
+        with written_whole(target) as partial:
+            partial.write_bytes(data)
     except OSError as error:
-        raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(target)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            Path(temporary).unlink()
-        if isinstance(error, OSError):
-            hint = "choose another place with -o, or make room"
-            raise UsageError(f"cannot write `{path}`: {error.strerror}", hint=hint) from None
-        raise
+        hint = "choose another place with -o, or make room"
+        raise UsageError(f"cannot write `{path}`: {error.strerror}", hint=hint) from None
 
 
 def _same(target: Path, other: Path) -> bool:
@@ -130,10 +120,3 @@ def _check_not_recorded(target: Path, output: str) -> None:
             if start.startswith(magic):
                 hint = "choose another file with -o"
                 raise UsageError(f"cannot write `{output}`: {name} is there, which is never replaced", hint=hint)
-
-
-def _umask() -> int:
-    """The process's umask: `mkstemp` gives 0600, a written file should be as readable as any other."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

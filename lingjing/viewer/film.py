@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Iterator
 from itertools import repeat
 from pathlib import Path
@@ -17,6 +15,7 @@ from lingjing.trace.reader import Trace
 from lingjing.viewer.frames import HEIGHT, WIDTH, FilmFrames, frames_of
 from lingjing.viewer.moments import moments, schedule
 from lingjing.viewer.narrated import Narration
+from lingjing.whole_files import written_whole
 
 SECONDS = 20.0
 TITLE_S, ENDING_S = 2.0, 3.5
@@ -38,16 +37,12 @@ def make_film(trace: Trace, path: Path, *, truth: bool) -> tuple[str, ...]:
     write, rate = (_write_mp4, MP4_RATE) if path.suffix.lower() == ".mp4" else (_write_gif, GIF_RATE)
     if write is _write_mp4:
         _needs_av()
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")  # another film may be made there meanwhile
     told = Narration(trace, truth)
     try:
-        write(film_frames(told, rate), part, rate)
-        part.replace(path)
+        with written_whole(path) as partial:
+            write(film_frames(told, rate), partial, rate)
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror or error}", hint="choose another -o") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
     return film_notes(told)
 
 

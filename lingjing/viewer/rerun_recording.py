@@ -6,9 +6,7 @@ large optional package: it is imported in here only, and only when a recording i
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
 import uuid
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -25,6 +23,7 @@ from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receip
 from lingjing.trace.shown import ReportedBoxes, cameras_at
 from lingjing.trace.topics import entity_topic
 from lingjing.viewer.told import ToldEpisode
+from lingjing.whole_files import written_whole
 
 CLOCK = "simulation"
 """The timeline: simulated seconds. `tick` is the other one."""
@@ -41,20 +40,14 @@ def write_rerun(trace: Trace, path: Path, *, truth: bool) -> None:
     rerun = _rerun()
     if path.suffix != ".rrd":
         raise UsageError(f"{path}: a Rerun recording is an .rrd file", hint="name it -o episode.rrd")
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with partial.open("xb"):  # Rerun's own error names no reason
-            pass
-        _Recording(rerun, trace, truth=truth).save(partial)
-        partial.replace(path)
+        with written_whole(path) as partial:
+            _Recording(rerun, trace, truth=truth).save(partial)
     except _WriterError as error:  # it names no reason: a full disk is one
         hint = "make room, or choose another place with -o"
         raise UsageError(f"cannot write {path}: Rerun's own writer says: {error}", hint=hint) from error
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}", hint="choose another place with -o") from error
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
 
 
 def _rerun() -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -91,7 +92,7 @@ def test_films_made_of_one_name_at_once_share_no_file(
 
     monkeypatch.setattr(film, "_write_gif", write)
     for number in (1, 2):
-        monkeypatch.setattr(film.os, "getpid", lambda number=number: number)
+        monkeypatch.setattr(os, "getpid", lambda number=number: number)
         make_film(trace, tmp_path / "episode.gif", truth=False)
     assert len(set(parts)) == 2 and [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
 

@@ -21,6 +21,7 @@ from lingjing.analysis.played_city import credit
 from lingjing.errors import UsageError
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
+from lingjing.whole_files import written_whole
 
 WIDTH, HEIGHT, DPI = 18.0, 12.0, 100
 VIEWS = 4
@@ -52,13 +53,10 @@ def _draw(trace: Trace, path: Path, city: City | None) -> None:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """Write the picture whole or not at all: under another name first, which it keeps if the process is killed."""
-    part = path.with_name(f"{path.name}.part")
     try:
-        figure.savefig(part, format="png", dpi=DPI, metadata={"Software": "lingjing"})
-        part.replace(path)
+        with written_whole(path) as partial:
+            figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": "lingjing"})
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise UsageError(
             f"cannot write {path}: {error.strerror}", hint="make room, or choose another folder"
         ) from error
