@@ -81,15 +81,12 @@ def _export(args: argparse.Namespace) -> int:
     show none, hard ones first, split by seed; write them as COCO and as a Hugging Face image folder with a card. The
     same episodes give the same bytes."""
     from lingjing.bench.frame_sets.balance import class_set
-    from lingjing.bench.frame_sets.folder import write_set
+    from lingjing.bench.frame_sets.folder import check_new, write_set
     from lingjing.bench.frame_sets.labelled import seen_targets
     from lingjing.bench.frame_sets.sources import FrameSources, found_traces, played
 
     _check_numbers(args)
-    if args.output.exists() and (not args.output.is_dir() or any(args.output.iterdir())):
-        raise UsageError(
-            f"`{args.output}` is there already", hint="frame sets are never overwritten: name a new folder"
-        )
+    check_new(args.output)
     paths = found_traces(args.traces)
     folder = args.episodes or args.output.with_name(f"{args.output.name}.episodes")
     paths += played(_episodes(args), folder, args.jobs) if args.play else ()
@@ -178,13 +175,15 @@ def _probe(args: argparse.Namespace) -> int:
     """Ask detectors of each frame, and of its twin, whether it shows a target: F1 of presence on both and the
     difference with bootstrap intervals, precision and recall of boxes where a detector gives some."""
     from lingjing.bench.exports import to_markdown
-    from lingjing.bench.frame_sets.folder import read_class, set_classes
+    from lingjing.bench.frame_sets.folder import check_new, read_class, set_classes
     from lingjing.bench.frame_sets.probe import ProbedFrame, probe_cell, probe_table, probed
     from lingjing.plugins.host import PluginHost
 
     given = parse_pairs("--detector-arg", args.detector_arg)
     if given and len(args.detectors) > 1:
         raise UsageError("--detector-arg is for one detector", hint="name one with --detector")
+    if args.output is not None:
+        check_new(args.output)
     there = set_classes(args.set)
     if unknown := sorted(set(args.classes or ()) - set(there)):
         raise UsageError(f"the set has no `{unknown[0]}`", hint=f"it has: {', '.join(there)}")
@@ -232,18 +231,10 @@ def _write_probe(folder: Path, cells: Sequence[ProbeCell], answers: Sequence[Pro
     import msgspec
 
     from lingjing.bench.exports import EXPORTS, SUFFIXES
-    from lingjing.scene.atomic_folder import folder_beside
+    from lingjing.bench.frame_sets.folder import new_folder
 
-    target = folder.absolute()
-    if target.exists():
-        raise UsageError(f"`{folder}` is there already", hint="name a new folder")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with folder_beside(target) as made:
-            (made / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in answers))
-            (made / "counts.json").write_bytes(msgspec.json.format(msgspec.json.encode(cells), indent=1) + b"\n")
-            for name, export in EXPORTS.items():
-                (made / f"table.{SUFFIXES[name]}").write_text(export(table), encoding="utf-8")
-            made.replace(target)
-    except OSError as error:
-        raise UsageError(f"cannot write `{folder}`: {error.strerror}", hint="name another folder") from error
+    with new_folder(folder) as made:
+        (made / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in answers))
+        (made / "counts.json").write_bytes(msgspec.json.format(msgspec.json.encode(cells), indent=1) + b"\n")
+        for name, export in EXPORTS.items():
+            (made / f"table.{SUFFIXES[name]}").write_text(export(table), encoding="utf-8")

@@ -15,6 +15,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,15 +40,30 @@ def write_set(target: Path, sets: Sequence[ClassSet], jpeg: Callable[[str], byte
     Raises `UsageError` if the folder cannot be written or holds something already, if a picture is not the one that
     its frame speaks of, or if a class or a frame has a name that no file should have: both come from traces.
     """
-    target = target.absolute()
+    with new_folder(target) as folder:
+        for one in sets:
+            _write_class(folder / _plain(one.cls), one, jpeg)
+        (folder / CARD).write_text(frame_card(sets, about), encoding="utf-8")
+
+
+def check_new(target: Path) -> None:
+    """Raise `UsageError` if something else than an empty folder is there already."""
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise UsageError(f"`{target}` is there already", hint="frame sets are never overwritten: name a new folder")
+        raise UsageError(f"`{target}` is there already", hint="nothing is overwritten: name a new folder")
+
+
+@contextmanager
+def new_folder(target: Path) -> Iterator[Path]:
+    """A folder to fill, which is at `target` in the end, whole or not at all.
+
+    Raises `UsageError` if it cannot be written, or as `check_new` does.
+    """
+    check_new(target)
+    target = target.absolute()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with folder_beside(target) as folder:
-            for one in sets:
-                _write_class(folder / _plain(one.cls), one, jpeg)
-            (folder / CARD).write_text(frame_card(sets, about), encoding="utf-8")
+            yield folder
             folder.replace(target)
     except OSError as error:
         raise UsageError(

@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.bench.frame_sets.balance import SetFrame
-from lingjing.bench.frame_sets.folder import read_class, read_picture, set_classes
+from lingjing.bench.frame_sets.folder import new_folder, read_class, read_picture, set_classes
 from lingjing.errors import UsageError
-from lingjing.scene.atomic_folder import folder_beside
 from lingjing.trace.images import decode_jpeg
 
 TWINS = "twins.json"
@@ -70,36 +69,26 @@ def take_in(source: Path, edited: Path, target: Path, refusals: Mapping[str, str
     """
     if not edited.is_dir():
         raise UsageError(f"`{edited}` is no folder", hint="name the folder of the edited pictures")
-    if target.exists():
-        raise UsageError(f"`{target}` is there already", hint="name a new folder")
     frames = [(cls, one) for cls in set_classes(source) for one in read_class(source, cls)]
     unknown = sorted(set(refusals) - {one.frame.name for _, one in frames})
     if unknown:
         raise UsageError(f"the refusals name `{unknown[0]}`, and the set has no such frame")
     taken, refused = [], []
-    target = target.absolute()
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with folder_beside(target) as folder:
-            for cls, one in frames:
-                name = one.frame.name
-                file = _edit_of(edited, cls, name)
-                reason = refusals.get(name) or (_fault(source, cls, one, file) if file else "missing")
-                if reason or file is None:
-                    refused.append(RefusedEdit(cls=cls, name=name, reason=reason))
-                    continue
-                (folder / cls).mkdir(exist_ok=True)
-                data = file.read_bytes()
-                (folder / cls / file.name).write_bytes(data)
-                place = f"{cls}/{file.name}"
-                taken.append(TwinRecord(cls=cls, name=name, file=place, sha256=hashlib.sha256(data).hexdigest()))
-            twins = TwinSet(taken=tuple(taken), refused=tuple(refused))
-            (folder / TWINS).write_bytes(msgspec.json.format(msgspec.json.encode(twins), indent=1) + b"\n")
-            folder.replace(target)
-    except OSError as error:
-        raise UsageError(
-            f"cannot write `{target}`: {error.strerror}", hint="name another folder, or make room"
-        ) from error
+    with new_folder(target) as folder:
+        for cls, one in frames:
+            name = one.frame.name
+            file = _edit_of(edited, cls, name)
+            reason = refusals.get(name) or (_fault(source, cls, one, file) if file else "missing")
+            if reason or file is None:
+                refused.append(RefusedEdit(cls=cls, name=name, reason=reason))
+                continue
+            (folder / cls).mkdir(exist_ok=True)
+            data = file.read_bytes()
+            (folder / cls / file.name).write_bytes(data)
+            place = f"{cls}/{file.name}"
+            taken.append(TwinRecord(cls=cls, name=name, file=place, sha256=hashlib.sha256(data).hexdigest()))
+        twins = TwinSet(taken=tuple(taken), refused=tuple(refused))
+        (folder / TWINS).write_bytes(msgspec.json.format(msgspec.json.encode(twins), indent=1) + b"\n")
     return twins
 
 
