@@ -10,7 +10,7 @@ from typing import Any
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.policy import Policy, PolicyPlugin
+from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 
 
@@ -20,48 +20,48 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
     return (
         PolicyPlugin(
             name="random",
-            factory=Factory("chance", "RandomPolicy"),
+            factory=Deferred("chance", "RandomPolicy"),
             summary="valid verbs with random arguments: the floor of every table",
         ),
         PolicyPlugin(
             name="heuristic",
-            factory=Factory("heuristic.policy", "HeuristicPolicy"),
+            factory=Deferred("heuristic.policy", "HeuristicPolicy"),
             summary="sweeps its cells and finds people in the pixels",
         ),
         PolicyPlugin(
             name="learned",
-            factory=Factory("heuristic.policy", "learned_policy"),
+            factory=Deferred("heuristic.policy", "learned_policy"),
             summary="the heuristic's rules, with detectors trained on frames where one ships",
         ),
         PolicyPlugin(
             name="oracle",
-            factory=Factory("oracle", "OraclePolicy"),
+            factory=Deferred("oracle", "OraclePolicy"),
             privileged=True,
             summary="reads the truth: shows that a mission can be won",
         ),
         PolicyPlugin(
             name="react",
-            factory=Factory("react.policy", "react_policy"),
+            factory=Deferred("react.policy", "react_policy"),
             options="lingjing_agents.react.options:ReactOptions",
             calls=True,
             summary="perceives, reasons and acts over a chat model",
         ),
         PolicyPlugin(
             name="scripted",
-            factory=Factory("replay", "ScriptedPolicy"),
+            factory=Deferred("replay", "ScriptedPolicy"),
             options="lingjing_agents.replay:ScriptOptions",
             summary="replays decisions from a JSON file",
         ),
         PolicyPlugin(
             name="faulty-oracle",
-            factory=Factory("faulty.policy", "faulty_oracle"),
+            factory=Deferred("faulty.policy", "faulty_oracle"),
             options="lingjing_agents.faulty.options:FaultyOptions",
             privileged=True,
             summary="the oracle with planted faults, to measure what finds them",
         ),
         PolicyPlugin(
             name="faulty-heuristic",
-            factory=Factory("faulty.policy", "faulty_heuristic"),
+            factory=Deferred("faulty.policy", "faulty_heuristic"),
             options="lingjing_agents.faulty.options:FaultyOptions",
             summary="the heuristic with planted faults",
         ),
@@ -118,24 +118,11 @@ def lingjing_prompts() -> Iterable[PromptPlugin]:
 
 @dataclass(frozen=True, slots=True)
 class Deferred:
-    """A function of a module that is imported when it is called."""
+    """A function or class of a module that is imported when it is called."""
 
     module: str
     attribute: str
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the function returns."""
+        """What it returns."""
         return getattr(import_module(f"lingjing_agents.{self.module}"), self.attribute)(*arguments)
-
-
-@dataclass(frozen=True, slots=True)
-class Factory:
-    """Imports a policy's module when the first one is built."""
-
-    module: str
-    attribute: str
-
-    def __call__(self, *options: object) -> Policy:
-        """One policy object, with an object of the declared options if there are any."""
-        policy: Policy = getattr(import_module(f"lingjing_agents.{self.module}"), self.attribute)(*options)
-        return policy

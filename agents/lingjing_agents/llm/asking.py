@@ -131,9 +131,9 @@ class AskedModel:
             schema=schema,
             insist=profile.insist,
             limit_name=profile.traits.limit,
-            structured=profile.structured,
+            structured=profile.traits.structured,
             reasoning_effort=profile.traits.reasoning_effort,
-            extra=profile.extra,
+            extra=msgspec.json.encode(profile.traits.extra_body),
         )
 
     def _kept(self, tick: int, request: ChatRequest) -> CallRequest:
@@ -142,7 +142,7 @@ class AskedModel:
         head = msgspec.json.encode(parameters(request), order="sorted")
         # No tokenizer makes more than one token of a byte.
         prompt = len(head) + sum(len(one) + _OVERHEAD_TOKENS for one in messages)
-        prompt += len(pictures) * self.profile.image_tokens
+        prompt += len(pictures) * self.profile.traits.image_tokens
         return CallRequest(
             tick=tick,
             number=self._number(tick),

@@ -10,7 +10,6 @@ from os import environ
 from pathlib import Path
 from typing import Any, Literal
 
-import msgspec
 from pydantic import ValidationInfo, field_validator
 
 from lingjing.plugins.options import Fault, Field, PluginOptions, options_error
@@ -156,41 +155,6 @@ class ModelProfile:
     insist: bool
     max_tokens: int
     tries: int
-
-    @property
-    def vision(self) -> bool:
-        """Whether the model sees pictures."""
-        return self.traits.images
-
-    @property
-    def structured(self) -> Structured:
-        """How the service is asked for an answer of a given form."""
-        return self.traits.structured
-
-    @property
-    def context(self) -> int | None:
-        """Tokens of prompt and answer together; None if unknown."""
-        return self.traits.context
-
-    @property
-    def most_images(self) -> int | None:
-        """The most pictures of one call; None if unknown."""
-        return self.traits.most_images
-
-    @property
-    def image_side(self) -> int | None:
-        """The longer side of a picture in pixels that the model makes use of; None if unknown."""
-        return self.traits.image_side
-
-    @property
-    def image_tokens(self) -> int:
-        """The most tokens of one picture."""
-        return self.traits.image_tokens
-
-    @property
-    def extra(self) -> bytes:
-        """What else is sent with each request, a JSON object as text."""
-        return msgspec.json.encode(self.traits.extra_body)
 
 
 def _unlisted(client: str) -> ServiceEntry:

@@ -71,7 +71,7 @@ class ReactPolicy:
     def __init__(self, options: ReactOptions, calls: ModelCalls) -> None:
         self._options = options
         self._model = open_model(options, calls)
-        self._side = options.image_side or self._model.profile.image_side or LONGEST_SIDE
+        self._side = options.image_side or self._model.profile.traits.image_side or LONGEST_SIDE
         self._prompt = prompt_text(options.prompt)
         self._refused = 0
         self._answers, self._valid = 0, 0
@@ -88,7 +88,7 @@ class ReactPolicy:
         self._withheld = ""
         self._ledger = RequestLedger()
         self._form = StepFormat(self._brief, memory=self._options.memory, crops=self._options.crops > 0)
-        kept = self._model.profile.structured in ("json_schema", "tool")
+        kept = self._model.profile.traits.structured in ("json_schema", "tool")
         self._schema = msgspec.json.encode(self._form.schema) if kept else None
         self._search = SearchBudget(self._brief, self._options.research)
 
@@ -132,12 +132,12 @@ class ReactPolicy:
     def _history_tokens(self) -> int:
         """What earlier turns may take: the option, less where the model's context leaves less beside the rest."""
         assert self._system is not None
-        profile, options = self._model.profile, self._options
-        if profile.context is None:
+        traits, options = self._model.profile.traits, self._options
+        if traits.context is None:
             return options.history_tokens
-        seen = self._most_pictures() * self._images_each() * profile.image_tokens if profile.vision else 0
+        seen = self._most_pictures() * self._images_each() * traits.image_tokens if traits.images else 0
         rest = text_tokens(self._system.text) + seen + options.max_tokens + STATE_TOKENS
-        return max(0, min(options.history_tokens, profile.context - rest))
+        return max(0, min(options.history_tokens, traits.context - rest))
 
     def _own_state(self) -> dict[str, object]:
         """What the agent is told of itself: its memory, what was withheld, what it may still search again."""
@@ -151,20 +151,20 @@ class ReactPolicy:
 
     def _shown(self, observation: Observation) -> tuple[Picture, ...]:
         """The reference pictures, at every boundary, then the newest ones."""
-        if not self._model.profile.vision:
+        if not self._model.profile.traits.images:
             return ()
         new = tuple(picture for picture in observation.pictures if picture.camera != REFERENCE)
         return (*self._references, *new)[: self._most_pictures()]
 
     def _most_pictures(self) -> int:
         """Pictures of one boundary: the option, less where the service takes fewer images."""
-        most = self._model.profile.most_images
+        most = self._model.profile.traits.most_images
         return self._options.images if most is None else min(self._options.images, most // self._images_each())
 
     def _history_images(self) -> int:
         """Images of earlier turns: the option, less where the service takes no more beside those of a boundary and its
         crops."""
-        most, options = self._model.profile.most_images, self._options
+        most, options = self._model.profile.traits.most_images, self._options
         if most is None:
             return options.history_images
         left = most - self._most_pictures() * self._images_each() - options.crops

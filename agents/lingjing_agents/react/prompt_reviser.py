@@ -100,7 +100,7 @@ class ModelReviser:
     @property
     def _form(self) -> str:
         """What a model is told of the form of its second answer."""
-        return "" if self._model.profile.structured == "none" else ', with a JSON object: {"prompt": "…"}'
+        return "" if self._model.profile.traits.structured == "none" else ', with a JSON object: {"prompt": "…"}'
 
     def _rest(self, before: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> str:
         """What else the model is told, as far as its context takes it: what failed, then what was tried."""
@@ -117,7 +117,7 @@ class ModelReviser:
     def _letters_left(self, before: str) -> int | None:
         """Letters that the model's context takes beside what it is told before them, what it answers and what is said
         of an answer that cannot be used; None if the context is not known."""
-        context = self._model.profile.context
+        context = self._model.profile.traits.context
         if context is None:
             return None
         used = text_tokens(before) + self._options.max_tokens
