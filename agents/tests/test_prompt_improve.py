@@ -4,13 +4,12 @@ import re
 from pathlib import Path
 
 import pytest
-from lingjing_agents.llm.chat import ModelCompletion
 from lingjing_agents.react.prompt_reviser import ModelReviser, make_reviser, revised_prompt
 
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError
-from lingjing.plugins.calls import UnrecordedCalls
+from lingjing.plugins.calls import CallResult, UnrecordedCalls
 from lingjing.plugins.prompts import TriedPrompt
 from lingjing.trace.reader import read_trace
 
@@ -103,7 +102,7 @@ def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
     ],
 )
 def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
-    assert revised_prompt(ModelCompletion(answer, "stop"), ["another"]) == f"{LONGER}\n"
+    assert revised_prompt(CallResult(text=answer, finish_reason="stop"), ["another"]) == f"{LONGER}\n"
 
 
 @pytest.mark.parametrize(
@@ -124,7 +123,7 @@ def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
 )
 def test_an_answer_without_a_new_prompt_is_told_why(answer: str, finish: str, fault: str):
     with pytest.raises(ValueError, match=re.escape(fault)):
-        revised_prompt(ModelCompletion(answer, finish), ["another", f"{LONGER}\n"])
+        revised_prompt(CallResult(text=answer, finish_reason=finish), ["another", f"{LONGER}\n"])
 
 
 def test_a_reviser_is_told_what_was_tried_and_no_more_than_its_context_takes(tmp_path: Path):

@@ -54,7 +54,7 @@ class AskedModel:
 
     async def ask(
         self, tick: int, messages: tuple[ChatMessage, ...], deadline: CallDeadline, *, schema: bytes | None = None
-    ) -> ModelCompletion:
+    ) -> CallResult:
         """The model's answer to the question that is asked at boundary `tick`. `schema` is a JSON Schema as text.
 
         Raises `ModelError` if there is none within the deadline, and what `ModelCalls.begin` raises.
@@ -72,15 +72,7 @@ class AskedModel:
             self._bill(result)
         if result.failure:
             raise ModelError(result.failure, status=result.status, fault=_cause(result))
-        return ModelCompletion(
-            text=result.text,
-            finish_reason=result.finish_reason,
-            prompt_tokens=result.prompt_tokens,
-            completion_tokens=result.completion_tokens,
-            cost_usd=result.cost_usd,
-            reasoning=result.reasoning,
-            cached_tokens=result.cached_tokens,
-        )
+        return result
 
     def bill(self) -> Usage:
         """What the questions since the last bill have cost."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from lingjing.plugins.calls import ModelCalls
+from lingjing.plugins.calls import CallResult, ModelCalls
 from lingjing.plugins.policy import (
     REFERENCE,
     Brief,
@@ -26,7 +26,7 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.heuristic.policy import HeuristicPolicy
 from lingjing_agents.llm.asking import open_model
-from lingjing_agents.llm.chat import ChatMessage, ModelCompletion, ModelError
+from lingjing_agents.llm.chat import ChatMessage, ModelError
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
@@ -226,7 +226,7 @@ class ReactPolicy:
         tried = f"{self._options.repairs} repair{'s' * (self._options.repairs != 1)}"
         raise ReactError(f"no valid step after {tried}; last fault: {fault}", self._bill())
 
-    def _read(self, completion: ModelCompletion) -> ModelStep:
+    def _read(self, completion: CallResult) -> ModelStep:
         """The step in an answer; every answer counts, and the ones that keep to the schema count again."""
         self._answers += 1
         if completion.finish_reason == "length":

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
-from lingjing.plugins.calls import ModelCalls
+from lingjing.plugins.calls import CallResult, ModelCalls
 from lingjing.plugins.options import Field, read_options
 from lingjing.plugins.policy import InfrastructureError
 from lingjing.plugins.prompts import Revision, TriedPrompt
 from lingjing_agents.llm.asking import AskedModel, open_model
-from lingjing_agents.llm.chat import ChatMessage, ModelCompletion, ModelError
+from lingjing_agents.llm.chat import ChatMessage, ModelError
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.answer import StepError, after_reasoning
@@ -124,7 +124,7 @@ class ModelReviser:
         return int(max(0, context - used) * LETTERS_PER_TOKEN) - QUOTED_LETTERS
 
 
-def revised_prompt(answer: ModelCompletion, known: Iterable[str]) -> str:
+def revised_prompt(answer: CallResult, known: Iterable[str]) -> str:
     """The prompt in an answer: the last one behind the reasoning, without a fence around it. Raises `ValueError` that
     says what is wrong with the answer, in words that follow "it"; one of the `known` prompts is wrong too."""
     cut = answer.finish_reason == "length"
