@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from lingjing.analysis.clauses import reading, unmet
-from lingjing.analysis.completion import completed_at
+from lingjing.analysis.completion import completion_ticks
 from lingjing.analysis.detection import shots
 from lingjing.analysis.families import attribute
 from lingjing.analysis.idleness import idle_steps
@@ -138,10 +138,7 @@ def _lacking(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
 def _targets(trace: Trace) -> Iterator[str]:
     """A line for each target that is not completed, then one that counts the others."""
     instance = trace.header.instance
-    completed: dict[str, int] = {}
-    for record in trace.boundaries:
-        for name in completed_at(instance, record):
-            completed.setdefault(name, record.tick)
+    completed = completion_ticks(trace)
     wanted = [entity.id for entity in instance.entities if entity.role == "target"]
     for name in wanted:
         if name not in completed:

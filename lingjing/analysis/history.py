@@ -12,7 +12,7 @@ from lingjing.analysis.messages import admitted
 from lingjing.mission.instance import Instance
 from lingjing.trace.admitted import AdmittedMessage
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import FrameInfo
+from lingjing.trace.records import REFUSED, FrameInfo
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def history_of(trace: Trace) -> History:
             (receipt.tick, receipt.sender)
             for record in trace.boundaries
             for receipt in record.receipts
-            if receipt.status in ("rejected", "timed_out", "substituted")
+            if receipt.status in REFUSED
         ),
         visited=frozenset(
             view.name

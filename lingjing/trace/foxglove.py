@@ -33,7 +33,7 @@ from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.foxglove_city import city_update
-from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, FrameInfo, Snapshot, UnitBox
+from lingjing.trace.records import REFUSED, BodyState, BoundaryRecord, CameraPose, FrameInfo, Snapshot, UnitBox
 from lingjing.trace.surroundings import CityMesh
 from lingjing.trace.topics import CITY, HIDDEN, SCENE, TRANSFORMS, camera_topic, entity_topic
 from lingjing.trace.wire import field
@@ -330,7 +330,7 @@ def log_lines(record: BoundaryRecord) -> Iterator[tuple[str, str, str]]:
         text = ", ".join(f"{key}={value}" for key, value in envelope.body.items())
         yield "INFO", f"{envelope.sender} -> {envelope.recipient}", f"{envelope.kind} {envelope.id}: {text}"
     for receipt in record.receipts:
-        if receipt.status in ("rejected", "timed_out", "substituted"):
+        if receipt.status in REFUSED:
             text = f"{receipt.request} on {receipt.resource}: {receipt.status}, {receipt.reason} {receipt.detail}"
             yield "WARNING", receipt.sender, text.rstrip()
     for task in record.task_events:

@@ -123,6 +123,9 @@ class Command(TraceRecord, frozen=True, kw_only=True):
 
 Status = Literal["accepted", "running", "completed", "rejected", "timed_out", "substituted"]
 
+REFUSED: tuple[Status, ...] = ("rejected", "timed_out", "substituted")
+"""What receipts say of what was asked for and not done."""
+
 
 class Receipt(TraceRecord, frozen=True, kw_only=True):
     """A typed receipt [C]: `request` is a command or message id; `by` is `bus`, `kernel`, `policy` or an engine's

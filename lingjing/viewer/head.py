@@ -10,7 +10,7 @@ from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.mission.instance import Entity, Instance
 from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.terminal import visible
-from lingjing.trace.records import Header, Outcome
+from lingjing.trace.records import CUT_SHORT, Header, Outcome
 from lingjing.viewer.state import Watched
 
 LEAST_M = 120.0
@@ -119,7 +119,7 @@ def ending_of(outcome: Outcome | None, cause: str, why: str = "") -> EndingCard:
     """The ending: `cause` is `lingjing why`'s line of what ended it."""
     if outcome is None:
         state = "open"
-    elif outcome.reason in ("infrastructure-abort", "interrupted", "error"):
+    elif outcome.reason in CUT_SHORT:
         state = "cut"
     else:
         state = "won" if outcome.success else "lost"

@@ -14,11 +14,10 @@ from lingjing.analysis.completion import completed_at
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.trace.admitted import AdmittedMessage, admitted_at, categories_of
-from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt, TaskEvent
+from lingjing.trace.records import REFUSED, Action, BodyState, BoundaryRecord, Receipt, TaskEvent
 from lingjing.trace.request_ids import is_request_of
 
 KEPT_LINES = 64
-_REFUSED = ("rejected", "timed_out", "substituted")
 STEP_M = 1.0
 """A trail is not grown by steps shorter than this."""
 
@@ -158,10 +157,7 @@ class Watched:
         for receipt in record.receipts:
             agent = self.agents.get(receipt.sender)
             if agent is not None and (is_request_of("command", receipt.request) or receipt.status == "substituted"):
-                agent.status, agent.refused = (
-                    status_words(receipt),
-                    receipt.status in ("rejected", "timed_out", "substituted"),
-                )
+                agent.status, agent.refused = status_words(receipt), receipt.status in REFUSED
 
 
 def command_words(action: Action) -> str:

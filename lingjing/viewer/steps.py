@@ -15,7 +15,7 @@ from lingjing.mission.vocabulary import COLLIDED
 from lingjing.plugins.policy import REFERENCE
 from lingjing.terminal import visible
 from lingjing.trace.admitted import admitted_at, categories_of
-from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Receipt
+from lingjing.trace.records import REFUSED, BodyState, BoundaryRecord, FrameInfo, Receipt
 from lingjing.viewer.head import EntityCard, card_of
 from lingjing.viewer.state import Watched, command_words, spoken, status_words
 
@@ -320,7 +320,7 @@ def _decided(record: BoundaryRecord) -> Iterator[tuple[str, AgentNote]]:
 def _receipt(receipt: Receipt) -> tuple[str, bool]:
     """In words, and whether something was refused."""
     detail = f" – {receipt.detail}" if receipt.detail else ""
-    refused = receipt.status in ("rejected", "timed_out", "substituted")
+    refused = receipt.status in REFUSED
     return clipped(f"{receipt.request} {status_words(receipt)}{detail}", 300), refused
 
 
