@@ -57,6 +57,11 @@ class Played:
         found = (getattr(one, name) for one in self.metrics())
         return mean_of([float(value) for value in found if value is not None])
 
+    def cost_factor(self, baseline: Played) -> float:
+        """Prompt and completion tokens of an episode over those of the baseline's; nan where that took none."""
+        base = baseline.mean("tokens")
+        return self.mean("tokens") / base if base > 0 else math.nan
+
     def perceived(self, kind: Literal["missing", "hallucinating", "confusing"]) -> float:
         """The share of all aligned frames with one or more of a kind of error."""
         told = self._perceived()

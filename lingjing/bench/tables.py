@@ -131,18 +131,17 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "JSON", "Cost x", *stages)
         for entrant, own in grouped(some, lambda row: row.entrant).items():
             group = entrant
-            base = Played.of(row for row in own if row.baseline).mean("tokens")
+            base = Played.of(row for row in own if row.baseline)
             each = grouped(own, lambda row: row.condition)
             measured = []
             for condition, few in each.items():
                 played = Played.of(few)
-                spent = played.mean("tokens") / base if base else math.nan
                 done = played.steps()
                 measured.append((condition or "default", (
                     ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
                     percent(played.scr()), _bootstrap_ends(played), plain(played.location_error_m(), ".1f"),
                     percent(played.mean("coverage")), percent(played.weighted("json_compliance", "answers")),
-                    plain(spent, ".2f"),
+                    plain(played.cost_factor(base), ".2f"),
                     *(percent(done.get(stage, math.nan)) for stage in stages),
                 )))  # fmt: skip
             lines += marked([ResultLine(group, (name,), cells) for name, cells in measured], only=(1, 3))

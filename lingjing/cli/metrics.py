@@ -160,7 +160,7 @@ def _compared(played: Played, args: argparse.Namespace) -> dict[str, Any]:
     """What takes other files than the traces."""
     found: dict[str, Any] = {}
     if args.baseline:
-        found["relative_cost"] = relative_cost(played, _played(_one(path)[0] for path in _once(args.baseline)))
+        found["relative_cost"] = _defined(played.cost_factor(_played(_one(path)[0] for path in _once(args.baseline))))
     if args.real:
         found["f1_domain_difference"] = domain_difference(played, _played(_one(path)[0] for path in _once(args.real)))
     if args.attention:
@@ -183,12 +183,6 @@ def _perception(played: Played) -> dict[str, float | None]:
         "localisation_error_m": _defined(played.location_error_m()),
         "calibration_error": _defined(played.calibration_error()),
     }
-
-
-def relative_cost(played: Played, baseline: Played) -> float | None:
-    """Prompt and completion tokens of all model calls, an episode, over those of the baseline."""
-    base = baseline.mean("tokens")
-    return _defined(played.mean("tokens") / base) if base else None
 
 
 def domain_difference(simulated: Played, real: Played) -> float | None:

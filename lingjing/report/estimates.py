@@ -14,6 +14,7 @@ import numpy as np
 from lingjing.analysis.detection import PerceptionCounts, calibration_gaps
 from lingjing.analysis.metrics import Metrics
 from lingjing.analysis.shares import ConfidenceBounds, wilson
+from lingjing.bench.played import Played
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import bootstrap, bounds_of, drawn_samples
 from lingjing.bench.table_cells import UNDEFINED, ResultCell
@@ -149,6 +150,14 @@ def calibration(rows: Sequence[SuiteRow]) -> BoundedEstimate:
     return _bounded(float(np.abs(gaps.sum(axis=0)).sum() / counts.sum()), bounds_of(drawn), len(told))
 
 
+def cost_factor(rows: Sequence[SuiteRow], among: Iterable[SuiteRow]) -> float:
+    """Tokens of an episode over those of the same entrant's baseline `among` some rows: "relative cost divides this
+    total by the designated full agent or prompt baseline"; nan where that took none."""
+    return Played.of(rows).cost_factor(
+        Played.of(row for row in among if row.baseline and row.entrant == rows[0].entrant)
+    )
+
+
 def _perceived(rows: Iterable[SuiteRow]) -> list[PerceptionCounts]:
     return [row.report.perceived for row in rows if row.report.perceived is not None]
 
@@ -165,6 +174,6 @@ def _bounded(value: float, bounds: ConfidenceBounds, count: int) -> BoundedEstim
 
 
 __all__ = [
-    "UNKNOWN", "BoundedEstimate", "RowMeasure", "calibration", "location_error_m", "mean", "metric", "metrics_of",
-    "perceived", "pooled", "scr", "share", "tsr", "unmatched", "weighted",
+    "UNKNOWN", "BoundedEstimate", "RowMeasure", "calibration", "cost_factor", "location_error_m", "mean", "metric",
+    "metrics_of", "perceived", "pooled", "scr", "share", "tsr", "unmatched", "weighted",
 ]  # fmt: skip

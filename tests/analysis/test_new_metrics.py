@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 import shutil
 import zipfile
 from pathlib import Path
@@ -18,7 +19,7 @@ from lingjing.analysis.metrics import StageMetric
 from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
 from lingjing.bench.played import Played
 from lingjing.cli.main import main
-from lingjing.cli.metrics import as_csv, domain_difference, relative_cost, retained, together
+from lingjing.cli.metrics import as_csv, domain_difference, retained, together
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Flag
 from lingjing.mission.model import Constraint
@@ -337,11 +338,11 @@ def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore
         return of(boundary(0), boundary(1, decisions=(made,)), outcome=trace.outcome)
 
     some, more, cut = spent(100, 20), spent(200, 40), of(boundary(0))
-    assert relative_cost(played(some), played(more)) == 0.5
-    assert relative_cost(played(some), played(of(boundary(0), outcome=trace.outcome))) is None
-    assert relative_cost(played(some, cut), played(more, cut)) == 0.5
-    assert relative_cost(played(some, cut), played(more, more)) == 0.5  # one of two was aborted
-    assert relative_cost(played(cut), played(more)) is None
+    assert played(some).cost_factor(played(more)) == 0.5
+    assert math.isnan(played(some).cost_factor(played(of(boundary(0), outcome=trace.outcome))))
+    assert played(some, cut).cost_factor(played(more, cut)) == 0.5
+    assert played(some, cut).cost_factor(played(more, more)) == 0.5  # one of two was aborted
+    assert math.isnan(played(cut).cost_factor(played(more)))
 
 
 def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,10 +10,9 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked, plain
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
 from lingjing.report.conditions import INTERVENTION, PROMPT, VariedColumn, varied_columns
-from lingjing.report.estimates import UNKNOWN, BoundedEstimate, location_error_m, mean, scr, tsr
+from lingjing.report.estimates import UNKNOWN, BoundedEstimate, cost_factor, location_error_m, mean, scr, tsr
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
-from lingjing.report.relative_cost import cost_factor
 
 DECIDER = "decider"
 """The option of a policy that puts a sweep in the place of its model."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lingjing.bench.played import grouped
+from lingjing.bench.played import Played, grouped
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, plain
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
-from lingjing.report.estimates import UNKNOWN, metric, metrics_of, weighted
+from lingjing.report.estimates import UNKNOWN, cost_factor, metric, metrics_of, weighted
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
-from lingjing.report.relative_cost import cost_factor, mean_tokens
 
 _TOKENS = metric("tokens", 1e-3)
 
@@ -24,14 +23,14 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             spent = [row for row in rows if row.report.metrics is not None and row.report.metrics.calls]
             groups = []
             for (_, condition), own in grouped(spent, lambda row: (row.entrant, row.condition)).items():
-                factor = cost_factor(own, rows)
+                factor, tokens = cost_factor(own, rows), Played.of(own).mean("tokens")
                 name = called(own[0], condition)
                 groups.append(BarGroup(name, (ChartBar("thousand tokens an episode", 0, _TOKENS(own)),), ".1f"))
                 dollars = sum(one.cost_usd for one in metrics_of(own))
                 cells = (
                     ResultCell(str(len(own)), len(own)), metric("calls")(own).cell(".1f"), _TOKENS(own).cell(".1f"),
                     plain(factor, ".2f"), metric("cost_usd")(own).cell(".4f"), plain(dollars, ".2f"),
-                    (weighted("json_compliance", "answers", 100.0)(own) if mean_tokens(own) else UNKNOWN).cell(),
+                    (weighted("json_compliance", "answers", 100.0)(own) if tokens else UNKNOWN).cell(),
                 )  # fmt: skip
                 lines.append(ResultLine(column_words(mission, mode), (name,), cells))
             if groups:
