@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal, cast
@@ -29,6 +28,7 @@ from lingjing.bench.suite import ATTRIBUTION, NameOrFile, ShortText, SuitePart, 
 from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, ResultTable
 from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask
+from lingjing.play.python_files import function_of
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.copying import copy_trace
 from lingjing.trace.reader import Trace, read_trace
@@ -125,20 +125,11 @@ def find_method(name: str) -> AttributionMethod:
     """The method of that name, or the function `FILE.py:FUNCTION`. Raises `UsageError`."""
     if name in METHODS:
         return METHODS[name]
-    path, _, function = name.rpartition(":")
-    found = spec_from_file_location(f"attribution_{Path(path).stem}", path) if Path(path).is_file() else None
-    if found is None or found.loader is None:
+    if not Path(name.partition(":")[0]).is_file():
         raise UsageError(
             f"there is no method of attribution `{name}`", hint=f"known are {', '.join(METHODS)}, and FILE.py:FUNCTION"
         )
-    module = module_from_spec(found)
-    try:
-        found.loader.exec_module(module)
-    except Exception as error:
-        raise UsageError(f"`{path}` cannot be loaded: {type(error).__name__}: {error}") from error
-    method = getattr(module, function, None)
-    if not callable(method):
-        raise UsageError(f"`{path}` has no function `{function}`")
+    method = function_of(name, "method")
     return AttributionMethod(
         lambda trace: tuple(map(_named, method(trace))), redrives=bool(getattr(method, "redrives", False))
     )

@@ -109,18 +109,7 @@ def run_command(options: PlayOptions) -> str:
 
 def _predicate(spec: str) -> Predicate:
     """The function of a file. Raises `UsageError`."""
-    from importlib.util import module_from_spec, spec_from_file_location
+    from lingjing.play.python_files import function_of
 
-    path, _, name = spec.partition(":")
-    found = spec_from_file_location(Path(path).stem, path) if Path(path).is_file() else None
-    if found is None or found.loader is None or not name:
-        raise UsageError(f"--same-if {spec}: no such file or function", hint="write it like check.py:is_collision")
-    module = module_from_spec(found)
-    try:
-        found.loader.exec_module(module)
-    except Exception as error:
-        raise UsageError(f"--same-if {spec}: {type(error).__name__}: {error}") from error
-    function = getattr(module, name, None)
-    if not callable(function):
-        raise UsageError(f"--same-if: `{path}` has no function `{name}`")
+    function = function_of(spec, "predicate", "write --same-if like check.py:is_collision")
     return lambda trace: bool(function(trace))

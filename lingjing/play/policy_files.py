@@ -1,21 +1,15 @@
-"""Policies by name or by file: `heuristic`, `./mine.py:Scout`, or `./mine.py` (if it holds one policy class).
-
-A mistake in the author's file is reported with the file and its line, never with a traceback of ours.
-"""
+"""Policies by name or by file: `heuristic`, `./mine.py:Scout`, or `./mine.py` (if it holds one policy class)."""
 
 from __future__ import annotations
 
-import hashlib
 import inspect
-import sys
-import traceback
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
 from lingjing.errors import UsageError
+from lingjing.play.python_files import load_file
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import one_line, policy_of
+from lingjing.plugins.loading import policy_of
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest
 
@@ -31,37 +25,9 @@ def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
     path, _, name = spec.partition(":")
     if not path.endswith(".py"):
         return host.policy(spec)
-    cls = _policy_class(_load_module(Path(path)), Path(path), name)
+    cls = _policy_class(load_file(Path(path), "policy", _START), Path(path), name)
     summary = (inspect.getdoc(cls) or "").partition("\n")[0]
     return policy_of(cls, f"{Path(path).name}:{cls.__name__}", summary)
-
-
-def _load_module(path: Path) -> ModuleType:
-    if not path.is_file():
-        raise UsageError(f"there is no policy file `{path}`", hint=_START)
-    resolved = path.resolve()
-    unique = hashlib.sha256(str(resolved).encode()).hexdigest()[:12]
-    spec = spec_from_file_location(f"lingjing_policy_{path.stem}_{unique}", resolved)
-    if spec is None or spec.loader is None:
-        raise UsageError(f"`{path}` cannot be loaded as a Python module")
-    module = module_from_spec(spec)
-    if str(resolved.parent) not in sys.path:
-        sys.path.append(str(resolved.parent))  # last, so that a sibling is found and nothing installed is shadowed
-    sys.modules[spec.name] = module
-    try:
-        spec.loader.exec_module(module)
-    except SyntaxError as error:
-        raise UsageError(f"{error.filename or path}:{error.lineno}: {error.msg}", hint="fix the policy file") from error
-    except (Exception, SystemExit) as error:
-        where = f"{path}:{_line_in(error, resolved)}"
-        raise UsageError(f"{where}: {one_line(error)}", hint="fix the policy file") from error
-    return module
-
-
-def _line_in(error: BaseException, path: Path) -> int:
-    """The last line of `path` that the exception passed through; 1 if it never did."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-    return lines[-1] or 1 if lines else 1
 
 
 def _policy_class(module: ModuleType, path: Path, name: str) -> type:

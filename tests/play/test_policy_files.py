@@ -9,6 +9,7 @@ import pytest
 from lingjing.errors import UsageError
 from lingjing.play.option_sharing import share_arguments
 from lingjing.play.policy_files import load_policy
+from lingjing.play.python_files import function_of
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
@@ -168,3 +169,19 @@ def test_arguments_go_to_the_policies_that_take_them():
         share_arguments({"one": first}, {"delta": "d"})
     with pytest.raises(UsageError, match="policies `one`, `three`: option `delta` is not known"):
         share_arguments({"one": first, "three": third}, {"delta": "d"})
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("def lost(trace): return True\n1 / 0\n", "mine.py:2: ZeroDivisionError: division by zero"),
+        ("def lost(trace: return True\n", "mine.py:1: "),
+        ("def won(trace): return True\n", "` has no function `lost`"),
+    ],
+)
+def test_a_mistake_in_a_file_with_a_function_is_told_with_its_line(write, text: str, said: str) -> None:
+    path = write("def lost(trace): return trace > 2\n", "good.py")
+    assert function_of(f"{path}:lost", "predicate")(3)
+    with pytest.raises(UsageError) as caught:
+        function_of(f"{write(text)}:lost", "predicate")
+    assert said in str(caught.value)

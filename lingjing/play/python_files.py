@@ -1,0 +1,57 @@
+"""Python files of a user's own: a mistake in one is reported with the file and its line, never with a traceback of
+ours."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import traceback
+from collections.abc import Callable
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from lingjing.errors import UsageError
+from lingjing.plugins.loading import one_line
+
+
+def load_file(path: Path, what: str, start: str = "") -> ModuleType:
+    """The module of a file that holds a `what`; `start` says where one that is not there could come from. Raises
+    `UsageError`."""
+    if not path.is_file():
+        raise UsageError(f"there is no {what} file `{path}`", hint=start)
+    resolved = path.resolve()
+    unique = hashlib.sha256(str(resolved).encode()).hexdigest()[:12]
+    spec = spec_from_file_location(f"lingjing_{what}_{path.stem}_{unique}", resolved)
+    if spec is None or spec.loader is None:
+        raise UsageError(f"`{path}` cannot be loaded as a Python module")
+    module = module_from_spec(spec)
+    if str(resolved.parent) not in sys.path:
+        sys.path.append(str(resolved.parent))  # last, so that a sibling is found and nothing installed is shadowed
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise UsageError(
+            f"{error.filename or path}:{error.lineno}: {error.msg}", hint=f"fix the {what} file"
+        ) from error
+    except (Exception, SystemExit) as error:
+        where = f"{path}:{_line_in(error, resolved)}"
+        raise UsageError(f"{where}: {one_line(error)}", hint=f"fix the {what} file") from error
+    return module
+
+
+def function_of(spec: str, what: str, start: str = "") -> Callable[..., Any]:
+    """The function that `FILE.py:FUNCTION` names. Raises `UsageError`."""
+    path, _, name = spec.partition(":")
+    function: Callable[..., Any] | None = getattr(load_file(Path(path), what, start), name, None)
+    if not callable(function):
+        raise UsageError(f"`{path}` has no function `{name}`", hint=start)
+    return function
+
+
+def _line_in(error: BaseException, path: Path) -> int:
+    """The last line of `path` that the exception passed through; 1 if it never did."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
+    return lines[-1] or 1 if lines else 1
