@@ -29,7 +29,7 @@ EAST, NORTH = ("x",), ("y",)
 LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude"), ("lat", "latitude")
 ALTITUDE = ("alt", "altitude")
 SAME_M = 0.001
-Values = Mapping[str, Any]
+GuessedRow = Mapping[str, Any]
 
 
 def silent_guesses(
@@ -109,11 +109,11 @@ def _get(holder: Any, key: str) -> Any:
     return next((value for name, value in holder.items() if folded(name) == folded(key) and value is not None), None)
 
 
-def _first(holder: Values, names: Sequence[str]) -> float | None:
+def _first(holder: GuessedRow, names: Sequence[str]) -> float | None:
     return next((value for name in names if (value := _get(holder, name)) is not None), None)
 
 
-def _place(row: Any) -> Values | None:
+def _place(row: Any) -> GuessedRow | None:
     """What holds the coordinates of an entity or a hidden thing."""
     for holder in (_get(row, "data"), _get(row, "position"), row):
         if isinstance(holder, dict) and any(
@@ -123,7 +123,7 @@ def _place(row: Any) -> Values | None:
     return None
 
 
-def _said(place: Values, origin: tuple[float, float]) -> tuple[float, float] | None:
+def _said(place: GuessedRow, origin: tuple[float, float]) -> tuple[float, float] | None:
     """East and north in metres; None where one is no number."""
     x, y, longitude, latitude = (_first(place, names) for names in (EAST, NORTH, LONGITUDE, LATITUDE))
     pair = (latitude, longitude) if x is None or y is None else (x, y)
@@ -134,7 +134,7 @@ def _said(place: Values, origin: tuple[float, float]) -> tuple[float, float] | N
     return x / 100.0, -y / 100.0
 
 
-def _turn(row: Values, place: Values) -> float | None:
+def _turn(row: GuessedRow, place: GuessedRow) -> float | None:
     """The compass heading that is said, degrees."""
     yaw = _first(row, ("yaw",))
     yaw = _first(place, ("yaw",)) if yaw is None else yaw
