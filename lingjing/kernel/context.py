@@ -40,7 +40,7 @@ class RuntimeContext:
 
     @property
     def tick(self) -> int:
-        """The boundary's tick. With `achieved`, `stages`, `states` and `time_s` this is an evaluator's `Standing`."""
+        """The boundary's tick. With `achieved`, `stages`, `states`, `time_s` it is an evaluator's `EpisodeState`."""
         return self.registry.tick
 
     @property

@@ -63,16 +63,16 @@ class _CheckedEvaluator:
         self._owner = owner
         self._evaluator = evaluator
 
-    def evaluate(self, standing: Any, events: Sequence[AdjudicatedEvent]) -> Evaluation:
+    def evaluate(self, state: Any, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         try:
-            found: object = self._evaluator.evaluate(standing, events)
+            found: object = self._evaluator.evaluate(state, events)
         except (Exception, SystemExit) as error:
-            raise self._fault(f"failed at tick {standing.tick}: {one_line(error)}") from error
+            raise self._fault(f"failed at tick {state.tick}: {one_line(error)}") from error
         if not isinstance(found, Evaluation):
-            raise self._fault(f"answered {kind_of_value(found)} at tick {standing.tick}, no Evaluation")
+            raise self._fault(f"answered {kind_of_value(found)} at tick {state.tick}, no Evaluation")
         wrong = answer_fault(found)
         if wrong:
-            raise self._fault(f"broke its contract at tick {standing.tick}: {wrong}")
+            raise self._fault(f"broke its contract at tick {state.tick}: {wrong}")
         return replace(found, reward=float(found.reward))
 
     def _fault(self, message: str) -> InfrastructureError:

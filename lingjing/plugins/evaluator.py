@@ -25,7 +25,7 @@ class Evaluation(msgspec.Struct, frozen=True):
     detail: str = ""
 
 
-class Standing(Protocol):
+class EpisodeState(Protocol):
     """What has come to pass by a boundary. `states` are all entities' by id, the hidden ones' too; `achieved` maps
     (rule, binding) to the time at which it became true, in seconds; `stages` maps (stage, subject) to the tick at which
     it was done, the subject being "" for a stage without one."""
@@ -44,22 +44,22 @@ class Standing(Protocol):
 
 _REASONS = ("", *get_args(Reason))
 
-StandingT_contra = TypeVar("StandingT_contra", contravariant=True)
+EpisodeStateT_contra = TypeVar("EpisodeStateT_contra", contravariant=True)
 
 
-class Evaluator(Protocol[StandingT_contra]):
+class Evaluator(Protocol[EpisodeStateT_contra]):
     """One evaluator of the paper's set E. It must be a pure function of its arguments: it keeps nothing from one
     boundary to the next, since an episode may be forked."""
 
-    def evaluate(self, standing: StandingT_contra, events: Sequence[AdjudicatedEvent]) -> Evaluation:
+    def evaluate(self, state: EpisodeStateT_contra, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         """The score and the flag at a boundary, `events` being those of the rules that came true at it."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluatorPlugin:
-    """How an evaluator is declared: `build` makes the one of an instance. A plug-in's takes a `Standing`; the built-in
-    one, `mission`, reads the mission's own conditions and needs the kernel's whole context for that.
+    """How an evaluator is declared: `build` makes the one of an instance. A plug-in's takes an `EpisodeState`; the
+    built-in one, `mission`, reads the mission's own conditions and needs the kernel's whole context for that.
 
     `options` is the model of what it can be told (`--evaluator-arg NAME.OPTION=VALUE`), as a class or, so that nothing
     heavy is loaded before it is needed, as `package.module:Class`. With a model `build` takes an object of it as well:
@@ -86,4 +86,4 @@ def answer_fault(found: Evaluation) -> str:
     return "" if isinstance(detail, str) else f"its detail is {detail!r}, no text"
 
 
-__all__ = ["Evaluation", "Evaluator", "EvaluatorPlugin", "Standing", "answer_fault"]
+__all__ = ["EpisodeState", "Evaluation", "Evaluator", "EvaluatorPlugin", "answer_fault"]

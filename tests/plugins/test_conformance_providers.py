@@ -17,7 +17,7 @@ from lingjing.mission import kinds
 from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins import conformance as kit
-from lingjing.plugins.evaluator import Evaluation, EvaluatorPlugin, Standing
+from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import Field, PluginOptions
@@ -101,19 +101,19 @@ class Share(PluginOptions):
     reward: float = Field(0.5, ge=0.0, le=1.0)
 
 
-def evaluator(evaluate: Callable[[Standing, object], object], **declared: object) -> EvaluatorPlugin:
+def evaluator(evaluate: Callable[[EpisodeState, object], object], **declared: object) -> EvaluatorPlugin:
     """One whose `evaluate` is this function."""
     made = type("Made", (), {"evaluate": staticmethod(evaluate)})
     return EvaluatorPlugin(name="made", build=lambda instance, *options: made(), **declared)  # type: ignore[arg-type]
 
 
 def test_an_evaluator_that_keeps_its_contract_passes() -> None:
-    kit.check_evaluator(evaluator(lambda standing, events: Evaluation(0.5, standing.tick == 2)), instance_with())
+    kit.check_evaluator(evaluator(lambda state, events: Evaluation(0.5, state.tick == 2)), instance_with())
     told: list[float] = []
 
     def build_share(instance: Instance, options: Share) -> object:
         told.append(options.reward)
-        return type("Made", (), {"evaluate": lambda self, standing, events: Evaluation(options.reward, False)})()
+        return type("Made", (), {"evaluate": lambda self, state, events: Evaluation(options.reward, False)})()
 
     plugin = EvaluatorPlugin(name="share", build=build_share, options=Share)  # type: ignore[arg-type]
     kit.check_evaluator(plugin, instance_with(), {"reward": "0.25"})
@@ -122,16 +122,16 @@ def test_an_evaluator_that_keeps_its_contract_passes() -> None:
         kit.check_evaluator(plugin, instance_with(), {"reward": "3"})
 
 
-def _forgetful(standing: Standing, events: object) -> Evaluation:
-    standing.states.clear()  # type: ignore[attr-defined]
+def _forgetful(state: EpisodeState, events: object) -> Evaluation:
+    state.states.clear()  # type: ignore[attr-defined]
     return Evaluation(0.0, False)
 
 
-def _counting() -> Callable[[Standing, object], Evaluation]:
+def _counting() -> Callable[[EpisodeState, object], Evaluation]:
     asked: list[int] = []
 
-    def evaluate(standing: Standing, events: object) -> Evaluation:
-        asked.append(standing.tick)
+    def evaluate(state: EpisodeState, events: object) -> Evaluation:
+        asked.append(state.tick)
         return Evaluation(min(1.0, len(asked) / 10), False)
 
     return evaluate
@@ -140,14 +140,16 @@ def _counting() -> Callable[[Standing, object], Evaluation]:
 @pytest.mark.parametrize(
     ("evaluate", "said"),
     [
-        (lambda standing, events: 0.5, "at tick 0 answers a float instead of an Evaluation"),
-        (lambda standing, events: Evaluation(standing.tick * 0.75, False), "at tick 2: its reward is 1.5"),
-        (lambda standing, events: Evaluation(0.5, True, "bored"), "its reason is 'bored'"),
+        (lambda state, events: 0.5, "at tick 0 answers a float instead of an Evaluation"),
+        (lambda state, events: Evaluation(state.tick * 0.75, False), "at tick 2: its reward is 1.5"),
+        (lambda state, events: Evaluation(0.5, True, "bored"), "its reason is 'bored'"),
         (_counting(), "it keeps something"),
         (_forgetful, "changes the boundary that it is shown"),
     ],
 )
-def test_an_evaluator_that_breaks_its_contract_fails(evaluate: Callable[[Standing, object], object], said: str) -> None:
+def test_an_evaluator_that_breaks_its_contract_fails(
+    evaluate: Callable[[EpisodeState, object], object], said: str
+) -> None:
     with pytest.raises(kit.ConformanceError, match=said):
         kit.check_evaluator(evaluator(evaluate), instance_with())
 

@@ -17,7 +17,7 @@ from lingjing.errors import PluginError, UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.play.episode import Session
 from lingjing.play.episode import run as lingjing_run
-from lingjing.plugins.evaluator import Evaluation, EvaluatorPlugin, Standing
+from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import Field, PluginOptions
@@ -51,10 +51,10 @@ class Patience:
     def __init__(self, instance):
         self.uav = instance.entities[0].id
 
-    def evaluate(self, standing, events):
-        assert self.uav in standing.states and not standing.achieved and not events
-        done = standing.tick >= 2
-        return Evaluation(standing.tick / 2, done, "success" if done else "", "patience paid")
+    def evaluate(self, state, events):
+        assert self.uav in state.states and not state.achieved and not events
+        done = state.tick >= 2
+        return Evaluation(state.tick / 2, done, "success" if done else "", "patience paid")
 
 
 @hookimpl
@@ -109,8 +109,8 @@ class _Constant:
 
 
 class _Half:
-    def evaluate(self, standing: Standing, events: object) -> Evaluation:
-        return Evaluation(0.5, standing.tick == 1)
+    def evaluate(self, state: EpisodeState, events: object) -> Evaluation:
+        return Evaluation(0.5, state.tick == 1)
 
 
 def test_an_episode_that_an_evaluator_ends_without_a_reason_is_no_success(mission: Path, tmp_path: Path) -> None:
@@ -137,8 +137,8 @@ class _Wait:
     @hookimpl
     def lingjing_evaluators() -> list[EvaluatorPlugin]:
         def build(instance: object, options: WaitOptions) -> object:
-            def evaluate(standing: Standing, events: object) -> Evaluation:
-                done = standing.tick >= options.ticks
+            def evaluate(state: EpisodeState, events: object) -> Evaluation:
+                done = state.tick >= options.ticks
                 return Evaluation(options.scores[-1], done, "success" if done else "")
 
             return SimpleNamespace(evaluate=evaluate)
@@ -201,8 +201,8 @@ def _host(build: object, name: object = "boom") -> PluginHost:
 def _answering(answer: object) -> PluginHost:
     """A host whose evaluator `boom` answers that at tick 1, or raises it."""
 
-    def evaluate(standing: Standing, events: object) -> object:
-        if standing.tick == 0:
+    def evaluate(state: EpisodeState, events: object) -> object:
+        if state.tick == 0:
             return Evaluation(0.25, False)
         if isinstance(answer, Exception):
             raise answer

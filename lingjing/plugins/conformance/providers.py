@@ -19,7 +19,7 @@ from lingjing.trace.records import BodyState
 
 @dataclass(slots=True)
 class _RestingStanding:
-    """A `Standing` in which nothing has come to pass and everything is where the instance puts it."""
+    """An `EpisodeState` in which nothing has come to pass and everything is where the instance puts it."""
 
     tick: int
     time_s: float
@@ -42,12 +42,12 @@ def check_evaluator(
     shown = [_RestingStanding(tick, tick * instance.clock.tick_s, dict(places)) for tick in range(ticks)]
     before = copy.deepcopy(shown)
     one, other = plugin.build(instance, *given), plugin.build(instance, *given)
-    answers = [one.evaluate(standing, ()) for standing in shown]
+    answers = [one.evaluate(state, ()) for state in shown]
     for tick, answer in enumerate(answers):
         what = f"{owner} at tick {tick}"
         require(isinstance(answer, Evaluation), f"{what} answers a {type(answer).__name__} instead of an Evaluation")
         require(not answer_fault(answer), f"{what}: {answer_fault(answer)}")
-    again = [other.evaluate(standing, ()) for standing in reversed(shown)][::-1]
+    again = [other.evaluate(state, ()) for state in reversed(shown)][::-1]
     require(answers == again, f"{owner} answers otherwise when it is asked in another order: it keeps something")
     require(shown == before, f"{owner} changes the boundary that it is shown")
 
