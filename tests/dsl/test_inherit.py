@@ -113,7 +113,9 @@ def test_a_permit_and_the_hub_are_overridden(tmp_path: Path) -> None:
     plain = found("override mode broadcast\noverride comms { hub = none }\noverride permit dog.forward when now >= 0 s")
     assert plain.diagnostics == () and plain.mission is not None and plain.mission.comms.hub is None
     assert len(plain.mission.permits) == 1
-    assert codes(found("override comms { hub = none }")) == [("LJ0502", 3)], "star mode needs one"
+    lacking = found("override comms { hub = none }")
+    assert codes(lacking) == [("LJ0502", 3)], "star mode needs one"
+    assert lacking.diagnostics[0].hint.endswith("or leave `star` out of `mode`")
     assert codes(found("permit dog.forward when now >= 0 s")) == [("LJ0124", 4)]
 
 

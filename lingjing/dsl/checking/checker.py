@@ -273,7 +273,7 @@ class MissionChecker:
                 mode.start,
                 mode.start + len("mode"),
                 "star mode has no hub",
-                "add `comms { hub = … when mode == star }`",
+                "add `comms { hub = … when mode == star }`, or leave `star` out of `mode`",
             )
 
     def _alone(self, node: s.MissionBlock, modes: model.Modes | None) -> None:
