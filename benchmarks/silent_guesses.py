@@ -26,8 +26,8 @@ from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.reset.shapes import LISTS, folded
 
 EAST, NORTH = ("x",), ("y",)
-LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude"), ("lat", "latitude")
-ALTITUDE = ("alt", "altitude")
+LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude", "经度"), ("lat", "latitude", "纬度")
+ALTITUDE = ("alt", "altitude", "海拔")
 SAME_M = 0.001
 GuessedRow = Mapping[str, Any]
 
