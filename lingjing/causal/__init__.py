@@ -6,7 +6,8 @@
   `reduced_mission` leaves parts out, `delta_debugging` chooses them, `candidates` plays what is left
 - `faculties` which record of a decision each faculty makes, and how the truth replaces it
 - `references` what would have been right, by a privileged policy; `interventions` what a branch changes
-- `redriven`  an episode with its policies in one process, to be forked; `shared_camera` draws for all branches
+- `redriven`  an episode with its policies in one process, to be forked; `shared_camera` draws for all branches,
+  each picture once (`branch_pictures`, `picture_memory`)
 - `branching` one branch, in a fork; `branch_process` holds boundaries and forks, as `branch_queue` has it, so many at a
   time and some ahead ← `branch_host`, its caller's end
 - `blame`     the search for what repairs ← `narrowing` (when), `shapley` (shares), `placebos` (luck); `message_value`

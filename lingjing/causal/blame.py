@@ -99,8 +99,8 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
     references in the trace, `tried` the sets of them that were replaced to find the smallest. `exhausted` says that the
     budget of branches did not suffice for everything. `unanswered` counts the branches in which answers of policies
     were replaced for reasons for which none was in the trace. `cpu_s` is that of the branches, those included that idle
-    workers began ahead for nothing; `driven_s` that of running the episode again, `camera_s` that of pictures, of which
-    the branches needed `drawn` that the trace does not hold.
+    workers began ahead for nothing; `driven_s` that of running the episode again, `camera_s` that of the camera,
+    which drew `pictures` at most.
     """
 
     path: str
@@ -119,7 +119,7 @@ class Blame(msgspec.Struct, frozen=True, kw_only=True):
     unanswered: dict[str, int] = {}
     cpu_s: float = 0.0
     driven_s: float = 0.0
-    drawn: int = 0
+    pictures: int = 0
     camera_s: float = 0.0
 
 
@@ -188,7 +188,7 @@ class _Search:
             unanswered=dict(sorted(self._unanswered.items())),
             cpu_s=self._host.cpu_s + self._host.unused_s,
             driven_s=self._host.driven_s,
-            drawn=self._host.drawn,
+            pictures=self._host.pictures,
             camera_s=self._host.camera_s,
         )
 

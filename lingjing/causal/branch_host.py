@@ -49,7 +49,7 @@ class BranchHost:
         self.played = 0
         self.cpu_s = 0.0
         self.driven_s = 0.0
-        self.drawn = 0
+        self.pictures = 0
         self.camera_s = 0.0
         self.unused_s = 0.0
         self.agreements: dict[tuple[str, str], tuple[int, ...]] = {}
@@ -108,7 +108,7 @@ class BranchHost:
             results[told.index] = told.result
             self.played += 1
             self.cpu_s += told.result.cpu_s
-            self.drawn += told.result.drawn
+            self.pictures += told.result.pictures
             self.camera_s, self.unused_s = told.camera_s, told.unused_s
         self._progress(what, len(plans), len(plans))
         return tuple(results[index] for index in range(len(plans)))

@@ -32,8 +32,8 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     `differs` is the first boundary whose digest is not the trace's (None: all are equal, to the end). `swayed` is the
     first that other decisions led to, but for what was withheld (None: nobody decided otherwise). `replaced` are the
     records that the plan replaced, `departed` those in which agents departed from their references in other faculties,
-    if the plan watches. `drawn` pictures had to be drawn. `unanswered` counts the answers of policies that were
-    replaced in the branch, by reason. `cpu_s` is what the branch took, its fork's `fork_s` included, without the
+    if the plan watches. `pictures` were asked of the camera. `unanswered` counts the answers of policies that
+    were replaced in the branch, by reason. `cpu_s` is what the branch took, its fork's `fork_s` included, without the
     camera. `failed` says why the branch says nothing (an engine, the camera or a reference failed), `exit_code` which
     kind of error that is.
     """
@@ -49,7 +49,7 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     swayed: int | None = None
     replaced: tuple[ReplacedPart, ...] = ()
     departed: tuple[ReplacedPart, ...] = ()
-    drawn: int = 0
+    pictures: int = 0
     unanswered: dict[str, int] = {}
     cpu_s: float = 0.0
     fork_s: float = 0.0
@@ -95,7 +95,7 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
         swayed=_swayed(episode.trace, records[1 + any(one.act == "withhold" for one in plan.messages) :]),
         replaced=tuple(policies.replaced),
         departed=tuple(policies.departed) if plan.watch else (),
-        drawn=pictures.drawn,
+        pictures=pictures.asked,
         unanswered=dict(Counter(made.substituted for one in records[1:] for made in one.decisions if made.substituted)),
         failed=(outcome.detail or outcome.reason) if outcome.reason in CUT_SHORT else "",
         hint=outcome.hint,

@@ -47,7 +47,7 @@ class RecordedPictures:
         self.until = until
         self.pixels = pixels
         self.camera: PictureSource | None = None
-        self.drawn = 0
+        self.asked = 0
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
@@ -73,7 +73,7 @@ class RecordedPictures:
             return self._world.capture(tick, requests, states)
         held = self._trace.frames if self._stand_alike(tick, states) else {}
         due = [request for request in requests if request.frame not in held]
-        self.drawn += len(due)
+        self.asked += len(due)
         fresh = iter(self.camera(tick, due, states) if due else ())
         record = self._trace.boundaries[min(tick, len(self._trace.boundaries) - 1)]
         return tuple(self._recorded(one, record) if one.frame in held else next(fresh) for one in requests)
@@ -100,8 +100,13 @@ class RecordedPictures:
             return _absent(request, record)
         if not self.pixels:
             return StoredFrame(info, _black())
-        picture = self._trace.picture(info.id)
-        return StoredFrame(info, self._trace.jpeg(info.id), picture.depth, picture.semantic)
+        return recorded_frame(self._trace, info.id)
+
+
+def recorded_frame(trace: Trace, frame: str) -> StoredFrame:
+    """A picture that the trace holds, as the camera would give it."""
+    picture = trace.picture(frame)
+    return StoredFrame(trace.frames[frame], trace.jpeg(frame), picture.depth, picture.semantic)
 
 
 class RecordedRun:

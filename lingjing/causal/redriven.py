@@ -80,7 +80,7 @@ class RedrivenEpisode:
             referenced=frozenset(referenced),
             record=self._hand_on,
         )
-        self.camera = SharedCamera(instance, self.run.city, self.host)
+        self.camera = SharedCamera(self.trace, self.run.city, self.host)
         self.policies = SequentialPolicies(
             {agent: self._built(agent, *one) for agent, one in plugins.items()}, instance.budget.policy_s
         )

@@ -28,7 +28,7 @@ def branch_text(trace: Trace, plan: BranchPlan, result: BranchResult) -> str:
     lines = [
         f"{trace.path}: {ending_of(trace)}",
         f"branch at boundary {plan.at}, {change_text(plan)}: {_ended(result)}",
-        f"  {same}; {_count(result.drawn, 'picture')} drawn, {cost}",
+        f"  {same}; {_count(result.pictures, 'picture')} asked of the camera, {cost}",
     ]
     if plan.substitutions:
         lines += [f"  replaced: {parts_text(result.replaced)}"]
@@ -179,8 +179,8 @@ def _placebo_line(placebos: Placebos) -> str:
 
 def _cost(told: Blame) -> str:
     more = ", and the budget did not suffice for all" if told.exhausted else ""
-    drawn = f" and {told.camera_s:.0f} s for {_count(told.drawn, 'picture')}" if told.drawn else ""
-    return f"cost: {_count(told.branches, 'branch')}, {told.cpu_s + told.driven_s:.0f} s CPU{drawn}{more}"
+    camera = f" and {told.camera_s:.0f} s for {_count(told.pictures, 'picture')}" if told.pictures else ""
+    return f"cost: {_count(told.branches, 'branch')}, {told.cpu_s + told.driven_s:.0f} s CPU{camera}{more}"
 
 
 def value_text(episodes: Sequence[EpisodeValues]) -> str:

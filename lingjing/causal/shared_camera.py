@@ -3,8 +3,8 @@
 A graphics context does not survive a fork and takes seconds to make, so no branch makes its own. The camera process is
 forked before anything is drawn and starts its engine with the first picture. A branch asks for a channel of its own
 when it needs a picture. What is drawn depends on the states that come with a request alone, so one camera serves
-branches that have nothing to do with each other. Pictures of branches are never late: nobody has recorded how long
-they took.
+branches that have nothing to do with each other (`branch_pictures` says what need not be drawn). Pictures of branches
+are never late: nobody has recorded how long they took.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import socket
 from collections.abc import Sequence
 from typing import NoReturn
 
+from lingjing.causal.branch_pictures import BranchPictures
 from lingjing.causal.processor_time import cpu_of
 from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.kernel.world.contract import StoredFrame
@@ -26,25 +27,25 @@ from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import load_frame, store_frame
-from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
+from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState
 
 
 class SharedCamera:
     """The camera as a process and its forks have it: a fork asks for a channel of its own with its first picture."""
 
-    def __init__(self, instance: Instance, city: City, host: PluginHost) -> None:
-        self._tick_s = instance.clock.tick_s
+    def __init__(self, trace: Trace, city: City, host: PluginHost) -> None:
+        self._tick_s = trace.header.instance.clock.tick_s
         self._asking, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel: tuple[int, PacketSocket] | None = None
         parent = os.getpid()
         self._process = os.fork()
         if self._process == 0:
             self._asking.close()
-            _serve(theirs, instance, city, host, parent)
+            _serve(theirs, trace, city, host, parent)
         theirs.close()
 
     @property
@@ -89,20 +90,20 @@ class SharedCamera:
             packet.close()
 
 
-def _serve(asking: socket.socket, instance: Instance, city: City, host: PluginHost, parent: int) -> NoReturn:
+def _serve(asking: socket.socket, trace: Trace, city: City, host: PluginHost, parent: int) -> NoReturn:
     """Serve until nobody holds the other end of the socket."""
     try:
         die_with(parent)
-        _Service(asking, instance, city, host).run()
+        _Service(asking, trace, city, host).run()
     finally:
         os._exit(0)
 
 
 class _Service:
-    def __init__(self, asking: socket.socket, instance: Instance, city: City, host: PluginHost) -> None:
+    def __init__(self, asking: socket.socket, trace: Trace, city: City, host: PluginHost) -> None:
         self._asking = asking
-        self._instance, self._city, self._host = instance, city, host
-        self._sensor: Sensor | None = None
+        self._trace, self._city, self._host = trace, city, host
+        self._pictures: BranchPictures | None = None
         self._poller = select.poll()
         self._poller.register(asking, select.POLLIN)
         self._channels: dict[int, PacketSocket] = {}
@@ -134,10 +135,9 @@ class _Service:
 
     def _answer(self, channel: PacketSocket, request: Capture) -> None:
         try:
-            sensor = self._ready()
-            sensor.settle(request.time_s, request.states)
+            pictures = self._ready()
             for index, wanted in enumerate(request.requests):
-                frame = sensor.picture(wanted)
+                frame = pictures.picture(wanted, request.time_s, request.states)
                 if frame is None:
                     channel.send(encoded(PictureReply(serial=request.serial, index=index)))
                     continue
@@ -150,12 +150,13 @@ class _Service:
         except LingjingError as error:
             channel.send(encoded(Failed(message=str(error), hint=error.hint)))
 
-    def _ready(self) -> Sensor:
-        if self._sensor is None:
-            name = select_engines(self._instance, self._host).sensor
+    def _ready(self) -> BranchPictures:
+        if self._pictures is None:
+            instance = self._trace.header.instance
+            name = select_engines(instance, self._host).sensor
             if name is None:
                 raise no_sensor()
             sensor = Sensor(name, start_engines(self._host, (name,))[name])
-            sensor.reset(self._instance, self._city)
-            self._sensor = sensor
-        return self._sensor
+            sensor.reset(instance, self._city)
+            self._pictures = BranchPictures(self._trace, sensor)
+        return self._pictures

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -112,6 +112,16 @@ class Engine(Protocol):
         ...
 
 
+@runtime_checkable
+class KeyedPictures(Protocol):
+    """What a sensor engine may have beside `Engine`, so that variants of an episode need not draw a picture twice."""
+
+    def picture_key(self, request: CaptureRequest) -> bytes:
+        """What the picture of a request depends on, as of the last `advance`: since a reset, pictures of one mount with
+        equal keys are equal, but for their ids and ticks. Much cheaper than the picture."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class EnginePlugin:
     """How an engine is declared through the hook `lingjing_engines`.
@@ -138,5 +148,5 @@ class EnginePlugin:
 
 __all__ = [
     "BodyState", "Boundary", "CameraPose", "CaptureRequest", "City", "Command", "Engine", "EnginePlugin", "EngineSpec",
-    "Frame", "FrameInfo", "Receipt", "Route", "TaskEvent",
+    "Frame", "FrameInfo", "KeyedPictures", "Receipt", "Route", "TaskEvent",
 ]  # fmt: skip

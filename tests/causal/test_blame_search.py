@@ -22,7 +22,7 @@ class MadeUp:
     those before it are replaced, and an agent goes on as it began for three boundaries."""
 
     cpu_s = driven_s = camera_s = unused_s = 0.0
-    drawn = 0
+    pictures = 0
     agreements: Mapping[tuple[str, str], tuple[int, ...]] = {}
 
     def __init__(self, *needed: tuple[str, str, int]) -> None:

@@ -65,7 +65,7 @@ def test_a_null_fork_is_the_episode_from_wherever_it_leaves(host: BranchHost, lo
     before = lost.path.read_bytes()
     last = len(lost.boundaries) - 1
     for result in host.play([BranchPlan(at=at) for at in (0, 7, last - 1, last)]):
-        assert (result.failed, result.differs, result.drawn, result.replaced) == ("", None, 0, ())
+        assert (result.failed, result.differs, result.pictures, result.replaced) == ("", None, 0, ())
         assert lost.outcome is not None and result.digest == lost.outcome.digest
         assert 0.0 < result.fork_s < result.cpu_s
     assert lost.path.read_bytes() == before

@@ -13,8 +13,8 @@ their walls, `reduced_meshes` are what is small in them, `prop_groups` gathers t
 `light` (weather → light), `uniforms`, `programs` (of the sources in `shaders/*.glsl`), `upload`, `targets`,
 `water_pass` (sea and lakes), `draw` turn a pose into buffers → `boxes`, `classes` read them, `contrast` measures how
 visible a target is and `withheld` takes out what is hidden or too faint → `engine` answers the kernel; `options` is
-what it can be told. In: the city once, the states of all entities and of background traffic at each boundary. Out:
-`Frame`s. Invariants: pictures depend on nothing but their inputs, whichever tiles are held; ids are written by solid
-things only (no foam, shadow, smoke or rain); boxes come from the id buffer, never from projected geometry; what a
-picture costs does not grow with the city.
+what it can be told, `picture_keys` what a picture depends on. In: the city once, the states of all entities and of
+background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing but their inputs, whichever
+tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes come from the id buffer,
+never from projected geometry; what a picture costs does not grow with the city.
 """

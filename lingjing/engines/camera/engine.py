@@ -24,6 +24,7 @@ from lingjing.engines.camera.moving_things import stage
 from lingjing.engines.camera.noise import noise_texture
 from lingjing.engines.camera.ocean import Ocean
 from lingjing.engines.camera.options import CameraOptions
+from lingjing.engines.camera.picture_keys import picture_key
 from lingjing.engines.camera.withheld import ALL, Shot, Withheld
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Weather
@@ -106,6 +107,13 @@ class CameraEngine:
         """One picture for each request, in order."""
         return tuple(self._picture(request) for request in requests)
 
+    def picture_key(self, request: CaptureRequest) -> bytes:
+        """What the picture of a request depends on now (`lingjing.plugins.engine.KeyedPictures`)."""
+        if request.pose is not None:
+            return picture_key(request.pose, self._scenery(None), self._level)
+        entity, camera = self._mount(request)
+        return picture_key(self._seen_from(entity, camera), self._scenery(entity), self._level)
+
     def fingerprint(self) -> dict[str, str]:
         """The GL renderer and version behind the pictures; {} before the first reset."""
         return {"gl": self._renderer.name} if self._renderer is not None else {}
@@ -150,12 +158,15 @@ class CameraEngine:
                     return entity, camera
         raise InfrastructureError(f"`{request.entity}` has no camera `{request.camera}` to take `{request.frame}` with")
 
+    def _seen_from(self, entity: Entity, camera: CameraSpec) -> CameraPose:
+        return self._above(mounted_camera_pose(self._states[entity.id], camera, entity.mounts))
+
     def _picture(self, request: CaptureRequest) -> Frame:
         if request.pose is not None:
             return self._picture_from(request.pose, request)
         entity, camera = self._mount(request)
         assert self._renderer is not None
-        pose = self._above(mounted_camera_pose(self._states[entity.id], camera, entity.mounts))
+        pose = self._seen_from(entity, camera)
         depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
         shot = Shot(pose, depth, semantic, partial(self._scenery, entity))
         shown = self._withheld.take(self._renderer, shot)

@@ -13,7 +13,7 @@ from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.frames import stored
 from lingjing.kernel.world.guarded_calls import Enter, broken, engine_seed, guarded, ignore
 from lingjing.mission.instance import Instance
-from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec
+from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec, KeyedPictures
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState
 
@@ -38,6 +38,13 @@ class Sensor:
         mirrors = tuple(states)
         report, _ = guarded(self._enter, self.name, "advance", lambda: self._engine.advance(time_s, mirrors))
         checked_boundary(self.name, "advance", report, time_s, ())
+
+    def key(self, request: CaptureRequest) -> bytes | None:
+        """What the picture depends on, where the engine can tell (`KeyedPictures`): the same key, the same picture."""
+        engine = self._engine
+        if not isinstance(engine, KeyedPictures):
+            return None
+        return guarded(self._enter, self.name, "picture_key", lambda: engine.picture_key(request))[0]
 
     def picture(self, request: CaptureRequest) -> StoredFrame | None:
         """The picture as it is stored, or None if the engine drew none."""

@@ -1,0 +1,77 @@
+"""`PictureMemory`: pictures by what they depend on, packed; those that were asked for last."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import zstandard
+
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.trace.records import FrameInfo
+
+ROOM_BYTES = 256 << 20
+"""Some five hundred pictures of 1920 by 1080."""
+
+
+@dataclass(frozen=True, slots=True)
+class _PackedArray:
+    shape: tuple[int, ...]
+    dtype: np.dtype[np.generic]
+    data: bytes
+
+    @staticmethod
+    def of(array: npt.NDArray[np.generic] | None) -> _PackedArray | None:
+        if array is None:
+            return None
+        data = zstandard.ZstdCompressor(level=1).compress(np.ascontiguousarray(array).data)
+        return _PackedArray(array.shape, array.dtype, data)
+
+    def unpacked(self) -> npt.NDArray[Any]:
+        data = zstandard.ZstdDecompressor().decompress(self.data)
+        return np.frombuffer(data, self.dtype).reshape(self.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class _PackedFrame:
+    info: FrameInfo
+    jpeg: bytes
+    depth: _PackedArray | None
+    semantic: _PackedArray | None
+
+    @property
+    def size(self) -> int:
+        return len(self.jpeg) + sum(len(layer.data) for layer in (self.depth, self.semantic) if layer is not None)
+
+
+class PictureMemory:
+    """Holds `room` bytes of pictures at most; the one that nobody has asked for longest goes first."""
+
+    def __init__(self, room: int = ROOM_BYTES) -> None:
+        self._room = room
+        self._held = 0
+        self._frames: OrderedDict[bytes, _PackedFrame] = OrderedDict()
+
+    def keep(self, key: bytes, frame: StoredFrame) -> None:
+        """Hold a picture that is not held."""
+        packed = _PackedFrame(frame.info, frame.jpeg, _PackedArray.of(frame.depth), _PackedArray.of(frame.semantic))
+        self._frames[key] = packed
+        self._held += packed.size
+        while self._held > self._room:
+            _, gone = self._frames.popitem(last=False)
+            self._held -= gone.size
+
+    def find(self, key: bytes) -> StoredFrame | None:
+        """The picture with this key, if it is held."""
+        packed = self._frames.get(key)
+        if packed is None:
+            return None
+        self._frames.move_to_end(key)
+        return StoredFrame(packed.info, packed.jpeg, _unpacked(packed.depth), _unpacked(packed.semantic))
+
+
+def _unpacked(layer: _PackedArray | None) -> npt.NDArray[Any] | None:
+    return None if layer is None else layer.unpacked()

@@ -1,0 +1,109 @@
+"""Pictures of branches: drawn where neither the trace nor another branch has them, and then once."""
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from lingjing.analysis.played_city import rebuilt_city
+from lingjing.bench.columns import shipped
+from lingjing.causal.branch_pictures import BranchPictures
+from lingjing.causal.picture_memory import PictureMemory
+from lingjing.dsl.loading.load import load_mission
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.sensor import Sensor
+from lingjing.mission.expression import Number
+from lingjing.play.episode import run
+from lingjing.plugins.engine import CaptureRequest
+from lingjing.plugins.host import PluginHost
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import BodyState, FrameInfo
+from tests.engines.camera_town import WHY_NOT
+
+pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+
+replace = msgspec.structs.replace
+
+
+@pytest.fixture(scope="module")
+def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """Twelve ticks of a sea search by an oracle, with pictures."""
+    mission = load_mission(next(path for path in shipped() if path.stem == "ssr"))
+    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=12.0)))
+    folder = tmp_path_factory.mktemp("search") / "episode"
+    return read_trace(run(short, policy="oracle", seed=1, out=folder, overview=False).trace)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The ids of the pictures that a sensor draws from now on."""
+    names: list[str] = []
+    draw = Sensor.picture
+
+    def noted(sensor: Sensor, request: CaptureRequest) -> StoredFrame | None:
+        names.append(request.frame)
+        return draw(sensor, request)
+
+    monkeypatch.setattr(Sensor, "picture", noted)
+    return names
+
+
+@pytest.fixture(scope="module")
+def pictures(search: Trace) -> Iterator[BranchPictures]:
+    host = PluginHost()
+    engine = host.engine("camera").factory()
+    sensor = Sensor("camera", engine)
+    sensor.reset(search.header.instance, rebuilt_city(search, host))
+    yield BranchPictures(search, sensor)
+    engine.close()
+
+
+def request_of(frame: FrameInfo) -> CaptureRequest:
+    return CaptureRequest(
+        frame=frame.id, entity=frame.entity, camera=frame.camera, tick=frame.tick, time_s=frame.time_s
+    )
+
+
+def states_at(trace: Trace, tick: int) -> dict[str, BodyState]:
+    snapshot = trace.boundaries[tick].snapshots[-1]
+    return {state.id: state for state in snapshot.states + snapshot.ambient}
+
+
+def test_a_picture_is_drawn_once_and_only_where_something_in_it_moved(
+    search: Trace, pictures: BranchPictures, drawn: list[str]
+) -> None:
+    frame = next(iter(search.frames.values()))
+    states = states_at(search, frame.tick)
+
+    def taken(**changed: tuple[float, float, float]) -> StoredFrame:
+        shown = {**states, **{name: replace(states[name], position=place) for name, place in changed.items()}}
+        got = pictures.picture(request_of(frame), frame.time_s, list(shown.values()))
+        assert got is not None
+        return got
+
+    east, north, _ = frame.pose.position
+    recorded = search.picture(frame.id)
+    for same in (taken(), taken(boat=(east + 5000.0, north, states["boat"].position[2]))):
+        assert (same.info, same.jpeg) == (frame, search.jpeg(frame.id))
+        for layer, held in ((same.depth, recorded.depth), (same.semantic, recorded.semantic)):
+            assert layer is not None and held is not None and np.array_equal(layer, held)
+    assert drawn == []
+    under = (east, north, states["boat"].position[2])
+    first, again = taken(boat=under), taken(boat=under)
+    assert first.jpeg != search.jpeg(frame.id) and first.info.id == frame.id
+    assert (first.info, first.jpeg) == (again.info, again.jpeg)
+    for layer, held in ((first.depth, again.depth), (first.semantic, again.semantic)):
+        assert layer is not None and held is not None and np.array_equal(layer, held)
+    assert drawn == [frame.id]
+
+
+def test_the_picture_that_was_asked_for_longest_ago_is_forgotten_first(search: Trace) -> None:
+    frame = next(iter(search.frames.values()))
+    held = StoredFrame(frame, bytes(1000))
+    memory = PictureMemory(room=2500)
+    memory.keep(b"a", held)
+    memory.keep(b"b", held)
+    assert memory.find(b"a") == held
+    memory.keep(b"c", held)
+    assert [memory.find(key) is not None for key in (b"a", b"b", b"c")] == [True, False, True]
