@@ -565,6 +565,21 @@ def test_a_length_in_another_unit_is_a_fault_and_places_in_a_few_metres_are_note
     assert any("all X and Y lie within 1.2 m of the origin" in note for note in play(near)[1])
 
 
+@pytest.mark.parametrize(
+    ("twice", "keys"), [({"X": 100, "x": 900}, "'X' and 'x'"), ({"lon": 1, "lat": 2, "long": 3}, "'lon' and 'long'")]
+)
+def test_two_spellings_of_a_hidden_place_that_differ_are_a_fault(twice: Json, keys: str) -> None:
+    place = {"Y": 5, **twice}
+    with pytest.raises(MissionError, match=f"{keys} spell one field and differ") as raised:
+        play(document({"goalFirePosition": [place, {"position": place}]}, drones=1))
+    where = [fault.where.partition("goalFirePosition")[2] for fault in raised.value.faults]
+    assert where == ["[0]", "[1].position"]
+
+
+def test_two_spellings_of_a_hidden_place_may_agree() -> None:
+    play(document({"goalFirePosition": [{"X": 100, "x": 100, "Y": 5}]}, drones=1))
+
+
 def test_one_fault_hides_no_other() -> None:
     """A value of several possible types has a fault for each of them, and is mended once."""
     bad = document({"goalFirePosition": [{"x": 1}, {"lon": 3, "lat": 121.5}], "weather": 7}, drones=1, task_type=3)

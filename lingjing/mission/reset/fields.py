@@ -140,7 +140,9 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
             continue
         one = isinstance(value, dict)
         paths = [where] if one else [f"{where}[{k}]" for k in range(len(items))]
-        unified = (parsed.spelt.unify(item, HiddenPlace, at) for item, at in zip(items, paths, strict=True))
+        spelt_before = len(parsed.spelt.faults)
+        unified = [parsed.spelt.unify(item, HiddenPlace, at) for item, at in zip(items, paths, strict=True)]
+        parsed.faults.extend(parsed.spelt.faults[spelt_before:])
         read = [parsed.converted(item, HiddenPlace, at) for item, at in zip(unified, paths, strict=True)]
         parsed.notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes)
         yield Found(field, key, where, tuple(read), one)
