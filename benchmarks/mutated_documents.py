@@ -1,8 +1,8 @@
 """Mutate `resetScenario` documents and read them: every one gives a mission or a message, never a traceback.
 
 `python -m benchmarks.mutated_documents [--count 100000] [--seed 1]` takes the shipped documents, changes one to four
-things in each (a value of another kind, a key renamed, removed, doubled or nulled, a list cut or repeated, a number
-made huge), reads them and counts how they ended. The documents of other systems that the tests have
+things in each (a value of another kind, a key renamed, removed, doubled, nulled or spelt twice, a list cut or repeated,
+a number made huge), reads them and counts how they ended. The documents of other systems that the tests have
 (`tests/mission/wild`) are among those that are changed. What may not be is counted, printed, and makes it fail: an
 exception that is no `LingjingError` that names the file, and a silent guess (`benchmarks/silent_guesses.py`).
 """
@@ -68,7 +68,7 @@ def spots(value: Any) -> list[tuple[Any, Any]]:
 def mutate(found: Sequence[tuple[Any, Any]], chance: random.Random) -> None:
     """Change something in a document of which these are the spots."""
     holder, key = chance.choice(found)
-    change = chance.randrange(7)
+    change = chance.randrange(8)
     if change == 0 or isinstance(holder, list):
         holder[key] = copy.deepcopy(chance.choice(ODD))
     elif change == 1:
@@ -81,8 +81,10 @@ def mutate(found: Sequence[tuple[Any, Any]], chance: random.Random) -> None:
         holder[key] = holder[key][: chance.randrange(3)]
     elif change == 5:
         holder[key] = {"data": holder[key]}
-    else:
+    elif change == 6:
         holder[f"{key}2"] = holder[key]
+    else:
+        holder[key.swapcase()] = copy.deepcopy(chance.choice(ODD))
 
 
 def mutated(texts: Sequence[str], chance: random.Random) -> str:

@@ -47,6 +47,7 @@ def silent_guesses(
             if groups[member.partition("[")[0]].engine != "satellite":
                 yield f"{path} says no place of {member}"
             continue
+        yield from (f"{path} says two things of {name}" for name in _ambiguous(place))
         played = _value(groups, member, "position")
         said = _said(place, origin)
         if said is None or played is None or max(abs(a - b) for a, b in zip(said, played, strict=False)) > SAME_M:
@@ -121,6 +122,14 @@ def _place(row: Any) -> GuessedRow | None:
         ):
             return holder
     return None
+
+
+def _ambiguous(place: GuessedRow) -> Iterator[str]:
+    """The coordinates that are spelt in several ways with several values."""
+    for names in (EAST, NORTH, LONGITUDE, LATITUDE, ALTITUDE):
+        said = [value for key, value in place.items() if folded(key) in names and value not in (None, "", [], {})]
+        if any(value != said[0] for value in said):
+            yield names[0]
 
 
 def _said(place: GuessedRow, origin: tuple[float, float]) -> tuple[float, float] | None:
