@@ -21,7 +21,7 @@ from lingjing.causal.failure import FailureSignature, Sameness, failure_of
 from lingjing.causal.reduced_mission import ReducedMission
 from lingjing.dsl.compilation import compile_text
 from lingjing.dsl.printing.printer import to_ljs
-from lingjing.errors import InfrastructureError, LingjingError, MissionError
+from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
@@ -224,8 +224,16 @@ class CandidatePlayer:
     def _keep(self, one: TriedCandidate) -> None:
         self.known[one.key, one.who] = one
         if one.verdict != "aborted":  # it may end otherwise another time
-            with self.log.open("ab") as log:
-                log.write(msgspec.json.encode(one) + b"\n")
+            append(self.log, msgspec.json.encode(one) + b"\n")
+
+
+def append(log: Path, line: bytes = b"") -> None:
+    """Write a line behind those that are there. Raises `UsageError` where that cannot be."""
+    try:
+        with log.open("ab") as file:
+            file.write(line)
+    except OSError as error:
+        raise UsageError(f"cannot write `{log}`: {error.strerror}", hint="choose another place with -o") from error
 
 
 def _kept_as_it_was(before: Instance, after: Instance, agents: Mapping[str, str]) -> bool:

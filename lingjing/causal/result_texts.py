@@ -21,9 +21,8 @@ _LATE_HINT = "whether an answer comes in time hangs on this machine: the same se
 
 def branch_text(trace: Trace, plan: BranchPlan, result: BranchResult) -> str:
     """A trace and a branch of it in a few lines."""
-    same = (
-        "all digests are equal to the end" if result.differs is None else f"differs from boundary {result.differs} on"
-    )
+    end = "the end" if trace.outcome is not None else f"boundary {len(trace.boundaries) - 1}, where the trace ends"
+    same = f"all digests are equal to {end}" if result.differs is None else f"differs from boundary {result.differs} on"
     cost = f"{result.cpu_s:.2f} s CPU, fork {1000 * result.fork_s:.0f} ms"
     lines = [
         f"{trace.path}: {ending_of(trace)}",

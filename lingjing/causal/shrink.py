@@ -15,7 +15,14 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
-from lingjing.causal.candidates import BudgetUsedUpError, Candidate, CandidatePlayer, CandidateVerdict, Predicate
+from lingjing.causal.candidates import (
+    BudgetUsedUpError,
+    Candidate,
+    CandidatePlayer,
+    CandidateVerdict,
+    Predicate,
+    append,
+)
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.failure import FailureSignature, Sameness, failure_of
 from lingjing.causal.reduced_mission import ReducibleMission, RemovablePart
@@ -84,10 +91,12 @@ def shrink(
     if out.exists() and not log.exists():
         raise UsageError(f"`{out}` is there already", hint="nothing is overwritten: name a new file with -o")
     mission = _mission_of(trace, options.mission)
+    policies = _policies(trace, options.policies)
+    append(log)  # what cannot be written is told before anything is played
     with TemporaryDirectory(prefix="lingjing-shrink-") as folder:
         player = CandidatePlayer(
             trace=trace, signature=signature, sameness=options.sameness, options=_play_options(trace),
-            policies=_policies(trace, options.policies), folder=Path(folder), log=log, budget=options.episodes,
+            policies=policies, folder=Path(folder), log=log, budget=options.episodes,
             jobs=options.jobs, control=options.control, predicate=options.predicate,
         )  # fmt: skip
         return _Shrinking(trace, mission, player, signature, out, tell).run()

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lingjing.causal.candidates import Predicate
     from lingjing.causal.shrink import ShrunkMission
     from lingjing.play.options import PlayOptions
+    from lingjing.trace.reader import Trace
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -110,6 +111,14 @@ def run_command(options: PlayOptions) -> str:
 def _predicate(spec: str) -> Predicate:
     """The function of a file. Raises `UsageError`."""
     from lingjing.play.python_files import function_of
+    from lingjing.plugins.loading import one_line
 
     function = function_of(spec, "predicate", "write --same-if like check.py:is_collision")
-    return lambda trace: bool(function(trace))
+
+    def ask(trace: Trace) -> bool:
+        try:
+            return bool(function(trace))
+        except (Exception, SystemExit) as error:
+            raise UsageError(f"--same-if {spec}: {one_line(error)}", hint="it is asked of a trace") from error
+
+    return ask

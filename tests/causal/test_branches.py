@@ -14,6 +14,7 @@ import pytest
 from lingjing.bench.columns import shipped
 from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
+from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, check
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.result_texts import blame_text, branch_text
@@ -216,6 +217,11 @@ def test_what_policies_print_is_printed_once(idle: Trace, capfd: pytest.CaptureF
         host.play([BranchPlan(at=3)])
     said = capfd.readouterr()
     assert said.out == "" and [said.err.count(f"skipper at {tick}\n") for tick in range(4)] == [1, 1, 1, 1]
+
+
+def test_a_branch_of_a_cut_trace_says_up_to_where_it_was_compared(idle: Trace) -> None:
+    cut = Trace(idle.path, idle.header, idle.boundaries[:3], None, False, idle.places)
+    assert "equal to boundary 2, where the trace ends;" in branch_text(cut, BranchPlan(at=1), BranchResult())
 
 
 def test_a_message_is_changed_in_one_way(lost: Trace) -> None:

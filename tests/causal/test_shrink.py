@@ -77,6 +77,27 @@ def test_out_of_episodes_the_best_so_far_is_there_and_is_gone_on_with(lost: Trac
     assert second.ticks < first.ticks or len(second.kept) < len(first.kept)
 
 
+def test_a_place_that_cannot_be_written_is_told_before_anything_is_played(
+    lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
+    assert main([*call, "-o", str(tmp_path / "no" / "small.ljs")]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert said.startswith("error: cannot write `") and "the whole mission fails" not in said
+
+
+@pytest.mark.parametrize(("body", "words"), [("1 / 0", "ZeroDivisionError"), ("exit(3)", "SystemExit: 3")])
+def test_a_question_that_fails_is_its_authors(
+    body: str, words: str, lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "check.py").write_text(f"def failing(trace):\n    return {body}\n")
+    asked = f"{tmp_path / 'check.py'}:failing"
+    call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS), "--same-if", asked]
+    assert main([*call, "-o", str(tmp_path / "small.ljs")]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert f"--same-if {asked}: {words}" in said and not (tmp_path / "small.ljs").exists()
+
+
 def test_a_policy_that_raises_is_the_failure(tmp_path: Path) -> None:
     broken = played(tmp_path / "broken", f"{SKIPPERS}:Broken")
     signature = failure_of(broken)
