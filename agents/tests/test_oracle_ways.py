@@ -105,8 +105,10 @@ class Van:
 @pytest.mark.parametrize("vans", [1, 3, 5])
 def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_order(vans):
     demands = {"big": 250.0, **{f"p{n}": 100.0 for n in range(9)}}
-    tasks = tuple(Task("deliver", name, "road", 30.0, "demand", "load") for name in demands)
-    supply = Task("restock", "depot", "road", 50.0, gives="load", up_to="payload")
+    goods = {"takes": "demand", "source": "load", "within_m": 30.0}
+    tasks = tuple(Task(name="deliver", by="road", target=name, actors=("road",), **goods) for name in demands)
+    stock = {"gives": "load", "up_to": "payload", "within_m": 50.0}
+    supply = Task(name="restock", by="road", target="depot", actors=("road",), **stock)
     trade = deliveries.SupplyChain(tasks, supply, tuple(Van(f"v{n}") for n in range(vans)), 200.0)
     loads = [tour for mine in deliveries.vehicle_tours(DeliveryView(demands), trade).values() for tour in mine]
     brought = {name: sum(a for load in loads for s, a in zip(load.stops, load.amounts, strict=True) if s == name)

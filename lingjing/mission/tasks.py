@@ -7,53 +7,30 @@ mission: `asked` are the interactions that success mentions, directly or through
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec.structs import asdict
 
 from lingjing.mission.certain import Knowledge, known, truth
 from lingjing.mission.expression import Expr, Ref
 from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Performed
 from lingjing.mission.feasibility.outline import Outline, of_instance
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Entity, Instance, InteractionSpec
 from lingjing.mission.intervals import exactly
 from lingjing.mission.values import Value
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
-    """An interaction with a target: which assets may do it, and from how far (metres).
+class Task(InteractionSpec, frozen=True, kw_only=True):
+    """An interaction with one target: its id, and which assets may do it."""
 
-    `takes`/`source` and `gives`/`up_to` name the stocks that change hands, "" where nothing does.
-    """
-
-    name: str
     target: str
     actors: tuple[str, ...]
-    within_m: float
-    takes: str = ""
-    source: str = ""
-    gives: str = ""
-    up_to: str = ""
-
-    @property
-    def moves_goods(self) -> bool:
-        """Whether something changes hands, so that it may happen again and again."""
-        return bool(self.gives or (self.takes and self.source))
 
 
 def possible(entity: Entity, instance: Instance) -> tuple[Task, ...]:
     """Every interaction that an entity's type declares."""
     return tuple(
-        Task(
-            name=one.name,
-            target=entity.id,
-            actors=tuple(actor.id for actor in instance.actors(one)),
-            within_m=one.within_m,
-            takes=one.takes,
-            source=one.source,
-            gives=one.gives,
-            up_to=one.up_to,
-        )
+        Task(**asdict(one), target=entity.id, actors=tuple(actor.id for actor in instance.actors(one)))
         for one in entity.interactions
     )
 
