@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
+from lingjing.engines.bodies import moved_on
 from lingjing.engines.close_pairs import close_pairs
 from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.gust import Gust
@@ -187,8 +188,7 @@ class Aircraft(ABC):
 
     def _ahead(self, seconds: float) -> Vector:
         """Where it is some seconds later if it keeps its velocity."""
-        x, y, z = (here + seconds * rate for here, rate in zip(self.position, self.velocity, strict=True))
-        return x, y, z
+        return moved_on(self.position, self.velocity, seconds)
 
     def _begin(self, *legs: Vector, arrives: bool) -> None:
         self._legs, self._length, self._arrives = legs, path_length(self.position, legs), arrives

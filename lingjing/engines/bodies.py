@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, Vector
 from lingjing.plugins.bodies import solid_size
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import CLEARED, DORMANT, BodyState
@@ -17,6 +17,12 @@ from lingjing.trace.records import CLEARED, DORMANT, BodyState
 def is_gone(state: BodyState, entity: Entity | None) -> bool:
     """Whether a mirror is of what can neither be seen nor touched: not there yet, no more, or taken aboard."""
     return state.status in (DORMANT, CLEARED) or (entity is not None and entity.is_aboard(state.status))
+
+
+def moved_on(position: Vector, velocity: Vector, seconds: float) -> Vector:
+    """Where a body is some seconds later if it keeps its velocity."""
+    x, y, z = (here + seconds * rate for here, rate in zip(position, velocity, strict=True))
+    return x, y, z
 
 
 def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lingjing.engines.bodies import moved_on
 from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.engines.city.goods import Goods, check_exchange
-from lingjing.engines.city.interaction import actors_in_reach, moved_on
+from lingjing.engines.city.interaction import actors_in_reach
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
 from lingjing.engines.city.whereabouts import STEP_S, body_of
@@ -66,7 +67,11 @@ class CityEngine:
         self._blow()
         self._step(until)
         self._show()
-        self._bodies = {body.id: (moved_on(body, elapsed), body) for body in mirrors if body.id in self._names}
+        self._bodies = {
+            body.id: (moved_on(body.position, body.velocity, elapsed), body)
+            for body in mirrors
+            if body.id in self._names
+        }
         for target in self._targets.values():
             self._interact(target, elapsed)
         if self._clock.is_boundary(self._tick_s):

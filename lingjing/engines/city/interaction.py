@@ -6,16 +6,9 @@ import math
 from collections.abc import Sequence
 
 from lingjing.mission.instance import InteractionSpec, Vector
-from lingjing.trace.records import BodyState
 
 Actor = tuple[str, Vector]
 """Somebody who may act: its id and where it is."""
-
-
-def moved_on(body: BodyState, seconds: float) -> Vector:
-    """Where a mirrored body is `seconds` later if it keeps its velocity."""
-    x, y, z = (here + seconds * rate for here, rate in zip(body.position, body.velocity, strict=True))
-    return x, y, z
 
 
 def actors_in_reach(interaction: InteractionSpec, target: Vector, actors: Sequence[Actor]) -> list[tuple[str, float]]:
