@@ -107,9 +107,9 @@ def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[EpisodeReport, bool]]
 
 
 def _one(path: str) -> tuple[EpisodeReport, bool]:
-    from lingjing.trace.reader import collector_paused
+    from lingjing.collector import collector_at_rest
 
-    with collector_paused():  # until the trace is gone too: to look through it takes as long as to read it
+    with collector_at_rest():  # until the trace is gone too: to look through it takes as long as to read it
         return _read(path)
 
 

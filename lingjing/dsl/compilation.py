@@ -39,7 +39,7 @@ def compile_source(source: SourceText, *, offers: Offers | None = None) -> Compi
 
     With `offers` (the names that plug-ins offer) a scene, an engine or a map that is not there is a warning.
     """
-    from lingjing.dsl.syntax.collector import collector_at_rest
+    from lingjing.collector import collector_at_rest
 
     with collector_at_rest():
         return _compile(source, offers)

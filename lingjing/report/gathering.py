@@ -19,6 +19,7 @@ from lingjing.bench.played import columns_of
 from lingjing.bench.prompt_search import RESULTS, KeptSearch
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import read_document
+from lingjing.collector import collector_at_rest
 from lingjing.errors import LingjingError, UsageError
 from lingjing.report.evidence import (
     FrameProbe,
@@ -30,7 +31,7 @@ from lingjing.report.evidence import (
 )
 from lingjing.report.places import FoundPlaces, find_places
 from lingjing.report.trace_rows import row_of, with_conditions
-from lingjing.trace.reader import collector_paused, read_trace
+from lingjing.trace.reader import read_trace
 from lingjing.trace.records import CUT_SHORT
 
 DecodedT = TypeVar("DecodedT")
@@ -168,7 +169,7 @@ def _readings(paths: Sequence[Path], jobs: int) -> Iterator[TraceReading]:
 
 def _reading(path: Path) -> TraceReading:
     try:
-        with collector_paused():
+        with collector_at_rest():
             row = row_of(read_trace(path))
             return TraceReading(path, msgspec.structs.replace(row, attention_iou=attention_beside(path)))
     except LingjingError as error:

@@ -5,9 +5,7 @@ A file that was cut or damaged anywhere reads as a prefix: header, the boundarie
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +15,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.collector import collector_at_rest
 from lingjing.errors import UsageError
 from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
@@ -119,23 +118,10 @@ def read_trace(path: str | Path) -> Trace:
     """
     path = Path(path)
     found = FoundRecords(path)
-    with collector_paused():
+    with collector_at_rest():
         for stored in scan(path, passed_over=CAMERAS, only=TOPICS_READ):
             found.take(stored)
     return found.trace()
-
-
-@contextmanager
-def collector_paused() -> Iterator[None]:
-    """No search for reference cycles meanwhile. Hundreds of thousands of records are made at once, none is in a cycle,
-    and looking through them again and again takes 40 % of the time."""
-    running = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if running:
-            gc.enable()
 
 
 class UnknownFormatError(UsageError):

@@ -18,12 +18,12 @@ from typing import Any
 
 import msgspec
 
+from lingjing.collector import collector_at_rest
 from lingjing.dsl.formatting.layout import BlockLayout, Comment, StatementLayout, Word, lay_out
 from lingjing.dsl.formatting.spacing import Spelling, spell, text_of
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
-from lingjing.dsl.syntax.collector import collector_at_rest
 from lingjing.dsl.syntax.lexer import lex
 from lingjing.dsl.syntax.parser import parse_tokens
 from lingjing.dsl.syntax.tokens import STATEMENTS, Token

@@ -6,5 +6,4 @@ In the order of the work:
   boundaries, braces balanced ← `indentation`, where they do not. `lookalikes`: names whose letters look like others.
 - `tree`: the nodes of the syntax tree. `ljs.lark`: the grammar. `tables`: its LALR(1) tables, which ship.
 - `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at the statement.
-- `collector`: the garbage collector is off while trees are built.
 """

@@ -1,6 +1,7 @@
-"""`collector_at_rest`: the garbage collector is off while trees are built.
+"""`collector_at_rest`: the garbage collector is off while trees are built or records are read.
 
-Trees have no cycles, and looking for some costs a fifth of the time.
+Neither has cycles, and to look for some costs a fifth of the time of a tree and 40 % of that of hundreds of thousands
+of records.
 """
 
 from __future__ import annotations
