@@ -49,11 +49,11 @@ def receipts(
         if command.verb != PHOTO:
             continue
         answer = found[command.resource, camera_of(entities[command.resource], command.arguments)]
-        out.append(_receipt(command, "accepted", "", "", time_s))
+        out.append(command.receipt("camera", "accepted", time_s))
         if isinstance(answer, Absent):
-            out.append(_receipt(command, "timed_out", answer.reason, "no picture, so no detection", time_s))
+            out.append(command.receipt("camera", "timed_out", time_s, answer.reason, "no picture, so no detection"))
         else:
-            out.append(_receipt(command, "completed", "", answer.info.id, time_s))
+            out.append(command.receipt("camera", "completed", time_s, detail=answer.info.id))
     return tuple(out)
 
 
@@ -86,17 +86,3 @@ def _mount(answer: StoredFrame | Absent) -> tuple[str, str]:
     if isinstance(answer, Absent):
         return answer.entity, answer.camera
     return answer.info.entity, answer.info.camera
-
-
-def _receipt(command: Command, status: str, reason: str, detail: str, time_s: float) -> Receipt:
-    return Receipt(
-        request=command.id,
-        tick=command.tick,
-        sender=command.sender,
-        resource=command.resource,
-        status=status,  # type: ignore[arg-type]
-        reason=reason,
-        detail=detail,
-        by="camera",
-        time_s=time_s,
-    )

@@ -276,16 +276,8 @@ class Kernel:
             return boundary.receipts
         sent = {command.id: command for command in inputs.own + commands}
         missing = tuple(
-            Receipt(
-                request=name,
-                tick=boundary.tick,
-                sender=sent[name].sender,
-                resource=sent[name].resource,
-                status="timed_out",
-                reason="no_receipt",
-                detail="the engine gave no admission receipt",
-                by="kernel",
-                time_s=boundary.time_s,
+            sent[name].receipt(
+                "kernel", "timed_out", boundary.time_s, "no_receipt", "the engine gave no admission receipt"
             )
             for name in boundary.missing
         )

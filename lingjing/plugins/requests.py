@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from lingjing.mission.values import is_finite
 from lingjing.mission.vocabulary import STOP
-from lingjing.trace.records import Command, Receipt, Status
+from lingjing.trace.records import Command, Receipt
 
 
 class Refusal(Exception):  # noqa: N818 - a refusal is an answer and not an error
@@ -60,20 +60,20 @@ class Requests:
             self._check_busy(command)
             examine(command)
         except Refusal as refusal:
-            return self._receipt(command, "rejected", time_s, refusal.reason, refusal.detail)
+            return command.receipt(self._engine, "rejected", time_s, refusal.reason, refusal.detail)
         if command.resource in self._pending:
             self.fail(command.resource, time_s, "preempted", f"`{command.verb}` {command.id} took over")
         self._pending[command.resource] = command
-        return self._receipt(command, "accepted", time_s)
+        return command.receipt(self._engine, "accepted", time_s)
 
     def answer(self, command: Command, time_s: float, examine: Callable[[Command], None]) -> Receipt:
         """Examine a command that is done at once, beside whatever is pending. Returns its admission receipt."""
         try:
             examine(command)
         except Refusal as refusal:
-            return self._receipt(command, "rejected", time_s, refusal.reason, refusal.detail)
-        self._outbox.append(self._receipt(command, "completed", time_s, progress=1.0))
-        return self._receipt(command, "accepted", time_s)
+            return command.receipt(self._engine, "rejected", time_s, refusal.reason, refusal.detail)
+        self._outbox.append(command.receipt(self._engine, "completed", time_s, progress=1.0))
+        return command.receipt(self._engine, "accepted", time_s)
 
     def run(self, resource: str, time_s: float, progress: float) -> None:
         """Report progress (0..1, never falling) of the pending request, if there is one."""
@@ -82,19 +82,19 @@ class Requests:
             return
         reached = max(min(progress, 1.0), self._reported.get(resource, 0.0))
         self._reported[resource] = reached
-        self._outbox.append(self._receipt(command, "running", time_s, progress=reached))
+        self._outbox.append(command.receipt(self._engine, "running", time_s, progress=reached))
 
     def complete(self, resource: str, time_s: float) -> None:
         """The pending request is done."""
         command = self._close(resource)
         if command is not None:
-            self._outbox.append(self._receipt(command, "completed", time_s, progress=1.0))
+            self._outbox.append(command.receipt(self._engine, "completed", time_s, progress=1.0))
 
     def fail(self, resource: str, time_s: float, reason: str, detail: str) -> None:
         """The pending request ends without having been done."""
         command = self._close(resource)
         if command is not None:
-            self._outbox.append(self._receipt(command, "rejected", time_s, reason, detail))
+            self._outbox.append(command.receipt(self._engine, "rejected", time_s, reason, detail))
 
     def drain(self) -> tuple[Receipt, ...]:
         """Hand over the receipts since the last call, in the order they arose."""
@@ -110,28 +110,6 @@ class Requests:
     def _close(self, resource: str) -> Command | None:
         self._reported.pop(resource, None)
         return self._pending.pop(resource, None)
-
-    def _receipt(
-        self,
-        command: Command,
-        status: Status,
-        time_s: float,
-        reason: str = "",
-        detail: str = "",
-        progress: float | None = None,
-    ) -> Receipt:
-        return Receipt(
-            request=command.id,
-            tick=command.tick,
-            sender=command.sender,
-            resource=command.resource,
-            status=status,
-            reason=reason,
-            detail=detail,
-            by=self._engine,
-            time_s=time_s,
-            progress=progress,
-        )
 
 
 __all__ = ["STOP", "Refusal", "Requests", "number", "optional_number"]

@@ -120,6 +120,29 @@ class Command(TraceRecord, frozen=True, kw_only=True):
     arguments: dict[str, Datum] = {}
     origin: Literal["agent", "kernel"] = "agent"
 
+    def receipt(
+        self,
+        by: str,
+        status: Status,
+        time_s: float,
+        reason: str = "",
+        detail: str = "",
+        progress: float | None = None,
+    ) -> Receipt:
+        """A receipt for it."""
+        return Receipt(
+            request=self.id,
+            tick=self.tick,
+            sender=self.sender,
+            resource=self.resource,
+            status=status,
+            reason=reason,
+            detail=detail,
+            by=by,
+            time_s=time_s,
+            progress=progress,
+        )
+
 
 Status = Literal["accepted", "running", "completed", "rejected", "timed_out", "substituted"]
 

@@ -89,11 +89,7 @@ class CameraEngine:
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
         """A camera obeys no command: pictures are asked for through `capture`."""
-        return tuple(
-            Receipt(request=c.id, tick=c.tick, sender=c.sender, resource=c.resource, status="rejected",
-                    reason="unknown_verb", by="camera", time_s=self._time_s)
-            for c in commands
-        )  # fmt: skip
+        return tuple(one.receipt("camera", "rejected", self._time_s, "unknown_verb") for one in commands)
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Take over all states at `until`."""
