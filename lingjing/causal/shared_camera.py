@@ -12,6 +12,8 @@ from __future__ import annotations
 import os
 import select
 import socket
+import sys
+import traceback
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -60,9 +62,9 @@ class SharedCamera:
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
     ) -> tuple[StoredFrame | Absent, ...]:
         """Draw the pictures of a boundary. `InfrastructureError` if the camera fails or has ended."""
-        channel = self._opened()
         wanted = Capture(serial=tick, time_s=tick * self._tick_s, requests=tuple(requests), states=tuple(states))
         try:
+            channel = self._opened()
             channel.send(encoded(wanted))
             return tuple(self._answer(channel, request) for request in requests)
         except ChannelClosedError:
@@ -72,7 +74,11 @@ class SharedCamera:
         if self._channel is None or self._channel[0] != os.getpid():
             ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
             with theirs:
-                socket.send_fds(self._asking, [b"c"], [theirs.fileno()])
+                try:
+                    socket.send_fds(self._asking, [b"c"], [theirs.fileno()])
+                except OSError as error:
+                    ours.close()
+                    raise ChannelClosedError(str(error)) from error
             self._channel = os.getpid(), PacketSocket(ours)
         return self._channel[1]
 
@@ -95,7 +101,11 @@ def _serve(asking: socket.socket, trace: Trace, city: City, host: PluginHost, pa
     try:
         die_with(parent)
         _Service(asking, trace, city, host).run()
+    except BaseException:  # a fault of ours, told to whoever looks for why the camera has ended
+        traceback.print_exc()
+        raise
     finally:
+        sys.stderr.flush()
         os._exit(0)
 
 

@@ -1,5 +1,7 @@
 """Pictures of branches: drawn where neither the trace nor another branch has them, and then once."""
 
+import os
+import signal
 from collections.abc import Iterator
 
 import msgspec
@@ -10,7 +12,9 @@ from lingjing.analysis.played_city import rebuilt_city
 from lingjing.bench.columns import shipped
 from lingjing.causal.branch_pictures import BranchPictures
 from lingjing.causal.picture_memory import PictureMemory
+from lingjing.causal.shared_camera import SharedCamera
 from lingjing.dsl.loading.load import load_mission
+from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.mission.expression import Number
@@ -96,6 +100,16 @@ def test_a_picture_is_drawn_once_and_only_where_something_in_it_moved(
     for layer, held in ((first.depth, again.depth), (first.semantic, again.semantic)):
         assert layer is not None and held is not None and np.array_equal(layer, held)
     assert drawn == [frame.id]
+
+
+def test_a_camera_that_has_ended_is_told(search: Trace) -> None:
+    host = PluginHost()
+    camera = SharedCamera(search, rebuilt_city(search, host), host)
+    os.kill(camera._process, signal.SIGKILL)
+    os.waitpid(camera._process, 0)
+    frame = next(iter(search.frames.values()))
+    with pytest.raises(InfrastructureError, match="the camera of the branches has ended"):
+        camera.capture(frame.tick, [request_of(frame)], list(states_at(search, frame.tick).values()))
 
 
 def test_the_picture_that_was_asked_for_longest_ago_is_forgotten_first(search: Trace) -> None:

@@ -7,7 +7,6 @@ closes it at once: nothing stays open however long the arrays live.
 
 from __future__ import annotations
 
-import fcntl
 import mmap
 import os
 from collections.abc import Sequence
@@ -23,7 +22,6 @@ from lingjing.trace.records import FrameInfo
 _PROGRESS_BYTES = 1024
 _NAME = 48
 """Characters of an engine's name that are noted."""
-_SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -35,12 +33,11 @@ class Layout(msgspec.Struct, frozen=True):
 
 
 def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
-    """A sealed memory with the frame's bytes; the caller closes the descriptor."""
+    """A memory with the frame's bytes; the caller closes the descriptor."""
     arrays = [np.ascontiguousarray(array) for array in (frame.depth, frame.semantic) if array is not None]
-    descriptor = os.memfd_create("lingjing-frame", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    descriptor = os.memfd_create("lingjing-frame", os.MFD_CLOEXEC)
     try:
         _write(descriptor, [memoryview(frame.jpeg), *(array.data.cast("B") for array in arrays)])
-        fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, _SEALS)
     except BaseException:
         os.close(descriptor)
         raise
