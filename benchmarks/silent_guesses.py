@@ -28,6 +28,8 @@ from lingjing.mission.reset.shapes import LISTS, folded
 EAST, NORTH = ("x",), ("y",)
 LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude", "经度"), ("lat", "latitude", "纬度")
 ALTITUDE = ("alt", "altitude", "海拔")
+UNSAID = (None, "", [], {})
+"""Values that say nothing: another spelling of the key counts, as `docs/reset-scenario.md` has it."""
 SAME_M = 0.001
 GuessedRow = Mapping[str, Any]
 
@@ -107,7 +109,7 @@ def _get(holder: Any, key: str) -> Any:
     """The value of a key, whatever its case."""
     if not isinstance(holder, dict):
         return None
-    return next((value for name, value in holder.items() if folded(name) == folded(key) and value is not None), None)
+    return next((value for name, value in holder.items() if folded(name) == folded(key) and value not in UNSAID), None)
 
 
 def _first(holder: GuessedRow, names: Sequence[str]) -> float | None:
@@ -127,7 +129,7 @@ def _place(row: Any) -> GuessedRow | None:
 def _ambiguous(place: GuessedRow) -> Iterator[str]:
     """The coordinates that are spelt in several ways with several values."""
     for names in (EAST, NORTH, LONGITUDE, LATITUDE, ALTITUDE):
-        said = [value for key, value in place.items() if folded(key) in names and value not in (None, "", [], {})]
+        said = [value for key, value in place.items() if folded(key) in names and value not in UNSAID]
         if any(value != said[0] for value in said):
             yield names[0]
 
