@@ -9,8 +9,10 @@ import pytest
 
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import Weather
+from lingjing.plugins.conformance import EngineCase, check_capture
 from lingjing.plugins.engine import BodyState, CaptureRequest, Frame, KeyedPictures
-from tests.engines.camera_town import WHY_NOT, entity, instance, ready
+from lingjing.plugins.host import PluginHost
+from tests.engines.camera_town import WHY_NOT, entity, instance, ready, town
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 
@@ -122,5 +124,7 @@ def test_a_shadow_in_sight_is_part_of_it_though_its_body_is_not(engine: CameraEn
     assert key(engine, "nadir", states) != key(engine, "nadir", beside)
 
 
-def test_the_camera_says_that_it_can_tell(engine: CameraEngine) -> None:
+def test_the_camera_keeps_the_contract_of_keys(engine: CameraEngine) -> None:
     assert isinstance(engine, KeyedPictures)
+    others = (entity(name, kind, (0.0, 0.0, 0.0)) for name, kind in OTHERS)
+    check_capture(EngineCase(PluginHost().engine("camera"), instance(*others), town()))

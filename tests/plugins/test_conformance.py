@@ -574,9 +574,41 @@ class Dropping(Painter):
         return super().capture(requests)[1:]
 
 
+class Counting(Painter):
+    """Paints how often it was told where things are, and has that for a key."""
+
+    told = 0
+
+    def advance(self, until, mirrors):
+        self.told += 1
+        return super().advance(until, mirrors)
+
+    def paint(self, request):
+        frame = super().paint(request)
+        frame.rgb[:] = self.told
+        return frame
+
+    def picture_key(self, request):
+        return bytes([self.told])
+
+
+class Forgetful(Counting):
+    def picture_key(self, request):
+        return b"always"
+
+
+class Wordy(Counting):
+    def picture_key(self, request):
+        return str(self.told)
+
+
 @pytest.mark.parametrize(
-    ("painter", "conforms"), [(Painter, True), (Cropping, False), (Floating, False), (Dropping, False)]
-)
+    ("painter", "conforms"),
+    [
+        (Painter, True), (Cropping, False), (Floating, False), (Dropping, False),
+        (Counting, True), (Forgetful, False), (Wordy, False),
+    ],
+)  # fmt: skip
 def test_pictures_are_checked_against_their_declaration(case, painter, conforms):
     camera = CameraSpec(
         name="nadir", view="nadir", width=6, height=4, hfov_deg=84.0, channels=("rgb",), capture="on_request"
@@ -588,7 +620,7 @@ def test_pictures_are_checked_against_their_declaration(case, painter, conforms)
     if conforms:
         kit.check_capture(pictured)
         return
-    with pytest.raises(kit.ConformanceError, match="capture"):
+    with pytest.raises(kit.ConformanceError, match=r"capture|picture_key"):
         kit.check_capture(pictured)
 
 

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 
 import msgspec
+import numpy as np
 
 from lingjing.mission.instance import CameraSpec, Instance
 from lingjing.plugins.conformance.boundaries import check_boundary, check_events, check_route_numbers
@@ -21,7 +22,7 @@ from lingjing.plugins.conformance.requests import (
     check_receipts,
     check_refusals,
 )
-from lingjing.plugins.engine import Boundary, CaptureRequest, Engine, EnginePlugin, Frame
+from lingjing.plugins.engine import Boundary, CaptureRequest, Engine, EnginePlugin, Frame, KeyedPictures
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command
 
@@ -147,7 +148,8 @@ def check_fork(case: EngineCase) -> None:
 
 
 def check_capture(case: EngineCase) -> None:
-    """`capture` returns one picture a request, in order, as declared; an engine without sensors returns ()."""
+    """`capture` returns one picture a request, in order, as declared; an engine without sensors returns (). Where an
+    engine says what its pictures depend on, a picture with the same key is the same when everything has moved."""
     mounts = [(entity, camera) for entity in case.instance.entities for camera in entity.cameras]
     with engine_of(case) as engine:
         engine.reset(case.spec, case.city, case.seed)
@@ -160,9 +162,25 @@ def check_capture(case: EngineCase) -> None:
             for entity, camera in mounts
         )
         frames = engine.capture(requests) if case.plugin.sensor else engine.capture(())
+        if isinstance(engine, KeyedPictures):
+            _check_keys(engine, case, requests, frames)
     require(len(frames) == (len(requests) if case.plugin.sensor else 0), f"capture: {len(frames)} pictures")
     for request, frame, (_, camera) in zip(requests, frames, mounts, strict=False):
         _frame(request, frame, camera)
+
+
+def _check_keys(engine: Engine, case: EngineCase, requests: Sequence[CaptureRequest], frames: Sequence[Frame]) -> None:
+    """After `capture`; the engine is told of other places."""
+    assert isinstance(engine, KeyedPictures)
+    before = [engine.picture_key(request) for request in requests]
+    require(all(isinstance(key, bytes) for key in before), "picture_key: a key is no bytes")
+    elsewhere = [BodyState(id=one.id, position=(0.0, 0.0, 0.0)) for one in case.instance.entities]
+    engine.advance(case.times()[1], elsewhere)
+    for request, frame, key in zip(requests, frames, before, strict=False):
+        if engine.picture_key(request) == key:
+            same = engine.capture((request,))[0]
+            equal = np.array_equal(same.rgb, frame.rgb) and same.info.boxes == frame.info.boxes
+            require(equal, f"picture_key: picture {request.frame} is another now, and its key is the same")
 
 
 def check_close(case: EngineCase) -> None:
