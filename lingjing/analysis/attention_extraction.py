@@ -55,7 +55,10 @@ def attention_map(
     if len(picture) != rows * columns:
         raise ValueError(f"the picture has {len(picture)} tokens and not {rows} rows of {columns}")
     if not steps or any(not step for step in steps):
-        raise ValueError("there is no attention: was the model asked for it (`output_attentions=True`)?")
+        raise ValueError(
+            "there is no attention: ask the model for it (`output_attentions=True`), and load it with"
+            ' `attn_implementation="eager"`'
+        )
     looked = [
         _looked_at(step[layer], picture, batch)
         for step in steps
