@@ -6,7 +6,7 @@ A mistake in the author's code is reported by name, never with a traceback of ou
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lingjing.errors import LingjingError, PluginError, UsageError
 from lingjing.plugins.calls import ModelCalls, UnrecordedCalls
@@ -21,17 +21,17 @@ UNRECORDED = UnrecordedCalls()
 def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> PolicyPlugin:
     """The declaration of a class or function that no plug-in declares.
 
-    Its own attributes say what a declaration says: `privileged = True` that it wants to see the truth, `options` which
-    model its options have (without one its parameters are the options), `calls = True` that it asks chat models.
+    Its attributes, inherited ones too, say what a declaration says: `privileged = True` that it wants to see the truth,
+    `options` which model its options have (without one its parameters are the options), `calls = True` that it asks
+    chat models.
     """
-    own: Mapping[str, Any] = getattr(factory, "__dict__", {})
     return PolicyPlugin(
         name=name,
         factory=factory,
-        privileged=bool(own.get("privileged", False)),
+        privileged=getattr(factory, "privileged", False) is True,
         summary=summary,
-        options=own.get("options"),
-        calls=bool(own.get("calls", False)),
+        options=getattr(factory, "options", None),
+        calls=getattr(factory, "calls", False) is True,
     )
 
 

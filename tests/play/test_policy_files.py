@@ -77,6 +77,35 @@ def test_privileged_is_declared_by_the_class(host, write) -> None:
     assert load_policy(f"{write(text)}:Scout", host).privileged is True
 
 
+def test_what_a_class_declares_is_inherited(host, write) -> None:
+    """A policy that extends an oracle of one's own plays as an oracle, and takes the options of what it extends."""
+    text = """
+from lingjing.plugins.options import PluginOptions
+
+class Height(PluginOptions):
+    height: float = 80.0
+
+class Base:
+    privileged = True
+    options = Height
+
+    def __init__(self, options: Height) -> None:
+        self.height = options.height
+
+    async def reset(self, brief): ...
+
+    async def act(self, observation, inbox): ...
+
+class Higher(Base):
+    def __init__(self, options: Height) -> None:
+        super().__init__(options)
+        self.height *= 2
+"""
+    plugin = load_policy(f"{write(text)}:Higher", host)
+    assert plugin.privileged is True
+    assert build_policy(plugin, {"height": "50"}).height == 100.0
+
+
 def test_a_file_imports_its_neighbours(host, write) -> None:
     write("SPEED = 3\n", "neighbour_of_mine.py")
     plugin = load_policy(f"{write('from neighbour_of_mine import SPEED' + chr(10) + GOOD)}:Scout", host)
