@@ -32,6 +32,9 @@ MAP: tuple[int, int, int, int] = (0, 64, 820, 612)
 SHOT: tuple[int, int, int, int] = (844, 84, 1256, 316)
 """And of the picture."""
 
+STAGE_ROW = 34
+"""Height of the row of a stage beside the city, pixels."""
+
 TURN_DEG, TILT_DEG = -28.0, 52.0
 """How the view is turned and tilted; 90 would be from above."""
 
@@ -261,7 +264,9 @@ class FilmFrames:
             wide = font_of(self._head.credit, 11).getlength(self._head.credit)
             _write(pen, (MAP[2] - wide - 8, MAP[3] - 18), self._head.credit, 11, _FAINT)
         if self._steps:
-            self._beside(image, pen, int(place + 1e-6))
+            if self._pictures:
+                self._latest(image, pen, int(place + 1e-6))
+            self._stages(pen, int(place + 1e-6))
             self._timeline(pen, place)
             self._caption(pen, moment)
         return image
@@ -333,8 +338,8 @@ class FilmFrames:
         told = [dormant for at, dormant in self._dormant.get(name, ()) if at <= step]
         return bool(told) and told[-1]
 
-    def _beside(self, image: Image.Image, pen: ImageDraw.ImageDraw, step: int) -> None:
-        """The latest picture, one in which something is reported before others, then how far the stages are."""
+    def _latest(self, image: Image.Image, pen: ImageDraw.ImageDraw, step: int) -> None:
+        """The latest picture, one in which something is reported before others."""
         recent = [(at, picture) for at, picture in self._pictures if step - 6 < at <= step]
         told = [(at, picture) for at, picture in recent if self._boxes(picture, step)]
         latest = (told or recent or [(at, one) for at, one in self._pictures if at <= step])[-1:]
@@ -355,9 +360,13 @@ class FilmFrames:
                 pen.rectangle(_placed(corners, left, top, size), outline=ink, width=2)
             words = f"{picture.entity} · {picture.camera} · tick {self._steps[at].tick}"
             _write(pen, (box[0], box[3] + 6), _short(words, 58), 13, _FAINT)
+
+    def _stages(self, pen: ImageDraw.ImageDraw, step: int) -> None:
+        """How far the stages are: under the picture, in its place where the episode has none."""
+        box, top = SHOT, SHOT[3] + 40 if self._pictures else SHOT[1]
         counts = next((one.stages for one in reversed(self._steps[: step + 1]) if one.stages), [])
-        for row, (name, done, members) in enumerate(counts[:6]):
-            y = box[3] + 40 + 34 * row
+        for row, (name, done, members) in enumerate(counts[: (MAP[3] - top) // STAGE_ROW]):
+            y = top + STAGE_ROW * row
             _write(pen, (box[0], y), _short(name, 16), 15, _INK)
             _write(pen, (box[2] - 52, y), f"{done} of {members}", 14, _FAINT)
             left, right = box[0] + 140, box[2] - 66

@@ -57,6 +57,18 @@ def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
     assert after[top:bottom, left:right].reshape(-1, 3).std(axis=0).min() > 1.0
 
 
+def test_an_episode_without_pictures_has_its_stages_where_they_would_be(trace: Trace) -> None:
+    told = Narration(trace, truth=True)
+    assert told.steps[-1].stages
+    with_pictures = FilmFrames(trace, told.head, told.steps, PageGround(known=False)).played(0.0, None)
+    blind = [msgspec.structs.replace(step, pictures=[]) for step in told.steps]
+    without = FilmFrames(trace, told.head, blind, PageGround(known=False)).played(0.0, None)
+    (left, top), (right, bottom) = SHOT[:2], SHOT[2:]
+    paper = [bool((np.asarray(one)[bottom - 8, left:right] == (14, 18, 23)).all()) for one in (with_pictures, without)]
+    assert paper == [True, False]
+    assert len(np.unique(np.asarray(without)[top : top + 30, left:right].reshape(-1, 3), axis=0)) > 3
+
+
 def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Callable[..., Trace]) -> None:
     evil = "\u202e" + "<script>" * 400 + "名前" * 100
     instance = msgspec.structs.replace(trace.header.instance, title=evil, goal=evil)

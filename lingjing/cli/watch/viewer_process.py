@@ -40,7 +40,7 @@ class ViewerProcess:
             raise _said(self._process)
 
     def __enter__(self) -> Self:
-        say(f"the episode is at {self.url}, for this machine alone")
+        say(f"the episode, for this machine alone, is at {self.url}")
         open_in_browser(self.url)
         return self
 
