@@ -24,7 +24,7 @@ import msgspec
 from msgspec.structs import replace
 
 from lingjing.causal.branch_host import BranchHost, HostProgress
-from lingjing.causal.branching import BranchResult
+from lingjing.causal.branching import BranchResult, NullFork, failed_answers, own_failures
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.narrowing import Narrowing, Windows
@@ -56,13 +56,6 @@ class BlameOptions(msgspec.Struct, frozen=True, kw_only=True):
     files: tuple[str, ...] = ()
     policies: dict[str, str] = {}
     calls: str = "replay"
-
-
-class NullFork(msgspec.Struct, frozen=True, kw_only=True):
-    """A branch from boundary 0 that changes nothing; `boundary` is the first where it differs all the same."""
-
-    identical: bool
-    boundary: int | None = None
 
 
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
@@ -163,7 +156,7 @@ class _Search:
         self._masked: dict[AgentFaculty, int] = {}
         self._short = False
         self._unanswered: Counter[str] = Counter()
-        self._own_failures = {made.substituted for one in host.trace.boundaries for made in one.decisions}
+        self._own_failures = own_failures(host.trace)
 
     def run(self, told: Blame) -> Blame:
         """The whole search."""
@@ -205,7 +198,7 @@ class _Search:
         for one in results:
             if one.failed:
                 raise one.error()
-            self._unanswered.update(one.unanswered.keys() - self._own_failures)
+        self._unanswered.update(failed_answers(results, self._own_failures))
         return results
 
     def _try(self, sets: Iterable[frozenset[AgentFaculty]], what: str) -> list[bool]:

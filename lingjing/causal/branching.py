@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -61,6 +61,24 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     def error(self) -> LingjingError:
         """That of a branch that `failed`."""
         return error_of(self.exit_code, f"a branch was cut short: {self.failed}", self.hint)
+
+
+class NullFork(msgspec.Struct, frozen=True, kw_only=True):
+    """A branch from boundary 0 that changes nothing; `boundary` is the first where it differs all the same."""
+
+    identical: bool
+    boundary: int | None = None
+
+
+def own_failures(trace: Trace) -> frozenset[str]:
+    """The reasons for which answers of policies were replaced in an episode itself."""
+    return frozenset(made.substituted for one in trace.boundaries for made in one.decisions)
+
+
+def failed_answers(results: Iterable[BranchResult], own: frozenset[str]) -> Counter[str]:
+    """In how many branches answers of policies were replaced, by reason, but for the reasons that are the episode's
+    own."""
+    return Counter(reason for one in results for reason in one.unanswered.keys() - own)
 
 
 def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:

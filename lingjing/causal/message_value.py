@@ -18,6 +18,7 @@ import msgspec
 
 from lingjing.analysis.messages import admitted
 from lingjing.causal.branch_host import BranchHost, HostProgress
+from lingjing.causal.branching import NullFork, failed_answers, own_failures
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import UsageError
@@ -68,7 +69,9 @@ class KindValue(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EpisodeValues(msgspec.Struct, frozen=True, kw_only=True):
-    """The messages of one episode and what each was worth. `left_out` were beyond the budget of branches."""
+    """The messages of one episode and what each was worth; none of them if the `null` fork was not the episode.
+    `left_out` were beyond the budget of branches. `unanswered` counts the branches in which answers of policies were
+    replaced for reasons for which none was in the trace."""
 
     path: str
     mission: str
@@ -78,9 +81,10 @@ class EpisodeValues(msgspec.Struct, frozen=True, kw_only=True):
     score: float
     ticks: int
     unsaid: bool
-    null_identical: bool
+    null: NullFork
     messages: tuple[MessageValue, ...] = ()
     left_out: int = 0
+    unanswered: dict[str, int] = {}
     branches: int = 0
     cpu_s: float = 0.0
 
@@ -106,7 +110,7 @@ def message_values(
     most: int = 200,
     progress: HostProgress | None = None,
 ) -> EpisodeValues:
-    """Play the episode once without each of its messages, the first `most`.
+    """Play the episode once without each of its messages, the first `most`, if a null fork is the episode.
 
     Raises `UsageError` for an episode that was cut short, or that cannot be branched here.
     """
@@ -120,8 +124,12 @@ def message_values(
         for one in tried
     ]
     with BranchHost(trace, msgspec.structs.replace(options, referenced=()), progress) as host:
-        null, *results = host.play([BranchPlan(at=0), *plans], "messages")
-        spent = host.cpu_s
+        host.departures()  # to the end: whoever decides otherwise than in the trace is named
+        (null,) = host.play([BranchPlan(at=0)], "null fork", ahead=plans)
+        if null.differs is not None:
+            tried, plans = [], []
+        results = host.play(plans, "messages")
+        spent = host.cpu_s + host.unused_s
     failed = next((one for one in (null, *results) if one.failed), None)
     if failed is not None:
         raise failed.error()
@@ -135,7 +143,7 @@ def message_values(
         score=outcome.score,
         ticks=outcome.ticks,
         unsaid=unsaid,
-        null_identical=null.differs is None,
+        null=NullFork(identical=null.differs is None, boundary=null.differs),
         messages=tuple(
             MessageValue(
                 id=one.id,
@@ -152,7 +160,8 @@ def message_values(
             )
             for one, result in zip(tried, results, strict=True)
         ),
-        left_out=len(said) - len(tried),
+        left_out=max(0, len(said) - most),
+        unanswered=dict(sorted(failed_answers((null, *results), own_failures(trace)).items())),
         branches=1 + len(results),
         cpu_s=spent,
     )
@@ -183,10 +192,11 @@ def by_kind(episodes: Iterable[EpisodeValues]) -> tuple[KindValue, ...]:
 
 
 def by_mode(episodes: Sequence[EpisodeValues]) -> tuple[ModeValue, ...]:
-    """Modes side by side: means over episodes of what was said and what it was worth."""
+    """Modes side by side: means of what was said and what it was worth, over episodes whose null forks they were."""
     rows = []
-    for mode in dict.fromkeys(one.mode for one in episodes):
-        each = [one for one in episodes if one.mode == mode]
+    believed = [one for one in episodes if one.null.identical]
+    for mode in dict.fromkeys(one.mode for one in believed):
+        each = [one for one in believed if one.mode == mode]
         said = [one.messages for one in each]
         rows.append(
             ModeValue(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.causal.blame import Blame, Cause
 from lingjing.causal.branching import BranchResult
@@ -101,7 +101,8 @@ def blame_text(told: Blame) -> str:
     if not told.null.identical:
         lines += [
             f"null fork: differs at boundary {told.null.boundary}, though nothing was changed.",
-            "The policies decide otherwise each time: no branch says anything, and none was played.",
+            f"{_unlike(told.unanswered)}: no branch says anything, and none was played.",
+            *_unanswered_lines(told.unanswered),
             _cost(told),
         ]
         return "\n".join(lines)
@@ -109,16 +110,21 @@ def blame_text(told: Blame) -> str:
     lines += ["null fork: identical to the end, digest by digest"]
     if told.placebos is not None:
         lines += [_placebo_line(told.placebos)]
-    return "\n".join([*lines, *_unanswered_lines(told), _cost(told)])
+    return "\n".join([*lines, *_unanswered_lines(told.unanswered), _cost(told)])
 
 
-def _unanswered_lines(told: Blame) -> list[str]:
-    """In how many branches policies failed, which is nothing that the truth replaced."""
+def _unlike(unanswered: Mapping[str, int]) -> str:
+    """Why a branch without any change is not the episode."""
+    return "Policies failed in it that did not then" if unanswered else "The policies decide otherwise each time"
+
+
+def _unanswered_lines(unanswered: Mapping[str, int]) -> list[str]:
+    """In how many branches policies failed, which is nothing that was changed."""
     lines = [
         f"policies failed in {_count(number, 'branch')} ({reason}), and did nothing then"
-        for reason, number in told.unanswered.items()
+        for reason, number in unanswered.items()
     ]
-    return lines + [_LATE_HINT] * (LATE in told.unanswered)
+    return lines + [_LATE_HINT] * (LATE in unanswered)
 
 
 def _repair_lines(told: Blame) -> list[str]:
@@ -201,7 +207,7 @@ def value_text(episodes: Sequence[EpisodeValues]) -> str:
                 f"{row.ticks:+.1f}",
             )
         ]
-    lines += ["", *aligned(kinds)]
+    lines += ["", *aligned(kinds)] if len(kinds) > 1 else []
     modes = by_mode(episodes)
     if len(modes) > 1:
         table: list[tuple[str, ...]] = [("mode", "won", "messages", "value", "decisive", "of no use", "ticks")]
@@ -220,13 +226,17 @@ def value_text(episodes: Sequence[EpisodeValues]) -> str:
 
 def _episode_lines(episode: EpisodeValues) -> list[str]:
     word = "won" if episode.success else "lost"
-    tried = f"{len(episode.messages)} messages, {_count(episode.branches, 'branch')}, {episode.cpu_s:.0f} s CPU"
+    messages, branches = _count(len(episode.messages), "message"), _count(episode.branches, "branch")
+    tried = f"{messages}, {branches}, {episode.cpu_s:.0f} s CPU"
     lines = [f"{episode.path}: {episode.mode}, {word} after {episode.ticks} ticks, score {episode.score:.2f}; {tried}"]
     if episode.left_out:
         lines += [f"  {episode.left_out} more were not tried: --branches"]
-    if not episode.null_identical:
-        lines += ["  a null fork differs: the policies decide otherwise each time, so these values mean nothing"]
-    return lines
+    if not episode.null.identical:
+        lines += [
+            f"  null fork: differs at boundary {episode.null.boundary}, though nothing was changed.",
+            f"  {_unlike(episode.unanswered)}: no message was tried.",
+        ]
+    return lines + [f"  {line}" for line in _unanswered_lines(episode.unanswered)]
 
 
 def _decisive_text(episode: EpisodeValues, one: MessageValue) -> str:

@@ -31,6 +31,18 @@ class Astray(OraclePolicy):
         return replace(made, command=replace(command, arguments=arguments))
 
 
+class Wavering(Astray):
+    """Thinks otherwise in any process but that in which it took its brief."""
+
+    async def reset(self, brief: Brief) -> None:
+        await super().reset(brief)
+        self._process = os.getpid()
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        made = await super().act(observation, inbox)
+        return made if os.getpid() == self._process else replace(made, thought="elsewhere")
+
+
 class Moody(OraclePolicy):
     """Thinks otherwise each time."""
 

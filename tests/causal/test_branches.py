@@ -14,8 +14,9 @@ import pytest
 from lingjing.bench.columns import shipped
 from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
-from lingjing.causal.branching import BranchResult
+from lingjing.causal.branching import BranchResult, NullFork
 from lingjing.causal.interventions import BranchPlan, check
+from lingjing.causal.message_value import message_values
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.result_texts import blame_text, branch_text
 from lingjing.cli.main import main
@@ -183,6 +184,12 @@ def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Pat
     with pytest.raises(UsageError) as caught, BranchHost(trace, options) as host:
         host.play([BranchPlan(at=3)])
     assert words in str(caught.value)
+
+
+def test_no_message_is_tried_of_an_episode_whose_null_fork_is_another(lost: Trace) -> None:
+    others = {"rescuer": f"{ERRING}:Wavering"}
+    told = message_values(lost, BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), policies=others))
+    assert (told.null, told.messages, told.branches) == (NullFork(identical=False, boundary=1), (), 1)
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import msgspec
+
+from lingjing.causal.branching import BranchResult, NullFork, failed_answers
 from lingjing.causal.message_value import EpisodeValues, Hop, KindValue, MessageValue, ModeValue, by_kind, by_mode
 from lingjing.causal.result_texts import value_text
 
@@ -16,7 +19,7 @@ def message(name: str, kind: str, hop: Hop, value: float = 0.0, ticks: int = 0, 
 def episode(mode: str, *messages: MessageValue) -> EpisodeValues:
     return EpisodeValues(
         path=f"{mode}.mcap", mission="ssr", mode=mode, seed=1, success=True, score=1.0, ticks=30, unsaid=False,
-        null_identical=mode == "star", messages=messages, branches=1 + len(messages), cpu_s=4.0,
+        null=NullFork(identical=True), messages=messages, branches=1 + len(messages), cpu_s=4.0,
     )  # fmt: skip
 
 
@@ -47,10 +50,26 @@ def test_modes_are_means_over_episodes() -> None:
     )
 
 
-def test_it_is_told_what_decided_and_what_means_nothing() -> None:
+def test_an_episode_that_its_null_fork_is_not_is_in_no_table() -> None:
+    moody = msgspec.structs.replace(BROADCAST, null=NullFork(identical=False, boundary=7), messages=(), branches=1)
+    assert by_mode([STAR, moody]) == by_mode([STAR])
+    assert value_text([moody]) == (
+        "broadcast.mcap: broadcast, won after 30 ticks, score 1.00; 0 messages, 1 branch, 4 s CPU\n"
+        "  null fork: differs at boundary 7, though nothing was changed.\n"
+        "  The policies decide otherwise each time: no message was tried."
+    )
+
+
+def test_policies_that_failed_in_branches_are_told() -> None:
+    told = value_text([msgspec.structs.replace(STAR, unanswered={"policy_timeout": 2})])
+    assert "  policies failed in 2 branches (policy_timeout), and did nothing then\n  whether an answer comes" in told
+    branches = [BranchResult(unanswered={"policy_timeout": 3}), BranchResult(unanswered={"policy_error": 1})]
+    assert failed_answers(branches, frozenset({"policy_error"})) == {"policy_timeout": 1}
+
+
+def test_it_is_told_what_decided() -> None:
     told = value_text([STAR, BROADCAST])
     assert "star.mcap: star, won after 30 ticks, score 1.00; 3 messages, 4 branches, 4 s CPU" in told
-    assert told.count("these values mean nothing") == 1
     assert told.endswith(
         "what decided:\n"
         "  star.mcap: without m2-1 (detection of scout[1], to hub) lost (budget): decisions differ from boundary 3 on"
