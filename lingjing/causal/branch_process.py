@@ -27,7 +27,7 @@ from lingjing.causal.branching import BranchResult, play_branch
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
 from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
-from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
 from lingjing.kernel.world.parent_death import die_with
 from lingjing.terminal import guard_streams
@@ -260,11 +260,18 @@ class _Server:
         self._say(BranchPlayed(index=index, result=result, camera_s=camera_s, unused_s=unused_s))
 
     def _begin(self, plan: BranchPlan) -> socket.socket:
-        """Ask the nearest boundary before the branch for it; where its result is to be read."""
+        """Ask the nearest boundary before the branch for it; where its result is to be read. `InfrastructureError` if
+        the process that holds it has ended."""
         boundary = max(one for one in self._held if one <= plan.at)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         with theirs:
-            socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [theirs.fileno()])
+            try:
+                socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [theirs.fileno()])
+            except OSError as error:
+                ours.close()
+                raise InfrastructureError(
+                    f"the process that holds boundary {boundary} for branches has ended", hint="it was killed"
+                ) from error
         return ours
 
 

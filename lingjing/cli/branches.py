@@ -18,8 +18,8 @@ from lingjing.trace.records import Faculty
 FACULTY_NAMES: tuple[Faculty, ...] = get_args(Faculty)
 
 
-def add_branch_options(parser: argparse.ArgumentParser) -> None:
-    """Declare them."""
+def add_branch_options(parser: argparse.ArgumentParser, *, referenced: bool = True) -> None:
+    """Declare them; `--reference` only where something is replaced by the truth."""
     parser.add_argument(
         "--policy", metavar="FILE.py:CLASS", action="append", default=[],
         help="where a policy lies that the trace calls by its file's name",
@@ -32,10 +32,12 @@ def add_branch_options(parser: argparse.ArgumentParser) -> None:
         "--calls", choices=("replay", "live"), default="replay",
         help="whether chat models may be asked beyond the branch (default: no)",
     )  # fmt: skip
-    parser.add_argument(
-        "--reference", metavar="NAME", default="oracle",
-        help="the privileged policy that knows what would have been right (default oracle)",
-    )  # fmt: skip
+    parser.set_defaults(reference="oracle")
+    if referenced:
+        parser.add_argument(
+            "--reference", metavar="NAME",
+            help="the privileged policy that knows what would have been right (default oracle)",
+        )  # fmt: skip
     parser.add_argument("-j", "--jobs", metavar="N", default="2", help="branches at a time (default 2)")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
 

@@ -25,7 +25,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--unsaid", action="store_true", help="messages are never sent: then no adjudicator hears a report either"
     )
     parser.add_argument("--branches", metavar="N", default="200", help="how many messages of a trace (default 200)")
-    add_branch_options(parser)
+    add_branch_options(parser, referenced=False)
 
 
 def handler(args: argparse.Namespace) -> int:

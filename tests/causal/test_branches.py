@@ -257,11 +257,27 @@ def test_no_process_outlives_its_caller(lost: Trace) -> None:
     group = host._process.pid
     assert len(members(group)) > 2  # the driver, the camera, the boundaries that are held
     os.kill(group, signal.SIGKILL)
-    until = time.monotonic() + PATIENCE_S
-    while members(group) and time.monotonic() < until:
-        time.sleep(0.01)
-    assert members(group) == []
+    wait_for(group, [])
     host.close()
+
+
+def test_a_boundary_that_is_killed_while_it_is_held_is_told(idle: Trace) -> None:
+    with BranchHost(idle, of_idle(idle, "Unseeing")) as host:
+        host.play([BranchPlan(at=2)])
+        driver = host._process.pid
+        for held in Path(f"/proc/{driver}/task/{driver}/children").read_text().split():
+            os.kill(int(held), signal.SIGKILL)
+        wait_for(driver, [driver])
+        with pytest.raises(InfrastructureError, match="the process that holds boundary 2 for branches has ended"):
+            host.play([BranchPlan(at=2)])
+
+
+def wait_for(group: int, left: list[int]) -> None:
+    """Until those of a process group have ended that are not `left`."""
+    until = time.monotonic() + PATIENCE_S
+    while members(group) != left and time.monotonic() < until:
+        time.sleep(0.01)
+    assert members(group) == left
 
 
 def members(group: int) -> list[int]:
@@ -307,6 +323,12 @@ def test_mistakes_are_told_in_one_message(
     assert main(["fork", str(lost.path), *options, *found]) == ExitCode.USAGE
     said = capsys.readouterr().err
     assert words in said and said.count("error:") == 1
+
+
+def test_what_no_message_is_measured_by_is_no_option_of_its_value(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["value", "trace.mcap", "--reference", "random"])
+    assert "unrecognized arguments: --reference" in capsys.readouterr().err
 
 
 def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
