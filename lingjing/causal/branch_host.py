@@ -94,7 +94,8 @@ class BranchHost:
         What may be asked for next is said `ahead`, likeliest first: whoever has nothing else to do begins with it. That
         changes when results come, and neither them nor what counts as played.
 
-        Raises `UsageError` for a plan that the trace has no place for.
+        Raises `UsageError` for a plan that the trace has no place for, and the error of the first branch that fails:
+        the others of its call are ended, and the host with them.
         """
         for plan in (*plans, *ahead):
             check(plan, self.trace)
@@ -105,6 +106,10 @@ class BranchHost:
         while len(results) < len(plans):
             self._progress(what, len(results), len(plans))
             told = self._expect(BranchPlayed)
+            if told.result.failed:
+                if len(plans) > 1:
+                    self.close()
+                raise told.result.error()
             results[told.index] = told.result
             self.played += 1
             self.cpu_s += told.result.cpu_s

@@ -86,8 +86,6 @@ def handler(args: argparse.Namespace) -> int:
     options = branch_options(args, trace, tuple(dict.fromkeys(agent for _, agent in pairs)))
     with _claimed(args.output), BranchProgress("starting") as progress, BranchHost(trace, options, progress) as host:
         (result,) = host.play([plan])
-    if result.failed:
-        raise result.error()
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode({"plan": plan, "branch": result}).decode() + "\n")
     else:

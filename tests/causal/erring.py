@@ -94,6 +94,19 @@ class Leaving(Unseeing):
         return Decision()
 
 
+class Vanishing(Unseeing):
+    """Ends any process but that in which it took its brief."""
+
+    async def reset(self, brief: Brief) -> None:
+        await super().reset(brief)
+        self._process = os.getpid()
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        if os.getpid() != self._process:
+            os._exit(7)
+        return Decision()
+
+
 class Printing(Unseeing):
     """Prints a line at each boundary."""
 

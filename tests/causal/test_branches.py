@@ -67,7 +67,7 @@ def test_a_null_fork_is_the_episode_from_wherever_it_leaves(host: BranchHost, lo
     before = lost.path.read_bytes()
     last = len(lost.boundaries) - 1
     for result in host.play([BranchPlan(at=at) for at in (0, 7, last - 1, last)]):
-        assert (result.failed, result.differs, result.pictures, result.replaced) == ("", None, 0, ())
+        assert (result.differs, result.pictures, result.replaced) == (None, 0, ())
         assert lost.outcome is not None and result.digest == lost.outcome.digest
         assert 0.0 < result.fork_s < result.cpu_s
     assert lost.path.read_bytes() == before
@@ -107,8 +107,8 @@ def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lo
     assert (origin.at, origin.digest) == (at, lost.boundaries[at].digest)
     assert origin.substitutions == plan.substitutions and origin.reference == "oracle"
     assert all(branch.picture(frame).rgb.shape == (1080, 1920, 3) for frame in branch.frames)
-    (again,) = host.play([plan])
-    assert "is there already" in again.failed and again.exit_code == ExitCode.USAGE
+    with pytest.raises(UsageError, match="is there already"):
+        host.play([plan])
 
 
 def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
@@ -208,7 +208,7 @@ def test_policies_that_fail_in_a_branch_are_told(idle: Trace) -> None:
     plan = BranchPlan(at=1, substitutions=(of("execution", "skipper", 1, 1),))
     with BranchHost(idle, of_idle(idle, "Brittle")) as host:
         (result,) = host.play([plan])
-    assert result.failed == "" and result.unanswered == {"policy_error": 2}
+    assert result.unanswered == {"policy_error": 2}
     assert "did nothing then: 2 answers (policy_error)" in branch_text(idle, plan, result)
 
 
@@ -217,6 +217,15 @@ def test_a_policy_that_ends_the_process_is_told_with_its_exit_code(idle: Trace) 
     with ended as caught, BranchHost(idle, of_idle(idle, "Leaving")) as host:
         host.play([BranchPlan(at=2)])
     assert "policies" in caught.value.hint
+
+
+def test_a_branch_that_fails_is_told_at_once_and_ends_the_others(idle: Trace) -> None:
+    with BranchHost(idle, of_idle(idle, "Vanishing")) as host:
+        with pytest.raises(InfrastructureError, match="cut short: the process of the branch ended without a word"):
+            host.play([BranchPlan(at=2), BranchPlan(at=0)])
+        with pytest.raises(InfrastructureError, match="has ended"):
+            host.play([BranchPlan(at=2)])
+        wait_for(host._process.pid, [])
 
 
 def test_what_policies_print_is_printed_once(idle: Trace, capfd: pytest.CaptureFixture[str]) -> None:
