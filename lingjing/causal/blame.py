@@ -76,7 +76,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
 class Repair(msgspec.Struct, frozen=True, kw_only=True):
     """A set of causes without which the episode is won, and no smaller one. `narrowed` says whether its windows were
-    looked for; else they are all that was replaced."""
+    looked for; else they are all that was replaced. `score` and `ticks` are those of the branch in which just that was
+    replaced."""
 
     causes: tuple[Cause, ...]
     score: float
@@ -285,6 +286,7 @@ class _Search:
             Narrowing({pair: begin[pair] for pair in ticks}, ticks)
             for begin, ticks in zip(begins[:NARROWED], spans, strict=False)
         ]
+        best = [self._won[one] for one in ranked]
         cut: set[int] = set()
         while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
             plans = [self._plan(ranked[number], one) for number, one in asked][: self._left]
@@ -294,12 +296,14 @@ class _Search:
             cut.update(number for number, _ in asked[len(plans) :])
             for place, (number, one) in enumerate(asked):
                 won = place < len(played) and played[place].success
+                if won:
+                    best[number] = played[place]  # the last one that wins is that of the smallest windows
                 narrowings[number].answer(one, self._ticks(ranked[number], played[place]) if won else None)
         self._short |= bool(cut)
         spans[:NARROWED] = [search.spans() for search in narrowings]
         repairs = [
-            self._repair(one, spans[number], narrowed=number < NARROWED and number not in cut)
-            for number, one in enumerate(ranked)
+            self._repair(spans[number], best[number], narrowed=number < NARROWED and number not in cut)
+            for number in range(len(ranked))
         ]
         return tuple(sorted(repairs, key=_least_and_earliest))
 
@@ -311,11 +315,9 @@ class _Search:
             if pair in pairs
         }
 
-    def _repair(
-        self, pairs: frozenset[AgentFaculty], spans: Mapping[AgentFaculty, Sequence[int]], *, narrowed: bool
-    ) -> Repair:
+    def _repair(self, spans: Mapping[AgentFaculty, Sequence[int]], branch: BranchResult, *, narrowed: bool) -> Repair:
         causes = tuple(self._cause(pair, ticks) for pair, ticks in spans.items())
-        return Repair(causes=causes, score=self._won[pairs].score, ticks=self._won[pairs].ticks, narrowed=narrowed)
+        return Repair(causes=causes, score=branch.score, ticks=branch.ticks, narrowed=narrowed)
 
     def _later(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[BranchPlan]:
         """What shares and placebos are going to need, whatever narrowing finds."""

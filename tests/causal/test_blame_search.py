@@ -74,6 +74,21 @@ def test_one_fault_is_named_where_it_began() -> None:
     assert told.complete and told.repairs[0].causes[0].replaced == 1
 
 
+class Slow(MadeUp):
+    """The less is replaced, the later its episode is won."""
+
+    def _result(self, plan: BranchPlan) -> BranchResult:
+        result = super()._result(plan)
+        return replace(result, ticks=30 - len(result.replaced))
+
+
+def test_a_repair_is_told_with_the_end_of_the_branch_that_replaces_just_that() -> None:
+    (repair,) = searched(Slow(WAY)).repairs
+    assert (repair.causes[0].replaced, repair.ticks) == (1, 29)
+    (two,) = searched(Slow(WAY, ORDER)).repairs
+    assert (sum(cause.replaced for cause in two.causes), two.ticks) == (2, 28)
+
+
 def test_a_fault_that_another_one_hides_is_named_beside_it() -> None:
     told = searched(MadeUp(WAY, ORDER))
     assert causes(told) == [[(*WAY, False), (*ORDER, True)]]
