@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache, partial
-from typing import Literal
+from typing import NamedTuple
 
 from lingjing.scene.blocks import Block, blocks
 from lingjing.scene.city import City, Water
@@ -24,9 +24,9 @@ REACH_M = 8.0
 _CELL_M = 50.0
 _KEPT_SQUARES = 128
 
-_WATER_CELL_M = 16.0
-"""Side of the cells whose still water is remembered."""
-_KEPT_WATER_CELLS = 4096
+_EVEN_CELL_M = 16.0
+"""Side of the cells whose ground and still water are remembered."""
+_KEPT_EVEN_CELLS = 4096
 _CLEAR_M = 0.01
 """So far from a cell an outline must stay for the cell to be all wet or all dry, whatever rounding does."""
 
@@ -43,20 +43,17 @@ class Terrain:
         self.tile_m = city.tile_m
         self.square = lru_cache(_KEPT_SQUARES)(partial(_read_square, Tiles(city), city.tile_m))
         """The square of a column and a row of `tile_m` side."""
-        self._water_cell = lru_cache(_KEPT_WATER_CELLS)(partial(_read_water, self._waters, self._lands))
+        self._cell = lru_cache(_KEPT_EVEN_CELLS)(partial(_read_cell, self._waters, self._lands, city.datum_m))
 
     def water_level(self, x: float, y: float) -> float | None:
-        """Still-water elevation at a point that is afloat, or None on dry land and off every water.
-
-        A body at sea asks this many times a second. Where no outline crosses a cell, all of it is as its middle is."""
-        cell = self._water_cell(math.floor(x / _WATER_CELL_M), math.floor(y / _WATER_CELL_M))
-        return _water_level(self._waters, self._lands, x, y) if isinstance(cell, str) else cell
+        """Still-water elevation at a point that is afloat, or None on dry land and off every water."""
+        cell = self._cell(math.floor(x / _EVEN_CELL_M), math.floor(y / _EVEN_CELL_M))
+        return _water_level(self._waters, self._lands, x, y) if cell is None else cell.water_m
 
     def surface(self, x: float, y: float) -> float:
         """Elevation of the ground or the still water at a point; the datum where the map holds neither."""
-        tops = [top for area, top in self._lands if area.holds(x, y)]
-        tops += [water.level_m for area, water in self._waters if _wet(area, water.holes, x, y)]
-        return max(tops, default=self.datum_m)
+        cell = self._cell(math.floor(x / _EVEN_CELL_M), math.floor(y / _EVEN_CELL_M))
+        return _surface(self._waters, self._lands, self.datum_m, x, y) if cell is None else cell.surface_m
 
     def support(self, x: float, y: float, below_m: float) -> float:
         """Elevation of what something falling from `below_m` comes to rest on: ground, water, roof, deck or slope."""
@@ -121,15 +118,30 @@ _Waters = Sequence[tuple[BoundedPolygon, Water]]
 _Lands = Sequence[tuple[BoundedPolygon, float]]
 
 
-def _read_water(waters: _Waters, lands: _Lands, column: int, row: int) -> float | Literal["shore"] | None:
-    """The still water of a whole cell; `shore` where an outline crosses it."""
-    half = _WATER_CELL_M / 2.0
-    x, y = column * _WATER_CELL_M + half, row * _WATER_CELL_M + half
-    shores = (area.polygon for area, _ in (*waters, *lands))
+class _EvenCell(NamedTuple):
+    """A cell that no outline crosses: the elevation of its ground or still water, and that of the water if it is one
+    where things float."""
+
+    surface_m: float
+    water_m: float | None
+
+
+def _read_cell(waters: _Waters, lands: _Lands, datum_m: float, column: int, row: int) -> _EvenCell | None:
+    """A cell that is everywhere as its middle is, or None where an outline crosses it. What swims or flies asks many
+    times a second, and mostly about the cell that it is in."""
+    half = _EVEN_CELL_M / 2.0
+    x, y, reach = column * _EVEN_CELL_M + half, row * _EVEN_CELL_M + half, half + _CLEAR_M
+    shores = (area.polygon for area, _ in (*waters, *lands) if area.bounds_hold(x, y, reach))
     holes = (hole for _, water in waters for hole in water.holes)
-    if any(touches(one, x, y, half + _CLEAR_M) for one in itertools.chain(shores, holes)):
-        return "shore"
-    return _water_level(waters, lands, x, y)
+    if any(touches(one, x, y, reach) for one in itertools.chain(shores, holes)):
+        return None
+    return _EvenCell(_surface(waters, lands, datum_m, x, y), _water_level(waters, lands, x, y))
+
+
+def _surface(waters: _Waters, lands: _Lands, datum_m: float, x: float, y: float) -> float:
+    tops = [top for area, top in lands if area.holds(x, y)]
+    tops += [water.level_m for area, water in waters if _wet(area, water.holes, x, y)]
+    return max(tops, default=datum_m)
 
 
 def _water_level(waters: _Waters, lands: _Lands, x: float, y: float) -> float | None:

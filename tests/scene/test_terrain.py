@@ -150,22 +150,26 @@ def test_close_pairs_are_those_that_comparing_all_finds():
     assert len(wanted) > 20
 
 
-def test_water_is_the_same_point_by_point_whatever_was_asked_before(city):
+def test_ground_and_water_are_the_same_point_by_point_whatever_was_asked_before(city):
     slanting = Water(polygon=((300.0, -300.0), (420.0, -260.0), (330.0, -120.0)), level_m=2.0)
-    city = msgspec.structs.replace(city, waters=(*city.waters, slanting))
+    hill = Land(polygon=((0.0, 0.0), (140.0, 30.0), (60.0, 150.0)), top_m=5.0)
+    city = msgspec.structs.replace(city, waters=(*city.waters, slanting), lands=(*city.lands, hill), datum_m=-2.5)
     terrain = Terrain(city)
 
     def plainly(x, y):
         wet = [one.level_m for one in city.waters if inside(one.polygon, x, y)
                and not any(inside(hole, x, y) for hole in one.holes)]  # fmt: skip
         level = max(wet, default=None)
-        dry = level is None or any(land.top_m > level and inside(land.polygon, x, y) for land in city.lands)
-        return None if dry else level
+        lands = [land.top_m for land in city.lands if inside(land.polygon, x, y)]
+        afloat = None if level is None or any(top > level for top in lands) else level
+        return max([*wet, *lands], default=city.datum_m), afloat
 
     places = [(x * 3.7 - 60.0, 190.0 + y * 1.3) for x in range(40) for y in range(90)]
     places += [(290.0 + x * 2.9, -310.0 + y * 4.1) for x in range(50) for y in range(50)]
-    assert {plainly(x, y) for x, y in places} == {None, -1.0, 2.0}
-    assert [terrain.water_level(x, y) for x, y in places] == [plainly(x, y) for x, y in places]
+    places += [(x * 7.3 - 520.0, -5.0 + y * 6.1) for x in range(90) for y in range(40)]
+    found = [plainly(x, y) for x, y in places]
+    assert set(found) == {(0.0, None), (-1.0, -1.0), (2.0, 2.0), (5.0, None), (-2.5, None)}
+    assert [(terrain.surface(x, y), terrain.water_level(x, y)) for x, y in places] == found
 
 
 def test_an_outline_touches_squares_that_it_passes_or_runs_through():
