@@ -154,8 +154,11 @@ def test_ablations_compare_with_the_baseline_and_the_sweep(results: Callable[...
     rows += [row(condition="Once", args={"research": 0}, seed=seed, metrics={"tokens": 70, "calls": 1})
              for seed in (0, 1)]  # fmt: skip
     rows += [row(condition="Sweep", args={"decider": "sweep"}, seed=seed, success=False) for seed in (0, 1)]
+    rows += [row(entrant="rules", condition=f"uavs = {uavs:g}", baseline=uavs == 3.0, settings={"uavs": uavs})
+             for uavs in (2.0, 3.0)]  # fmt: skip
     evidence = gather([results(rows)])
     (part,) = parts_of("ablations", evidence)
+    assert [*entries(part.tables[0])] == [("Full",), ("Once",), ("Sweep",)], "a fleet's size is no component of `rules`"
     assert (
         entries(part.tables[0])["Once",]["Cost x"] == "0.70" and entries(part.tables[0])["Sweep",]["Cost x"] == "0.00"
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from lingjing.bench.rows import SuiteRow
@@ -21,14 +20,18 @@ DECIDER = "decider"
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         for column in varied_columns(study):
-            if not column.options - {PROMPT, INTERVENTION}:
+            components = sorted(column.options - {PROMPT, INTERVENTION})
+            if not components:
                 continue
             title = column_words(column.mission, column.mode)
             groups, lines = [], []
             conditions = column.conditions()
-            several = Counter(entrant for entrant, _ in conditions)
+            played: dict[str, set[str]] = {}
+            for (entrant, _), rows in conditions.items():
+                given = rows[0].options.policy_args
+                played.setdefault(entrant, set()).add(repr([given.get(name) for name in components]))
             for (entrant, condition), rows in conditions.items():
-                if several[entrant] < 2:  # it is there for the decision layer alone
+                if len(played[entrant]) < 2:  # it is there for the decision layer alone
                     continue
                 name = condition or "default"
                 bars = (ChartBar("success (SR)", 0, tsr(rows)), ChartBar("subtasks (SCR)", 1, scr(rows)))
