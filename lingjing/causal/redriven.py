@@ -162,7 +162,8 @@ class RedrivenEpisode:
         raise UsageError(
             f"{self.trace.path} cannot be branched after boundary {self.tick}: the policy of `{recorded.agent}` "
             f"decides otherwise than it did on the same observation ({_difference(recorded, made)})",
-            hint="it depends on something else, such as a clock or unseeded chance, or its code is another now",
+            hint="it depends on something else (a clock, unseeded chance, a file, what an episode before left), or its "
+            "code is another now",
         )
 
     def _check_digest(self) -> None:
