@@ -1,14 +1,14 @@
 """`blame`: what would have had to be different for a lost episode to be won, found by branches of it.
 
-The search goes from coarse to fine. A null fork must be the episode itself. Then each (faculty, agent) pair in which
-an agent departed from its reference is replaced from its first departure on, alone; where none repairs, all are at
-once. If that does not win either, what agents then get wrong that they never came to before is replaced too, until it
-wins or nothing new shows. Then smaller and smaller sets are tried (delta debugging; Zeller and Hildebrandt 2002), and
-all sets of two. What repairs is narrowed to the
-smallest window of boundaries that still does, by bisection over the boundaries at which something was replaced. Shares
-are Shapley values of the game "which replaced pairs win": exact for few players, else by sampled permutations (Castro,
-Gómez and Tejada 2009) from named streams. Placebos say how often a branch wins that has no right to: one record
-replaced by itself, a destination moved by a few metres, a pair that no repair contains replaced from somewhere on.
+The search goes from coarse to fine. A null fork must be the episode itself. Then each (faculty, agent) pair in which an
+agent departed from its reference is replaced from its first departure on, alone; where none repairs, all are at once.
+If that does not win either, what agents then get wrong that they never came to before, or earlier than before, is
+replaced too, until it wins or nothing new shows. Then smaller and smaller sets are tried (delta debugging; Zeller and
+Hildebrandt 2002), and all sets of two. What repairs is narrowed to the smallest window of boundaries that still does,
+by bisection over the boundaries at which something was replaced. Shares are Shapley values of the game "which replaced
+pairs win": exact for few players, else by sampled permutations (Castro, Gómez and Tejada 2009) from named streams.
+Placebos say how often a branch wins that has no right to: one record replaced by itself, a destination moved by a few
+metres, a pair that no repair contains replaced from somewhere on.
 
 All branches of a trace are played under common random numbers: what a branch does not change draws what it drew.
 """
@@ -154,7 +154,10 @@ class _Search:
         self._options = options
         self._won: dict[frozenset[AgentFaculty], BranchResult] = {}
         self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
-        self._masked: dict[AgentFaculty, int] = {}
+        self._since: dict[AgentFaculty, int] = {}
+        """From where pairs are replaced that depart earlier, or at all, only where others are replaced."""
+        self._masked: set[AgentFaculty] = set()
+        """Those of them that depart nowhere in the trace."""
         self._short = False
         self._unanswered: Counter[str] = Counter()
         self._own_failures = own_failures(host.trace)
@@ -209,9 +212,10 @@ class _Search:
         return [one in self._won and self._won[one].success for one in sets]
 
     def _plan(self, pairs: Iterable[AgentFaculty], windows: Windows = ()) -> BranchPlan:
-        """The pairs replaced, each from its first departure on or in its window; masked ones as early as any."""
+        """The pairs replaced, each from its first departure on or in its window; those that show only where others are
+        replaced as early as any."""
         narrow = {pair: (first, last) for pair, first, last in windows}
-        since = {pair: (self._masked.get(pair, ticks[0]), None) for pair, ticks in self._departures.items()}
+        since = {pair: (self._since.get(pair, ticks[0]), None) for pair, ticks in self._departures.items()}
         spans = {pair: narrow.get(pair, since[pair]) for pair in pairs}
         return BranchPlan(
             at=min(first for first, _ in spans.values()),
@@ -240,7 +244,7 @@ class _Search:
             return [], not self._short
         pairs = list(self._departures)
         one = self._reduced(pairs)
-        every_two = [frozenset(two) for two in combinations(pairs, 2) if not self._masked.keys() >= set(two)]
+        every_two = [frozenset(two) for two in combinations(pairs, 2) if not self._masked >= set(two)]
         twos = every_two[:MOST_PAIRS]
         found = [two for two, won in zip(twos, self._try(twos, "two at a time"), strict=True) if won]
         every = not self._short and len(twos) == len(every_two)
@@ -261,8 +265,10 @@ class _Search:
                 shown.setdefault((cast("Faculty", part.faculty), part.agent), []).append(part.boundary)
             if result.success or not shown:
                 return result.success
-            self._masked |= dict.fromkeys(shown, begun)
-            self._departures |= {pair: tuple(ticks) for pair, ticks in shown.items()}
+            self._since |= dict.fromkeys(shown, begun)
+            self._masked |= shown.keys() - self._departures.keys()
+            for pair, ticks in shown.items():
+                self._departures[pair] = tuple(sorted({*ticks, *self._departures.get(pair, ())}))
         self._short = True
         return False
 
@@ -378,6 +384,6 @@ class _Search:
 
     def _placebo_plans(self, sets: Sequence[frozenset[AgentFaculty]], most: int) -> dict[PlaceboKind, list[BranchPlan]]:
         """As many as were asked for and there are places for, `most` at most."""
-        involved = {pair for one in sets for pair in one} | set(self._masked)
+        involved = {pair for one in sets for pair in one} | self._since.keys()
         innocent = {pair: ticks for pair, ticks in self._departures.items() if pair not in involved}
         return placebo_plans(self._host.trace, innocent, min(self._options.placebos, most), self._options.seed)

@@ -31,8 +31,8 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
 
     `differs` is the first boundary whose digest is not the trace's (None: all are equal, to the end). `swayed` is the
     first that other decisions led to, but for what was withheld (None: nobody decided otherwise). `replaced` are the
-    records that the plan replaced, `departed` those in which agents departed from their references in other faculties,
-    if the plan watches. `pictures` were asked of the camera. `unanswered` counts the answers of policies that
+    records that the plan replaced, `departed` those beside these in which agents departed from their references, if
+    the plan watches. `pictures` were asked of the camera. `unanswered` counts the answers of policies that
     were replaced in the branch, by reason. `cpu_s` is what the branch took, its fork's `fork_s` included, without the
     camera. `failed` says why the branch says nothing (an engine, the camera or a reference failed), `exit_code` which
     kind of error that is.

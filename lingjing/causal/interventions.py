@@ -141,7 +141,8 @@ def _check_message(change: MessageChange, trace: Trace) -> None:
 class InterveningPolicies:
     """The policies of a branch, in the place of the barrier's.
 
-    `replaced` lists what was replaced so far, `departed` what agents whose references are asked got wrong besides.
+    `replaced` lists what was replaced so far, `departed` what agents whose references are asked got wrong beside what
+    the plan would have replaced there.
     """
 
     def __init__(self, policies: PolicyBarrier, references: References, kernel: Kernel, plan: BranchPlan) -> None:
@@ -150,7 +151,6 @@ class InterveningPolicies:
         self._kernel = kernel
         self._plan = plan
         self._withheld = plan.withheld
-        self._pairs = frozenset((one.faculty, one.agent) for one in plan.substitutions)
         self.replaced: list[ReplacedPart] = []
         self.departed: list[ReplacedPart] = []
 
@@ -162,7 +162,8 @@ class InterveningPolicies:
         decisions = self._policies.decide(published, exhausted)
         made = tuple(self._altered(one, due, scenes, tick) for one in decisions)
         found = self._references.note(decisions, due, scenes)
-        self.departed += [ReplacedPart(tick, who, what) for what, who in found if (what, who) not in self._pairs]
+        covered = {(one.faculty, one.agent) for one in self._plan.substitutions if one.covers(tick)}
+        self.departed += [ReplacedPart(tick, who, what) for what, who in found if (what, who) not in covered]
         return self._without_withheld(made, tick)
 
     def close(self) -> None:
@@ -178,8 +179,7 @@ class InterveningPolicies:
     ) -> DecisionRecord:
         decision = made.decision
         for one in self._plan.substitutions:
-            within = one.first <= tick and (one.last is None or tick <= one.last)
-            if one.agent != made.agent or not within:
+            if one.agent != made.agent or not one.covers(tick):
                 continue
             after = replaced(one.faculty, decision, due[one.agent], scenes[one.agent])
             if after is not decision:

@@ -481,6 +481,10 @@ class Substitution(TraceRecord, frozen=True, kw_only=True):
     first: int
     last: int | None = None
 
+    def covers(self, tick: int) -> bool:
+        """Whether it is replaced at this boundary."""
+        return self.first <= tick and (self.last is None or tick <= self.last)
+
 
 class MessageChange(TraceRecord, frozen=True, kw_only=True):
     """What became of a message on its way: it arrived nowhere (`drop`), `ticks` later (`delay`), once more `ticks`

@@ -53,7 +53,7 @@ class MadeUp:
             mine = [part for part in parts if first <= part.boundary and (last is None or part.boundary <= last)]
             replaced += mine
             if tick not in {part.boundary for part in mine}:
-                shown = () if not plan.watch or (faculty, agent) in spans else tuple(parts)
+                shown = tuple(part for part in parts if part not in mine) if plan.watch else ()
                 return BranchResult(reason="budget", replaced=tuple(replaced), departed=shown)
         return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
 
@@ -104,6 +104,19 @@ def test_faults_that_hide_each_other_in_a_row_are_found_one_after_the_other() ->
     told = searched(host)
     assert causes(told) == [[(*WAY, False), (*ORDER, True), (*LATE, True)]]
     assert host.asked.count("all at once") == 3
+
+
+def test_what_goes_wrong_earlier_where_another_fault_is_mended_is_replaced_from_there() -> None:
+    class Sooner(MadeUp):
+        """In the trace the second departs too, three boundaries later."""
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            return super().departures() | {ORDER[:2]: (12, 13, 14)}
+
+    host = Sooner(WAY, ORDER)
+    told = searched(host)
+    assert causes(told) == [[(*WAY, False), (*ORDER, False)]]
+    assert told.complete and host.asked.count("all at once") == 2
 
 
 def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> None:
