@@ -110,10 +110,13 @@ def line_chart(
     return Drawing(title=title, description=_series_words(steps, series, unit), width=WIDE, height=end, marks=(*marks,))
 
 
-def bar_chart(title: str, groups: Sequence[BarGroup], *, unit: str = "", most: float | None = None) -> Drawing:
+def bar_chart(
+    title: str, groups: Sequence[BarGroup], *, unit: str = "", most: float | None = None, lone: bool = False
+) -> Drawing:
     """Bars of groups under each other, all with their values and intervals. Of more than `FEW` series each bar has its
-    name beside it, so that no colour must be told from many others."""
-    series = _names(groups)
+    name beside it, so that no colour must be told from many others. A `lone` series is named too, which is of use where
+    neither title nor groups say whose bars they are."""
+    series = _names(groups, lone=lone)
     marks, y = legend(series if len(series) <= FEW else [], 12.0)
     y += 4.0
     bars = [(bar, group.spec) for group in groups for bar in group.bars]
@@ -297,10 +300,10 @@ def legend(names: Sequence[tuple[int, str]], y: float, *, squares: bool = False)
     return marks, y
 
 
-def _names(groups: Sequence[BarGroup]) -> list[tuple[int, str]]:
-    """The series of several by their numbers; a single one needs no legend."""
+def _names(groups: Sequence[BarGroup], *, lone: bool) -> list[tuple[int, str]]:
+    """The series by their numbers, as far as they need a legend."""
     found = {bar.series: bar.name for group in groups for bar in group.bars}
-    return sorted(found.items()) if len(found) > 1 else []
+    return sorted(found.items()) if lone or len(found) > 1 else []
 
 
 def _top(value: BoundedEstimate) -> float:

@@ -75,12 +75,13 @@ def test_marks_stay_inside_of_their_drawing() -> None:
 
 
 def test_many_bars_have_their_names_beside_them() -> None:
-    def texts(count: int) -> list[str]:
+    def texts(count: int, *, lone: bool = False) -> list[str]:
         bars = tuple(ChartBar(f"model {number}", number, share([True, False])) for number in range(count))
-        marks = bar_chart("t", [BarGroup("one", bars), BarGroup("two", bars)]).marks
+        marks = bar_chart("t", [BarGroup("one", bars), BarGroup("two", bars)], lone=lone).marks
         return [mark.text for mark in marks if isinstance(mark, WordsMark)]
 
     assert texts(3).count("model 1") == 1, "in the legend"
+    assert "model 0" not in texts(1) and texts(1, lone=True).count("model 0") == 1
     assert [texts(12).count(f"model {number}") for number in range(12)] == [2] * 12
 
 

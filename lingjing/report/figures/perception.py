@@ -65,7 +65,7 @@ def _drawn(number_of: Callable[[SuiteRow], int], title: str, rows: Sequence[Suit
         )
         for number, name in enumerate(MEASURES)
     ]
-    return bar_chart(title, groups)
+    return bar_chart(title, groups, lone=True)
 
 
 def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthest: float) -> ResultTable:

@@ -31,7 +31,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 continue
             title = ", ".join(filter(None, (column_words(mission, mode), condition)))
             entrants = grouped(rows, lambda row: row.entrant)
-            drawings.append(bar_chart(title, list(_groups(number_of, entrants))))
+            drawings.append(bar_chart(title, list(_groups(number_of, entrants)), lone=True))
             tables.append(_table(title, entrants))
         if drawings:
             yield FigurePart(heading=heading_of(study, evidence), drawings=tuple(drawings), tables=tuple(tables))
