@@ -331,33 +331,33 @@ def _group_words(group: BarGroup, unit: str) -> str:
     return f"{group.name}: {told}"
 
 
-def text_width(text: str, size: float) -> float:
+def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """How wide a line of text is in DejaVu Sans; letters that it lacks are as wide as Chinese ones, whatever fonts are
     here."""
     other = set(lacking(text))
     own = "".join(letter for letter in text if letter not in other)
-    return font(round(4 * size)).getlength(own) / 4 + size * (len(text) - len(own))
+    return font(round(4 * size), bold=bold).getlength(own) / 4 + size * (len(text) - len(own))
 
 
-def fitting(text: str, wide: float, size: float = _USUAL) -> str:
+def fitting(text: str, wide: float, size: float = _USUAL, *, bold: bool = False) -> str:
     """The text in one line, cut where it would be wider."""
     line = " ".join(text.split())
-    if text_width(line, size) <= wide:
+    if text_width(line, size, bold=bold) <= wide:
         return line
-    while line and text_width(f"{line}…", size) > wide:
+    while line and text_width(f"{line}…", size, bold=bold) > wide:
         line = line[:-1]
     return f"{line}…"
 
 
-def wrapped(text: str, wide: float, size: float = _USUAL) -> list[str]:
+def wrapped(text: str, wide: float, size: float = _USUAL, *, bold: bool = False) -> list[str]:
     """The text in lines no wider than that, broken between words where it can be."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
-        if text_width(longer, size) <= wide:
+        if text_width(longer, size, bold=bold) <= wide:
             lines[-1] = longer
         else:
-            lines.append(fitting(word, wide, size))
+            lines.append(fitting(word, wide, size, bold=bold))
     return [line for line in lines if line]
 
 

@@ -27,8 +27,9 @@ def sheet_of(kind: FigureKind, parts: Sequence[FigurePart]) -> Drawing | None:
     marks, y = list[DrawnMark](), _EDGE
     for part in parts:
         if part.heading:
-            y += 18.0
-            marks.append(WordsMark(x=_EDGE, y=y, text=part.heading, size=_HEADING, bold=True))
+            for line in wrapped(part.heading, inner, _HEADING, bold=True):
+                y += 18.0
+                marks.append(WordsMark(x=_EDGE, y=y, text=line, size=_HEADING, bold=True))
             y += 8.0
         for row in _rows(part.drawings, inner, cell):
             y = _placed(marks, row, y, cell) + _GAP / 2
@@ -45,7 +46,7 @@ def shifted(mark: DrawnMark, dx: float, dy: float) -> DrawnMark:
 
 def _placed(marks: list[DrawnMark], row: Sequence[Drawing], y: float, cell: float) -> float:
     """Put drawings side by side, on one line of titles; where they end."""
-    titles = [wrapped(drawing.title, drawing.width - 4.0, _TITLE) for drawing in row]
+    titles = [wrapped(drawing.title, drawing.width - 4.0, _TITLE, bold=True) for drawing in row]
     room = 15.0 * max(len(lines) for lines in titles) + 6.0
     for at, (drawing, lines) in enumerate(zip(row, titles, strict=True)):
         x = _EDGE + at * (cell + _GAP)

@@ -118,6 +118,16 @@ def test_a_sheet_has_all_drawings_of_a_figure() -> None:
     assert sheet is not None
     assert len(sheet.marks) > sum(len(one.marks) for one in charts())
     assert sheet_of(kind, [FigurePart()]) is None
+
+
+def test_bold_titles_of_a_sheet_end_where_it_does() -> None:
+    title = "SSR broadcast, seed 3, heuristic (uavs = 2, victims = 1): won"
+    chart = bar_chart(title, [BarGroup("one", (ChartBar("x", 0, UNKNOWN),))])
+    sheet = sheet_of(FIGURES[0], [FigurePart(heading=f"{title}, and so on", drawings=(chart,))])
+    assert sheet is not None
+    bold = [mark for mark in sheet.marks if isinstance(mark, WordsMark) and mark.bold]
+    assert len(bold) == 4, "two lines each"
+    assert all(mark.x + text_width(mark.text, mark.size, bold=True) <= sheet.width for mark in bold)
     ET.fromstring(svg_file(sheet))
 
 
