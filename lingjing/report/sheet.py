@@ -19,7 +19,7 @@ def sheet_of(kind: FigureKind, parts: Sequence[FigurePart]) -> Drawing | None:
     parts = [part for part in parts if part.drawings]
     if not parts:
         return None
-    columns = _columns(max(len(part.drawings) for part in parts))
+    columns = _columns(max(sum(not drawing.wide for drawing in part.drawings) for part in parts))
     drawings = [drawing for part in parts for drawing in part.drawings]
     widest = max(drawing.width for drawing in drawings)
     cell = max((drawing.width for drawing in drawings if not drawing.wide), default=widest)
@@ -75,7 +75,7 @@ def _rows(drawings: Sequence[Drawing], inner: float, cell: float) -> Iterator[li
 
 
 def _columns(most: int) -> int:
-    return 1 if most == 1 else 2 if most in (2, 4) else 3
+    return 1 if most < 2 else 2 if most in (2, 4) else 3
 
 
 __all__ = ["sheet_of", "shifted"]

@@ -120,6 +120,12 @@ def test_a_sheet_has_all_drawings_of_a_figure() -> None:
     assert sheet_of(kind, [FigurePart()]) is None
 
 
+def test_a_sheet_of_wide_drawings_is_as_wide_as_they_are() -> None:
+    maps = tuple(Drawing(title="m", description="d", width=720.0, height=60.0, marks=(), wide=True) for _ in range(3))
+    sheet = sheet_of(FIGURES[0], [FigurePart(drawings=maps)])
+    assert sheet is not None and 720.0 < sheet.width < 800.0
+
+
 def test_bold_titles_of_a_sheet_end_where_it_does() -> None:
     title = "SSR broadcast, seed 3, heuristic (uavs = 2, victims = 1): won"
     chart = bar_chart(title, [BarGroup("one", (ChartBar("x", 0, UNKNOWN),))])
