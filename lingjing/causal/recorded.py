@@ -8,11 +8,8 @@ no recorded decision depends on them; beyond it, or everywhere, they are drawn.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from types import TracebackType
 from typing import Self
-
-import numpy as np
 
 from lingjing.analysis.played_city import rebuilt_city
 from lingjing.errors import UsageError
@@ -20,25 +17,26 @@ from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel, Published, Recorder
 from lingjing.kernel.world import WorldKind, open_world
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
+from lingjing.kernel.world.frames import without_pixels
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.encoding import settled
-from lingjing.trace.images import encode_jpeg
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState, BoundaryRecord, Command, DecisionRecord, Snapshot
 
-PictureSource = Callable[[int, Sequence[CaptureRequest], Sequence[BodyState]], tuple[StoredFrame | Absent, ...]]
-"""What draws pictures, called as `World.capture` is."""
+PictureSource = Callable[[int, Sequence[CaptureRequest], Sequence[BodyState], bool], tuple[StoredFrame | Absent, ...]]
+"""What draws pictures, called as `World.capture` is and told whether somebody may look at their pixels."""
 
 
 class RecordedPictures:
     """A world whose pictures come from a trace as long as its boundary is not after `until`; later ones are drawn.
 
     `until` None never draws. With `pixels` a policy could look at them; without, they are black and of one pixel, and
-    what is known of them (pose, boxes) is the trace's all the same. With a `camera` that draws in the world's place,
-    what the trace holds of a later boundary is taken from it too, if all bodies stand as they stood then.
+    what is known of them (pose, boxes) is the trace's all the same. With a `camera` that draws in the world's place
+    (and is told of `pixels`), what the trace holds of a later boundary is taken from it too, if all bodies stand as
+    they stood then.
     """
 
     def __init__(self, world: World, trace: Trace, *, until: int | None = None, pixels: bool = False) -> None:
@@ -74,7 +72,7 @@ class RecordedPictures:
         held = self._trace.frames if self._stand_alike(tick, states) else {}
         due = [request for request in requests if request.frame not in held]
         self.asked += len(due)
-        fresh = iter(self.camera(tick, due, states) if due else ())
+        fresh = iter(self.camera(tick, due, states, self.pixels) if due else ())
         record = self._trace.boundaries[min(tick, len(self._trace.boundaries) - 1)]
         return tuple(self._recorded(one, record) if one.frame in held else next(fresh) for one in requests)
 
@@ -99,7 +97,7 @@ class RecordedPictures:
         if info is None:
             return _absent(request, record)
         if not self.pixels:
-            return StoredFrame(info, _black())
+            return without_pixels(info)
         return recorded_frame(self._trace, info.id)
 
 
@@ -191,8 +189,3 @@ def _absent(request: CaptureRequest, record: BoundaryRecord) -> Absent:
             if (one.entity, one.camera, one.tick) == (request.entity, request.camera, request.tick):
                 return one
     return Absent(entity=request.entity, camera=request.camera, tick=request.tick, reason="not_recorded")
-
-
-@cache
-def _black() -> bytes:
-    return encode_jpeg(np.zeros((1, 1, 3), np.uint8))

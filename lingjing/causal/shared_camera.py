@@ -3,8 +3,8 @@
 A graphics context does not survive a fork and takes seconds to make, so no branch makes its own. The camera process is
 forked before anything is drawn and starts its engine with the first picture. A branch asks for a channel of its own
 when it needs a picture. What is drawn depends on the states that come with a request alone, so one camera serves
-branches that have nothing to do with each other (`branch_pictures` says what need not be drawn). Pictures of branches
-are never late: nobody has recorded how long they took.
+branches that have nothing to do with each other (`branch_pictures` says what need not be drawn). Where no policy may
+look at pixels, none are handed on. Pictures of branches are never late: nobody has recorded how long they took.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ import traceback
 from collections.abc import Sequence
 from typing import NoReturn
 
+import msgspec
+
 from lingjing.causal.branch_pictures import BranchPictures
 from lingjing.causal.processor_time import cpu_of
 from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.engine_group import start_engines
+from lingjing.kernel.world.frames import without_pixels
 from lingjing.kernel.world.guarded_calls import absent, no_sensor
-from lingjing.kernel.world.messages import Capture, Failed, PictureReply, decoded_reply, decoded_request, encoded
+from lingjing.kernel.world.messages import Failed, PictureReply, decoded_reply, encoded
 from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
 from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.selection import select_engines
@@ -34,6 +37,16 @@ from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState
+
+
+class _Wanted(msgspec.Struct, frozen=True):
+    """Pictures of one boundary; each is answered by a `PictureReply` with `tick` as its serial."""
+
+    tick: int
+    time_s: float
+    requests: tuple[CaptureRequest, ...]
+    states: tuple[BodyState, ...]
+    pixels: bool
 
 
 class SharedCamera:
@@ -59,13 +72,14 @@ class SharedCamera:
             return 0.0
 
     def capture(
-        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState], pixels: bool = True
     ) -> tuple[StoredFrame | Absent, ...]:
-        """Draw the pictures of a boundary. `InfrastructureError` if the camera fails or has ended."""
-        wanted = Capture(serial=tick, time_s=tick * self._tick_s, requests=tuple(requests), states=tuple(states))
+        """Draw the pictures of a boundary; without `pixels` each has a single black one. `InfrastructureError` if the
+        camera fails or has ended."""
+        wanted = _Wanted(tick, tick * self._tick_s, tuple(requests), tuple(states), pixels)
         try:
             channel = self._opened()
-            channel.send(encoded(wanted))
+            channel.send(msgspec.msgpack.encode(wanted))
             return tuple(self._answer(channel, request) for request in requests)
         except ChannelClosedError:
             raise InfrastructureError("the camera of the branches has ended") from None
@@ -89,8 +103,10 @@ class SharedCamera:
             if isinstance(reply, Failed):
                 raise InfrastructureError(reply.message, hint=reply.hint)
             assert isinstance(reply, PictureReply)
-            if reply.info is None or reply.layout is None:
+            if reply.info is None:
                 return absent(request, "not_drawn")
+            if reply.layout is None:
+                return without_pixels(reply.info)
             return load_frame(reply.info, reply.layout, packet.descriptors[0])
         finally:
             packet.close()
@@ -136,23 +152,22 @@ class _Service:
     def _draw(self, descriptor: int) -> None:
         channel = self._channels[descriptor]
         try:
-            request = decoded_request(channel.receive().payload)
-            assert isinstance(request, Capture)
-            self._answer(channel, request)
+            self._answer(channel, msgspec.msgpack.decode(channel.receive().payload, type=_Wanted))
         except ChannelClosedError:
             self._poller.unregister(descriptor)
             self._channels.pop(descriptor).close()
 
-    def _answer(self, channel: PacketSocket, request: Capture) -> None:
+    def _answer(self, channel: PacketSocket, asked: _Wanted) -> None:
         try:
             pictures = self._ready()
-            for index, wanted in enumerate(request.requests):
-                frame = pictures.picture(wanted, request.time_s, request.states)
-                if frame is None:
-                    channel.send(encoded(PictureReply(serial=request.serial, index=index)))
+            for index, wanted in enumerate(asked.requests):
+                frame = pictures.picture(wanted, asked.time_s, asked.states, pixels=asked.pixels)
+                if frame is None or not asked.pixels:
+                    info = None if frame is None else frame.info
+                    channel.send(encoded(PictureReply(serial=asked.tick, index=index, info=info)))
                     continue
                 layout, memory = store_frame(frame)
-                reply = PictureReply(serial=request.serial, index=index, info=frame.info, layout=layout)
+                reply = PictureReply(serial=asked.tick, index=index, info=frame.info, layout=layout)
                 try:
                     channel.send(encoded(reply), (memory,))
                 finally:

@@ -21,6 +21,7 @@ from lingjing.mission.expression import Number
 from lingjing.play.episode import run
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
+from lingjing.trace.images import decode_jpeg
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, FrameInfo
 from tests.engines.camera_town import WHY_NOT
@@ -45,9 +46,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names: list[str] = []
     draw = Sensor.picture
 
-    def noted(sensor: Sensor, request: CaptureRequest) -> StoredFrame | None:
+    def noted(sensor: Sensor, request: CaptureRequest, *, pixels: bool) -> StoredFrame | None:
         names.append(request.frame)
-        return draw(sensor, request)
+        return draw(sensor, request, pixels=pixels)
 
     monkeypatch.setattr(Sensor, "picture", noted)
     return names
@@ -67,6 +68,11 @@ def request_of(frame: FrameInfo) -> CaptureRequest:
     return CaptureRequest(
         frame=frame.id, entity=frame.entity, camera=frame.camera, tick=frame.tick, time_s=frame.time_s
     )
+
+
+def nameless(info: FrameInfo) -> FrameInfo:
+    """Without the hashes of the pixels."""
+    return replace(info, sha256="", channels_sha256="")
 
 
 def states_at(trace: Trace, tick: int) -> dict[str, BodyState]:
@@ -100,6 +106,22 @@ def test_a_picture_is_drawn_once_and_only_where_something_in_it_moved(
     for layer, held in ((first.depth, again.depth), (first.semantic, again.semantic)):
         assert layer is not None and held is not None and np.array_equal(layer, held)
     assert drawn == [frame.id]
+
+
+def test_where_nobody_looks_at_pixels_none_are_handed_on(search: Trace, pictures: BranchPictures) -> None:
+    frame = next(iter(search.frames.values()))
+    states = states_at(search, frame.tick)
+    place = (*frame.pose.position[:2], states["boat"].position[2])
+    moved = {**states, "boat": replace(states["boat"], position=place)}
+    for shown in (states, moved):
+        request, stand = request_of(frame), list(shown.values())
+        whole = pictures.picture(request, frame.time_s, stand)
+        known = pictures.picture(request, frame.time_s, stand, pixels=False)
+        assert whole is not None and known is not None and whole.depth is not None
+        assert nameless(known.info) == nameless(whole.info)
+        assert decode_jpeg(known.jpeg).shape == (1, 1, 3) and known.depth is None and known.semantic is None
+        again = pictures.picture(request, frame.time_s, stand)
+        assert again is not None and (again.info, again.jpeg) == (whole.info, whole.jpeg)
 
 
 def test_a_camera_that_has_ended_is_told(search: Trace) -> None:

@@ -25,7 +25,7 @@ from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.expression import Number
 from lingjing.play.episode import run
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import Faculty, MessageChange, Substitution
+from lingjing.trace.records import Action, Decision, Faculty, MessageChange, Substitution
 from lingjing.trace.verification import verify_file
 from tests.causal.erring import ASTRAY_FROM
 
@@ -109,6 +109,16 @@ def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lo
     assert all(branch.picture(frame).rgb.shape == (1080, 1920, 3) for frame in branch.frames)
     with pytest.raises(UsageError, match="is there already"):
         host.play([plan])
+
+
+def test_pixels_come_where_a_branch_is_written_and_change_nothing(host: BranchHost, tmp_path: Path) -> None:
+    look = Decision(command=Action(verb="takePhoto"))
+    plan = BranchPlan(at=0, replacements=(("scout[1]", 0, look),), out=str(tmp_path / "branch"))
+    written, unwritten = host.play([plan, replace(plan, out="")])
+    assert (unwritten.failed, unwritten.digest, unwritten.pictures) == ("", written.digest, written.pictures)
+    assert written.pictures > 0
+    branch = read_trace(written.path)
+    assert branch.picture("f1-uav[1]-nadir").rgb.shape == (1080, 1920, 3)
 
 
 def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lost: Trace, tmp_path: Path) -> None:

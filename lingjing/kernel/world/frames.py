@@ -6,6 +6,7 @@ Runs where the camera runs, so that a raw picture never crosses a process border
 from __future__ import annotations
 
 import hashlib
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -14,17 +15,38 @@ from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.guarded_calls import broken
 from lingjing.plugins.engine import CaptureRequest, Frame
 from lingjing.trace.images import encode_jpeg
+from lingjing.trace.records import FrameInfo
 
 
 def stored(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
     """`frame` as it is kept; `InfrastructureError` if it is not an answer to `request` or has the wrong arrays."""
-    _check_identity(engine, frame, request)
-    _check_arrays(engine, frame)
+    _check(engine, frame, request)
     jpeg = encode_jpeg(frame.rgb, frame.quality)
     info = msgspec.structs.replace(
         frame.info, sha256=hashlib.sha256(jpeg).hexdigest(), channels_sha256=_channels_sha256(frame)
     )
     return StoredFrame(info, jpeg, frame.depth, frame.semantic)
+
+
+def described(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
+    """`without_pixels` of `frame`; `InfrastructureError` where `stored` says so."""
+    _check(engine, frame, request)
+    return without_pixels(frame.info)
+
+
+def without_pixels(info: FrameInfo) -> StoredFrame:
+    """What is known of a picture (pose, boxes), and in place of its pixels a single black one."""
+    return StoredFrame(info, _black())
+
+
+@cache
+def _black() -> bytes:
+    return encode_jpeg(np.zeros((1, 1, 3), np.uint8))
+
+
+def _check(engine: str, frame: Frame, request: CaptureRequest) -> None:
+    _check_identity(engine, frame, request)
+    _check_arrays(engine, frame)
 
 
 def _channels_sha256(frame: Frame) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.kernel.world.frames import stored
+from lingjing.kernel.world.frames import described, stored
 from lingjing.kernel.world.guarded_calls import Enter, broken, engine_seed, guarded, ignore
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec, KeyedPictures
@@ -46,14 +46,14 @@ class Sensor:
             return None
         return guarded(self._enter, self.name, "picture_key", lambda: engine.picture_key(request))[0]
 
-    def picture(self, request: CaptureRequest) -> StoredFrame | None:
-        """The picture as it is stored, or None if the engine drew none."""
+    def picture(self, request: CaptureRequest, *, pixels: bool = True) -> StoredFrame | None:
+        """The picture as it is stored, or None if the engine drew none; without `pixels` what is known of it."""
         frames, _ = guarded(self._enter, self.name, "capture", lambda: tuple(self._engine.capture((request,))))
         if len(frames) > 1:
             raise broken(self.name, "capture", f"it drew {len(frames)} pictures when asked for `{request.frame}`")
         if not frames:
             return None
         try:
-            return stored(self.name, frames[0], request)
+            return (stored if pixels else described)(self.name, frames[0], request)
         except (TypeError, ValueError, AttributeError) as error:
             raise broken(self.name, "capture", f"its picture is malformed: {error}") from error
