@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.trace.records import FrameInfo
@@ -33,14 +34,15 @@ class Layout(msgspec.Struct, frozen=True):
 
 
 def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
-    """A memory with the frame's bytes; the caller closes the descriptor."""
+    """A memory with the frame's bytes; the caller closes the descriptor. `InfrastructureError` if none is to be had."""
     arrays = [np.ascontiguousarray(array) for array in (frame.depth, frame.semantic) if array is not None]
-    descriptor = os.memfd_create("lingjing-frame", os.MFD_CLOEXEC)
     try:
-        _write(descriptor, [memoryview(frame.jpeg), *(array.data.cast("B") for array in arrays)])
-    except BaseException:
-        os.close(descriptor)
-        raise
+        descriptor = _filled([memoryview(frame.jpeg), *(array.data.cast("B") for array in arrays)])
+    except OSError as error:
+        raise InfrastructureError(
+            f"the picture `{frame.info.id}` cannot be handed to the process that wants it: {error.strerror}",
+            hint="memory or file descriptors of this machine or container have run out",
+        ) from error
     return Layout(len(frame.jpeg), _shape(frame.depth), _shape(frame.semantic)), descriptor
 
 
@@ -121,13 +123,20 @@ def _shape(array: npt.NDArray[np.generic] | None) -> tuple[int, int] | None:
     return None if array is None else (array.shape[0], array.shape[1])
 
 
-def _write(descriptor: int, parts: Sequence[memoryview]) -> None:
-    offset = 0
-    for part in parts:
-        done = 0
-        while done < len(part):
-            done += os.pwrite(descriptor, part[done:], offset + done)
-        offset += len(part)
+def _filled(parts: Sequence[memoryview]) -> int:
+    """A descriptor of a new memory with these bytes."""
+    descriptor = os.memfd_create("lingjing-frame", os.MFD_CLOEXEC)
+    try:
+        offset = 0
+        for part in parts:
+            done = 0
+            while done < len(part):
+                done += os.pwrite(descriptor, part[done:], offset + done)
+            offset += len(part)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
 
 
 def _read(descriptor: int, parts: Sequence[memoryview]) -> None:
