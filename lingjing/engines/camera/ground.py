@@ -8,6 +8,7 @@ prism with quay walls, exactly as high as the city says.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import msgspec
 import numpy as np
@@ -100,8 +101,14 @@ def is_flat(land: Land) -> bool:
 
 def height_under(city: City, east: float, north: float) -> float:
     """Elevation of the ground or water under a point: the highest land there, else the water."""
-    tops = [land.top_m for land in city.lands if shapely.contains_xy(shapely.Polygon(land.polygon), east, north)]
+    tops = [land.top_m for land in city.lands if shapely.contains_xy(_area(land.polygon), east, north)]
     return max(tops, default=water_level(city))
+
+
+@lru_cache(64)
+def _area(polygon: Polygon) -> shapely.Polygon:
+    """Every body of every picture asks about the same few lands."""
+    return shapely.Polygon(polygon)
 
 
 def fill(polygon: Polygon, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
