@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.classes import prop_class
-from lingjing.engines.camera.effects.particles import Rows
 from lingjing.engines.camera.meshes import Mesh
 from lingjing.engines.camera.models import prop_model
 from lingjing.engines.camera.ocean import SeaSurface
@@ -18,6 +18,9 @@ from lingjing.mission.instance import Entity
 from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.scene.city import Pieces, Prop
 from lingjing.trace.records import BodyState, CameraPose
+
+if TYPE_CHECKING:
+    from lingjing.engines.camera.effects.particles import Rows  # the effects are made with this module
 
 ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
 """An instance: model-to-world rows, the elevation its shadow falls on (m), its id."""
