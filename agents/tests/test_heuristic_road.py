@@ -151,11 +151,12 @@ def test_a_jam_asks_for_one_more_route_as_long_as_the_limit_allows():
     assert [note.kind for note in spent.messages] == []
 
 
-def test_a_driver_waits_for_its_order_and_insists_when_refused():
+@pytest.mark.parametrize("task", ["drive", "arrive"])
+def test_a_driver_waits_for_its_order_and_insists_when_refused(task):
     driver = RouteDriver(told("driver", van(), messages=INSPECTION), van())
     here = view("van", (0.0, 0.0, 0.0))
     assert driver.act(observe("driver", 1, here), Inbox()).command is None
-    order = envelope("boss", ORDER, {"assignee": "driver", "task": "drive", "position": (300.0, 50.0, 0.0)})
+    order = envelope("boss", ORDER, {"assignee": "driver", "task": task, "position": (300.0, 50.0, 0.0)})
     command = driver.act(observe("driver", 2, here), Inbox(messages=(order,))).command
     assert command is not None
     assert command.arguments == {"x": 300.0, "y": 50.0}

@@ -1,4 +1,8 @@
-"""The rules of whoever drives a route that others clear: wait, then drive to where the order says, and insist."""
+"""The rules of whoever drives a route that others clear: wait, then drive to where the order says, and insist.
+
+An order to a driver that names a place is one to drive there, whatever the task is called: a coordinator of other ways
+(an oracle, a model) has words of its own.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,6 @@ from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resourc
 from lingjing_agents.capability import drive
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.route_coordinator import DRIVE
 from lingjing_agents.heuristic.sightings import name_in, position_in
 
 ARRIVED_M = 20.0
@@ -33,7 +36,7 @@ class RouteDriver:
         """Drive when ordered and not under way; wait a little after a refusal (the permit may be a tick away)."""
         for envelope in inbox.messages:
             mine = name_in(envelope.body, "assignee") in {self._brief.agent, self._body.id}
-            if envelope.category == "assignment" and mine and name_in(envelope.body, "task") == DRIVE:
+            if envelope.category == "assignment" and mine:
                 self._goal = position_in(envelope.body) or self._goal
         if any(receipt.status == "rejected" for receipt in inbox.receipts):
             self._next_tick = observation.tick + PAUSE_TICKS
