@@ -167,11 +167,7 @@ class _Search:
         self._departures = dict(sorted(self._host.departures().items(), key=self._order))  # type: ignore[arg-type]
         alone = [self._plan((pair,)) for pair in self._departures][: max(0, self._left - 1)]
         (null,) = self._play([BranchPlan(at=0)], "null fork", ahead=alone)
-        told = replace(
-            told,
-            null=NullFork(identical=null.differs is None, boundary=null.differs),
-            departed=len(self._departures),
-        )
+        told = replace(told, null=NullFork.of(null), departed=len(self._departures))
         if null.differs is None:
             sets, complete = self._smallest()
             told = replace(told, tried=len(self._won))

@@ -69,6 +69,11 @@ class NullFork(msgspec.Struct, frozen=True, kw_only=True):
     identical: bool
     boundary: int | None = None
 
+    @classmethod
+    def of(cls, branch: BranchResult) -> NullFork:
+        """What a branch that changed nothing says."""
+        return cls(identical=branch.differs is None, boundary=branch.differs)
+
 
 def own_failures(trace: Trace) -> frozenset[str]:
     """The reasons for which answers of policies were replaced in an episode itself."""

@@ -140,7 +140,7 @@ def message_values(
         score=outcome.score,
         ticks=outcome.ticks,
         unsaid=unsaid,
-        null=NullFork(identical=null.differs is None, boundary=null.differs),
+        null=NullFork.of(null),
         messages=tuple(
             MessageValue(
                 id=one.id,
