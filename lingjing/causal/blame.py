@@ -1,11 +1,13 @@
 """`blame`: what would have had to be different for a lost episode to be won, found by branches of it.
 
 The search goes from coarse to fine. A null fork must be the episode itself. Then each (faculty, agent) pair in which an
-agent departed from its reference is replaced from its first departure on, alone; where none repairs, all are at once.
-If that does not win either, what agents then get wrong that they never came to before, or earlier than before, is
-replaced too, until it wins or nothing new shows. Then smaller and smaller sets are tried (delta debugging; Zeller and
-Hildebrandt 2002), and all sets of two. What repairs is narrowed to the smallest window of boundaries that still does,
-by bisection over the boundaries at which something was replaced. Shares are Shapley values of the game "which replaced
+agent departed from its reference is replaced from its first departure on, alone, and from a few later ones where that
+loses and the agent has ways of its own. Where none repairs, all are at once. If that does not win either, what agents
+then get wrong that they never came to before, or earlier than before, is replaced too, until it wins or nothing new
+shows; and if it never wins, all of it from later on. Then smaller and smaller sets are tried (delta debugging; Zeller
+and Hildebrandt 2002), and all sets of two. What repairs is narrowed to the smallest window of boundaries that still
+does, by bisection over the boundaries at which something was replaced.
+Shares are Shapley values of the game "which replaced
 pairs win": exact for few players, else by sampled permutations (Castro, Gómez and Tejada 2009) from named streams.
 Placebos say how often a branch wins that has no right to: one record replaced by itself, a destination moved by a few
 metres, a pair that no repair contains replaced from somewhere on.
@@ -23,6 +25,7 @@ from typing import cast
 import msgspec
 from msgspec.structs import replace
 
+from lingjing.causal.beginnings import LATER, later_beginnings
 from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import BranchResult, NullFork, failed_answers, own_failures
 from lingjing.causal.delta_debugging import minimize
@@ -147,15 +150,16 @@ def _least_and_earliest(repair: Repair) -> tuple[bool, int, int]:
 
 
 class _Search:
-    """One search; `_won` remembers the branches of each set of replaced pairs."""
+    """One search; `_played` remembers what came of each plan that replaces pairs from somewhere on to the end."""
 
     def __init__(self, host: BranchHost, options: BlameOptions) -> None:
         self._host = host
         self._options = options
-        self._won: dict[frozenset[AgentFaculty], BranchResult] = {}
+        self._played: dict[BranchPlan, BranchResult] = {}
         self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
         self._since: dict[AgentFaculty, int] = {}
-        """From where pairs are replaced that depart earlier, or at all, only where others are replaced."""
+        """From where pairs are replaced that are not from their first departure on: those that depart earlier, or at
+        all, only where others are replaced, and those that repair from later on."""
         self._masked: set[AgentFaculty] = set()
         """Those of them that depart nowhere in the trace."""
         self._short = False
@@ -170,7 +174,7 @@ class _Search:
         told = replace(told, null=NullFork.of(null), departed=len(self._departures))
         if null.differs is None:
             sets, complete = self._smallest()
-            told = replace(told, tried=len(self._won))
+            told = replace(told, tried=len(self._played))
             repairs = self._narrowed(sets)
             shares = self._shares(sets) if sets and self._options.shares else ()
             told = replace(told, repairs=repairs, complete=complete, shares=shares, placebos=self._placebos(sets))
@@ -200,16 +204,19 @@ class _Search:
 
     def _try(self, sets: Iterable[frozenset[AgentFaculty]], what: str) -> list[bool]:
         """Whether replacing each set wins, as far as the budget goes; what is not tried counts as lost."""
-        sets = list(dict.fromkeys(sets))
-        new = [one for one in sets if one not in self._won]
+        plans = [self._plan(one) for one in sets]
+        new = [plan for plan in dict.fromkeys(plans) if plan not in self._played]
         within = new[: self._left]
         self._short |= len(within) < len(new)
-        self._won |= zip(within, self._play([self._plan(one) for one in within], what), strict=True)
-        return [one in self._won and self._won[one].success for one in sets]
+        self._played |= zip(within, self._play(within, what), strict=True)
+        return [plan in self._played and self._played[plan].success for plan in plans]
+
+    def _branch(self, pairs: frozenset[AgentFaculty]) -> BranchResult | None:
+        """The branch in which just these were replaced; None if it was not played."""
+        return self._played.get(self._plan(pairs))
 
     def _plan(self, pairs: Iterable[AgentFaculty], windows: Windows = ()) -> BranchPlan:
-        """The pairs replaced, each from its first departure on or in its window; those that show only where others are
-        replaced as early as any."""
+        """The pairs replaced, each in its window or from where it is to be replaced."""
         narrow = {pair: (first, last) for pair, first, last in windows}
         since = {pair: (self._since.get(pair, ticks[0]), None) for pair, ticks in self._departures.items()}
         spans = {pair: narrow.get(pair, since[pair]) for pair in pairs}
@@ -231,13 +238,12 @@ class _Search:
 
     def _smallest(self) -> tuple[list[frozenset[AgentFaculty]], bool]:
         """All repairing sets of the smallest size, and whether all sets of that size were tried."""
-        pairs = list(self._departures)
-        singles = [frozenset((pair,)) for pair in pairs]
-        found = [one for one, won in zip(singles, self._try(singles, "one at a time"), strict=True) if won]
-        if found or not pairs:
+        if found := self._alone() + self._alone_later():
             return found, not self._short
-        if not self._all_repair():
+        if not self._departures or not self._all_repair():
             return [], not self._short
+        if found := self._alone():
+            return found, not self._short
         pairs = list(self._departures)
         one = self._reduced(pairs)
         every_two = [frozenset(two) for two in combinations(pairs, 2) if not self._masked >= set(two)]
@@ -248,20 +254,64 @@ class _Search:
             return found, every
         return [one], every and len(one) <= 2
 
+    def _alone(self) -> list[frozenset[AgentFaculty]]:
+        """The pairs of the trace that repair alone."""
+        singles = [frozenset((pair,)) for pair in self._departures if pair not in self._masked]
+        return [one for one, won in zip(singles, self._try(singles, "one at a time"), strict=True) if won]
+
+    def _alone_later(self) -> list[frozenset[AgentFaculty]]:
+        """The pairs that repair alone from a later departure on. Half of the branches that are left may be spent on it;
+        an agent that decided as its reference before has nothing that replacing it from its first departure spoils."""
+        begins = {
+            pair: self._later_beginnings(pair)
+            for pair in self._departures
+            if (branch := self._branch(frozenset((pair,)))) and not branch.success
+            if not self._right_at_first(pair[1])
+        }
+        found: list[frozenset[AgentFaculty]] = []
+        room = self._left // 2
+        for turn in range(LATER):
+            asked = [(pair, ticks[turn]) for pair, ticks in begins.items() if turn < len(ticks)]
+            within = asked[:room]
+            self._short |= len(within) < len(asked)
+            room -= len(within)
+            plans = [self._plan((pair,), ((pair, tick, None),)) for pair, tick in within]
+            results = self._play(plans, "later beginnings")
+            self._played |= zip(plans, results, strict=True)
+            for (pair, tick), result in zip(within, results, strict=True):
+                if result.success:
+                    self._since[pair] = tick
+                    found += [frozenset((pair,))]
+                    del begins[pair]
+        return found
+
     def _all_repair(self) -> bool:
+        """Whether replacing everything wins, from the first departure of all on or from a later one of some pair."""
+        later = sorted({tick for pair in self._departures for tick in self._later_beginnings(pair)[:1]})
+        if self._all_repair_from(min(ticks[0] for ticks in self._departures.values())):
+            return True
+        for begin in later[:LATER]:
+            self._since = dict.fromkeys(self._departures, begin)
+            if self._all_repair_from(begin):
+                return True
+        return False
+
+    def _later_beginnings(self, pair: AgentFaculty) -> list[int]:
+        return later_beginnings(self._departures[pair], self._host.agreements.get((pair[0], pair[1]), ()))
+
+    def _all_repair_from(self, begin: int) -> bool:
         """Whether replacing everything wins. Where it does not, what shows only then is added to what there is, and it
         is tried again."""
-        begun = min(ticks[0] for ticks in self._departures.values())
         while self._left:
-            whole = frozenset(self._departures)
-            (result,) = self._play([replace(self._plan(whole), watch=True)], "all at once")
-            self._won[whole] = result
+            plan = self._plan(self._departures)
+            (result,) = self._play([replace(plan, watch=True)], "all at once")
+            self._played[plan] = result
             shown: dict[AgentFaculty, list[int]] = {}
             for part in result.departed:
                 shown.setdefault((cast("Faculty", part.faculty), part.agent), []).append(part.boundary)
             if result.success or not shown:
                 return result.success
-            self._since |= dict.fromkeys(shown, begun)
+            self._since |= dict.fromkeys(shown, begin)
             self._masked |= shown.keys() - self._departures.keys()
             for pair, ticks in shown.items():
                 self._departures[pair] = tuple(sorted({*ticks, *self._departures.get(pair, ())}))
@@ -281,14 +331,18 @@ class _Search:
 
     def _narrowed(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Repair, ...]:
         """The repairs, with the windows of the first of them; all of these are narrowed beside each other."""
-        ranked = sorted(sets, key=lambda one: len(self._won[one].replaced))
-        spans = [self._ticks(one, self._won[one]) for one in ranked]
-        begins = [self._departures if len(one) == 1 else ticks for one, ticks in zip(ranked, spans, strict=True)]
+        found = {one: branch for one in sets if (branch := self._branch(one))}
+        ranked = sorted(found, key=lambda one: len(found[one].replaced))
+        spans = [self._ticks(one, found[one]) for one in ranked]
+        begins = [
+            {pair: self._from(pair) for pair in one} if len(one) == 1 else ticks
+            for one, ticks in zip(ranked, spans, strict=True)
+        ]
         narrowings = [
             Narrowing({pair: begin[pair] for pair in ticks}, ticks)
             for begin, ticks in zip(begins[:NARROWED], spans, strict=False)
         ]
-        best = [self._won[one] for one in ranked]
+        best = [found[one] for one in ranked]
         cut: set[int] = set()
         while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
             plans = [self._plan(ranked[number], one) for number, one in asked][: self._left]
@@ -325,7 +379,7 @@ class _Search:
         """What shares and placebos are going to need, whatever narrowing finds."""
         players = self._players(sets)
         wanted = coalitions(players) if self._options.shares and len(players) <= EXACT_PLAYERS else []
-        plans = [self._plan(one) for one in wanted if one and one not in self._won]
+        plans = [self._plan(one) for one in wanted if one]
         return plans + [plan for some in self._placebo_plans(sets, self._left).values() for plan in some]
 
     def _cause(self, pair: AgentFaculty, ticks: Sequence[int]) -> Cause:
@@ -345,14 +399,22 @@ class _Search:
     def _right_until(self, agent: str, onset: int) -> bool:
         """Whether an agent decided something right before a boundary, and nothing else."""
         departed = (ticks[0] for (_, who), ticks in self._departures.items() if who == agent)
-        agreed = (ticks[0] for (_, who), ticks in self._host.agreements.items() if who == agent)
-        return min(departed) == onset and min(agreed, default=onset) < onset
+        return min(departed) == onset and self._right_at_first(agent)
+
+    def _right_at_first(self, agent: str) -> bool:
+        """Whether the first thing that an agent decided was right."""
+        departed = min(ticks[0] for (_, who), ticks in self._departures.items() if who == agent)
+        return any(who == agent and ticks[0] < departed for (_, who), ticks in self._host.agreements.items())
 
     def _begun(self, pair: AgentFaculty, first: int) -> int:
         """Where the departures of a pair begin that lead up to a boundary, with none right in between."""
         agreed = () if pair in self._masked else self._host.agreements.get((pair[0], pair[1]), ())
         right = max((tick for tick in agreed if tick < first), default=-1)
-        return min((tick for tick in self._departures[pair] if right < tick <= first), default=first)
+        return min((tick for tick in self._from(pair) if right < tick <= first), default=first)
+
+    def _from(self, pair: AgentFaculty) -> list[int]:
+        """The departures of a pair from where it is to be replaced."""
+        return [tick for tick in self._departures[pair] if tick >= self._since.get(pair, tick)]
 
     # -- how much, and by luck
 
@@ -370,7 +432,8 @@ class _Search:
         """1 for a set that wins, 0 for one that loses, None for one that the budget does not reach."""
         empty: frozenset[AgentFaculty] = frozenset()
         self._try([one for one in sets if one != empty], "shares")
-        return [0.0 if one == empty else float(self._won[one].success) if one in self._won else None for one in sets]
+        branches = {one: self._branch(one) for one in sets if one != empty}
+        return [0.0 if one == empty else float(told.success) if (told := branches[one]) else None for one in sets]
 
     def _placebos(self, sets: Sequence[frozenset[AgentFaculty]]) -> Placebos:
         plans = self._placebo_plans(sets, self._left)

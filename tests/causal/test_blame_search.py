@@ -5,6 +5,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.causal.beginnings import LATER
 from lingjing.causal.blame import Blame, BlameOptions, _Search
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
@@ -53,7 +54,7 @@ class MadeUp:
             mine = [part for part in parts if first <= part.boundary and (last is None or part.boundary <= last)]
             replaced += mine
             if tick not in {part.boundary for part in mine}:
-                shown = tuple(part for part in parts if part not in mine) if plan.watch else ()
+                shown = tuple(one for one in parts if one not in mine and one.boundary >= plan.at and plan.watch)
                 return BranchResult(reason="budget", replaced=tuple(replaced), departed=shown)
         return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
 
@@ -159,6 +160,64 @@ def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead
     assert [(one.faculty, one.boundary, one.first, one.last) for one in repair.causes] == [("execution", 23, 41, 42)]
 
 
+class Spoiled(MadeUp):
+    """An agent of its own ways, who serves itself well with them until its fault: replaced from before, it loses.
+
+    Won where all of `needed` are replaced from boundary 18, 19 or 20 on."""
+
+    def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+        return {(faculty, agent): (1, 11, *range(20, 60, 4)) for faculty, agent, _ in self.needed}
+
+    def _result(self, plan: BranchPlan) -> BranchResult:
+        spans = {(one.faculty, one.agent): (one.first, one.last) for one in plan.substitutions}
+        windows = [spans.get((faculty, agent), (0, 0)) for faculty, agent, _ in self.needed]
+        won = all(11 < first <= 20 and (last is None or last >= 20) for first, last in windows)
+        parts = tuple(
+            ReplacedPart(tick, agent, faculty)
+            for (faculty, agent), (first, last) in spans.items()
+            for tick in self.departures()[faculty, agent]
+            if first <= tick <= (last or 99)
+        )
+        return BranchResult(success=won, reason="success" if won else "budget", replaced=parts)
+
+
+def test_a_pair_that_repairs_only_from_a_later_boundary_on_is_found() -> None:
+    host = Spoiled(WAY)
+    host.agreements = {("waypoint", "skipper"): (15, 45)}
+    told = searched(host)
+    (cause,) = told.repairs[0].causes
+    assert (cause.boundary, cause.first, cause.last, cause.replaced) == (20, 20, 20, 1)
+    assert told.complete and host.asked.count("later beginnings") == 1 and "all at once" not in host.asked
+    assert [one.share for one in told.shares] == [1.0]
+
+
+def test_an_agent_that_decided_as_its_reference_before_is_replaced_later_only_if_nothing_else_repairs() -> None:
+    host = Spoiled(WAY)
+    host.agreements = {("waypoint", "skipper"): (0, 15)}
+    assert searched(host).repairs[0].causes[0].first == 20
+    assert "later beginnings" not in host.asked and host.asked.count("all at once") == 2
+
+
+def test_later_beginnings_leave_half_of_the_budget_and_say_so() -> None:
+    class Hopeless(Spoiled):
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            return replace_success(super()._result(plan))
+
+    host = Hopeless(WAY, ORDER)
+    told = searched(host, branches=11)
+    assert host.asked.count("later beginnings") == 4 and told.exhausted
+    whole = Hopeless(WAY, ORDER)
+    assert not searched(whole).exhausted and whole.asked.count("later beginnings") == 2 * LATER - 2
+
+
+def test_all_at_once_may_have_to_begin_later_too() -> None:
+    host = Spoiled(WAY, ORDER)
+    host.agreements = {(faculty, agent): (15,) for faculty, agent, _ in (WAY, ORDER)}
+    told = searched(host, branches=80)
+    assert causes(told) == [[("execution", "scout[1]", 20, False), ("waypoint", "skipper", 20, False)]]
+    assert told.complete and host.asked.count("all at once") == 2
+
+
 def test_what_no_replacement_wins_is_said() -> None:
     class Lost(MadeUp):
         def _result(self, plan: BranchPlan) -> BranchResult:
@@ -167,7 +226,7 @@ def test_what_no_replacement_wins_is_said() -> None:
     host = Lost(WAY, ORDER)
     told = searched(host)
     assert told.repairs == () and not told.exhausted
-    assert host.asked.count("all at once") == 2
+    assert host.asked.count("all at once") == 3  # the last from the middle of the departures on
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
 
 

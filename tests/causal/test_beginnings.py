@@ -1,0 +1,22 @@
+"""From which later boundaries a pair is tried to be replaced."""
+
+import pytest
+
+from lingjing.causal.beginnings import later_beginnings
+
+
+@pytest.mark.parametrize(
+    ("departed", "agreed", "found"),
+    [
+        ((7,), (), []),
+        ((1, 3), (), [3]),
+        (tuple(range(60)), (), [30, 15, 45]),
+        ((1, 11, 20, 24, 28, 32), (15,), [20, 24, 11, 28]),  # anew at 20; a half, a quarter and three
+        # quarters of six at 24, 11 and 28
+        ((0, 3, 5, 7, 9, 13, 14, 15, 16), (2, 4, 6, 8, 10, 11), [13, 3, 5, 7]),
+    ],
+)
+def test_where_departures_begin_anew_comes_first(
+    departed: tuple[int, ...], agreed: tuple[int, ...], found: list[int]
+) -> None:
+    assert later_beginnings(departed, agreed) == found
