@@ -13,12 +13,17 @@ LATER = 4
 """So many later beginnings of a pair are tried."""
 
 
-def later_beginnings(departed: Sequence[int], agreed: Sequence[int]) -> list[int]:
-    """Boundaries of later departures, likeliest first, `LATER` at most: those at which departures begin anew after
-    something that was right, the longest rows of departures first; then the middle of all, and their quarters."""
+def rows_of(departed: Sequence[int], agreed: Sequence[int]) -> list[list[int]]:
+    """Departures in rows with nothing right in between, in their order."""
     rows: dict[int, list[int]] = {}
     for tick in departed:
         rows.setdefault(bisect_left(agreed, tick), []).append(tick)
-    anew = [row[0] for row in sorted(rows.values(), key=len, reverse=True)]
+    return list(rows.values())
+
+
+def later_beginnings(departed: Sequence[int], agreed: Sequence[int]) -> list[int]:
+    """Boundaries of later departures, likeliest first, `LATER` at most: those at which departures begin anew after
+    something that was right, the longest rows of departures first; then the middle of all, and their quarters."""
+    anew = [row[0] for row in sorted(rows_of(departed, agreed), key=len, reverse=True)]
     parts = [departed[len(departed) * quarter // 4] for quarter in (2, 1, 3)]
     return [tick for tick in dict.fromkeys([*anew, *parts]) if tick != departed[0]][:LATER]

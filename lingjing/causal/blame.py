@@ -25,7 +25,7 @@ from typing import cast
 import msgspec
 from msgspec.structs import replace
 
-from lingjing.causal.beginnings import LATER, later_beginnings
+from lingjing.causal.beginnings import LATER, later_beginnings, rows_of
 from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import BranchResult, NullFork, failed_answers, own_failures
 from lingjing.causal.delta_debugging import minimize
@@ -65,7 +65,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """One faculty of one agent that is to be blamed. `first` to `last` is the smallest window of boundaries in which
     replacing it repairs; `replaced` counts the records that are replaced in it. `boundary` is where it began: the
     first departure of an agent that decided as its reference before, and of any other the first of the departures that
-    lead up to `first` with none right in between. A `masked` one shows only where others are replaced: `boundary` is
+    lead up to `first` with none right in between; `rows` counts such rows of departures. A `late` one repairs only if
+    what it did otherwise at first is left as it was. A `masked` one shows only where others are replaced: `boundary` is
     that of its first departure there."""
 
     agent: str
@@ -74,6 +75,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     first: int
     last: int
     replaced: int
+    rows: int = 1
+    late: bool = False
     masked: bool = False
 
 
@@ -91,8 +94,8 @@ class Repair(msgspec.Struct, frozen=True, kw_only=True):
 class Blame(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be blamed for a lost episode.
 
-    `repairs` are all smallest repairing sets, those that replace the fewest records first, of equals the earlier one;
-    with `complete` all sets of that size were tried. `departed` counts the pairs in which agents departed from their
+    `repairs` are all smallest repairing sets, in the order of `_least_and_earliest`; with `complete` all sets of that
+    size were tried. `departed` counts the pairs in which agents departed from their
     references in the trace, `tried` the sets of them that were replaced to find the smallest. `exhausted` says that the
     budget of branches did not suffice for everything. `unanswered` counts the branches in which answers of policies
     were replaced for reasons for which none was in the trace. `cpu_s` is that of the branches, those included that idle
@@ -142,11 +145,15 @@ def blame(trace: Trace, options: BlameOptions | None = None, progress: HostProgr
         return _Search(host, options).run(told)
 
 
-def _least_and_earliest(repair: Repair) -> tuple[bool, int, int]:
-    """The order of repairs: narrowed ones first, those that replace fewer records, those that begin earlier. Windows
-    begin as late as they can; so of two the later one is often that nobody made good what the earlier one spoiled."""
-    replaced = sum(cause.replaced for cause in repair.causes)
-    return not repair.narrowed, replaced, min(cause.first for cause in repair.causes)
+def _least_and_earliest(repair: Repair) -> tuple[bool, bool, int, int, int]:
+    """The order of repairs. Narrowed ones come first; then those that repair whatever their agents did before. Of
+    these, those that replace fewer records; of equals those whose departures have fewer rows: of many occasions one
+    repairs by chance more easily. Then those that begin earlier: windows begin as late as they can, so of two the later
+    one is often that nobody made good what the earlier one spoiled."""
+    causes = repair.causes
+    late = any(cause.late for cause in causes)
+    replaced, rows = sum(cause.replaced for cause in causes), sum(cause.rows for cause in causes)
+    return not repair.narrowed, late, replaced, rows, min(cause.first for cause in causes)
 
 
 class _Search:
@@ -297,7 +304,7 @@ class _Search:
         return False
 
     def _later_beginnings(self, pair: AgentFaculty) -> list[int]:
-        return later_beginnings(self._departures[pair], self._host.agreements.get((pair[0], pair[1]), ()))
+        return later_beginnings(self._departures[pair], self._agreed(pair))
 
     def _all_repair_from(self, begin: int) -> bool:
         """Whether replacing everything wins. Where it does not, what shows only then is added to what there is, and it
@@ -332,7 +339,7 @@ class _Search:
     def _narrowed(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Repair, ...]:
         """The repairs, with the windows of the first of them; all of these are narrowed beside each other."""
         found = {one: branch for one in sets if (branch := self._branch(one))}
-        ranked = sorted(found, key=lambda one: len(found[one].replaced))
+        ranked = sorted(found, key=lambda one: (any(map(self._is_late, one)), len(found[one].replaced)))
         spans = [self._ticks(one, found[one]) for one in ranked]
         begins = [
             {pair: self._from(pair) for pair in one} if len(one) == 1 else ticks
@@ -393,6 +400,8 @@ class _Search:
             first=first,
             last=ticks[-1] if ticks else onset,
             replaced=len(ticks),
+            rows=len(rows_of(self._departures[pair], self._agreed(pair))),
+            late=self._is_late(pair),
             masked=pair in self._masked,
         )
 
@@ -408,9 +417,16 @@ class _Search:
 
     def _begun(self, pair: AgentFaculty, first: int) -> int:
         """Where the departures of a pair begin that lead up to a boundary, with none right in between."""
-        agreed = () if pair in self._masked else self._host.agreements.get((pair[0], pair[1]), ())
-        right = max((tick for tick in agreed if tick < first), default=-1)
+        right = max((tick for tick in self._agreed(pair) if tick < first), default=-1)
         return min((tick for tick in self._from(pair) if right < tick <= first), default=first)
+
+    def _agreed(self, pair: AgentFaculty) -> tuple[int, ...]:
+        """Where a pair agreed with its reference; what shows only where others are replaced was never compared."""
+        return () if pair in self._masked else self._host.agreements.get((pair[0], pair[1]), ())
+
+    def _is_late(self, pair: AgentFaculty) -> bool:
+        """Whether a pair is replaced from later than its first departure on."""
+        return self._since.get(pair, 0) > self._departures[pair][0]
 
     def _from(self, pair: AgentFaculty) -> list[int]:
         """The departures of a pair from where it is to be replaced."""

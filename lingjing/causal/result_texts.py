@@ -149,9 +149,10 @@ def _repair_lines(told: Blame) -> list[str]:
 def _cause_text(cause: Cause) -> str:
     window = f"boundary {cause.first}" if cause.first == cause.last else f"boundaries {cause.first} to {cause.last}"
     hidden = "; it shows only where the rest of this is replaced" if cause.masked else ""
+    late = "; not if what it did otherwise before is replaced too" if cause.late else ""
     return (
         f"{cause.faculty} of {cause.agent}, from boundary {cause.boundary} "
-        f"({_count(cause.replaced, 'record')} replaced, {window}{hidden})"
+        f"({_count(cause.replaced, 'record')} replaced, {window}{hidden}{late})"
     )
 
 

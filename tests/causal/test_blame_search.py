@@ -138,6 +138,55 @@ def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> 
     assert causes(searched(Either(ORDER, WAY))) == [[(*WAY, False)], [(*ORDER, False)]]
 
 
+def test_the_repair_of_who_went_wrong_once_comes_before_that_of_who_did_again_and_again() -> None:
+    """Of equally small repairs; among many occasions one repairs by chance more easily."""
+
+    class Both(MadeUp):
+        agreements = {("waypoint", "skipper"): tuple(range(1, 30, 2))}
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            return {("waypoint", "skipper"): tuple(range(0, 30, 2)), ("execution", "scout[1]"): (9, 10, 11)}
+
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            parts = tuple(
+                ReplacedPart(one.first, one.agent, one.faculty)
+                for one in plan.substitutions
+                if one.first <= {"waypoint": 4, "execution": 11}[one.faculty]
+            )
+            return BranchResult(success=bool(parts), reason="success" if parts else "budget", replaced=parts)
+
+    first, second = searched(Both(WAY, ORDER)).repairs
+    assert [(one.causes[0].faculty, one.causes[0].rows, one.causes[0].replaced) for one in (first, second)] == [
+        ("execution", 1, 1),
+        ("waypoint", 15, 1),
+    ]
+
+
+def test_what_repairs_from_later_on_only_comes_last_and_is_told_so() -> None:
+    class Two(Spoiled):
+        """It is also won where the execution of a scout is replaced, however early, at two boundaries."""
+
+        def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
+            return {**super().departures(), ("execution", "scout[2]"): (3, 4)}
+
+        def _result(self, plan: BranchPlan) -> BranchResult:
+            spans = {one.agent: (one.first, one.last or 99) for one in plan.substitutions}
+            first, last = spans.get("scout[2]", (99, 0))
+            if first <= 3 and last >= 4:
+                parts = tuple(ReplacedPart(tick, "scout[2]", "execution") for tick in (3, 4))
+                return BranchResult(success=True, reason="success", replaced=parts)
+            return super()._result(replace(plan, substitutions=plan.substitutions[:1] if "skipper" in spans else ()))
+
+    host = Two(WAY)
+    host.agreements = {("waypoint", "skipper"): (15,)}
+    told = searched(host)
+    assert [(one.causes[0].agent, one.causes[0].late, one.causes[0].replaced) for one in told.repairs] == [
+        ("scout[2]", False, 2),
+        ("skipper", True, 1),
+    ]
+    assert blame_text(told).count("not if what it did otherwise before is replaced too") == 1
+
+
 def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead_to_the_last_repair() -> None:
     """It flies its own ways from the beginning and commands nothing at 19 either; what it did at 20 to 22 was right."""
 
