@@ -32,8 +32,9 @@ from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
 from lingjing.kernel.world.parent_death import die_with
 from lingjing.terminal import guard_streams
 
-HELD_MOST = 64
-"""So many boundaries are held at once at most; then every second one is let go, and branches drive on to theirs."""
+HELD_MOST = 32
+"""So many boundaries are held at once at most, each of which takes 20 to 130 MB; then every second one is let go, and
+branches drive on to theirs."""
 
 
 class HostMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):

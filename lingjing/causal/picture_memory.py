@@ -28,7 +28,9 @@ class _PackedArray:
         if array is None:
             return None
         data = zstandard.ZstdCompressor(level=1).compress(np.ascontiguousarray(array).data)
-        return _PackedArray(array.shape, array.dtype, data)
+        # Compressed data lie at the beginning of a block as large as the array: a copy of their own size lets go of the
+        # rest, in which nothing as large would find room again.
+        return _PackedArray(array.shape, array.dtype, bytes(memoryview(data)))
 
     def unpacked(self) -> npt.NDArray[Any]:
         data = zstandard.ZstdDecompressor().decompress(self.data)

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import msgspec
@@ -143,3 +145,33 @@ def test_the_picture_that_was_asked_for_longest_ago_is_forgotten_first(search: T
     assert memory.find(b"a") == held
     memory.keep(b"c", held)
     assert [memory.find(key) is not None for key in (b"a", b"b", b"c")] == [True, False, True]
+
+
+def test_packed_pictures_take_no_more_memory_than_they_hold() -> None:
+    """In a process of its own, whose allocator has no rooms yet from before."""
+    ran = subprocess.run([sys.executable, "-c", PACKED], capture_output=True, text=True, check=True)
+    held, grown = map(int, ran.stdout.split())
+    assert grown < 2 * held
+
+
+PACKED = """
+from pathlib import Path
+import numpy as np
+from lingjing.causal.picture_memory import _PackedArray
+
+def resident():
+    (line,) = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmRSS")]
+    return int(line.split()[1]) << 10
+
+depth = np.repeat(np.random.default_rng(1).random((1080, 240), dtype=np.float32), 8, axis=1)
+for _ in range(3):  # from here on the allocator gives large blocks from its heap, as it does after some pictures
+    block = bytearray(24 << 20)
+    del block
+before, packed = resident(), []
+for _ in range(40):
+    farther = depth * 1.5
+    packed += [_PackedArray.of(farther)]
+    classes = (farther > 1.0).astype(np.uint8)
+    packed += [_PackedArray.of(classes)]
+print(sum(len(one.data) for one in packed), resident() - before)
+"""
