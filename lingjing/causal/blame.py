@@ -30,7 +30,7 @@ from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import BranchResult, NullFork, failed_answers, own_failures
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.interventions import BranchPlan
-from lingjing.causal.narrowing import Narrowing, Windows
+from lingjing.causal.narrowing import Narrowing, ReplacedTicks, Span, Windows
 from lingjing.causal.placebos import PlaceboKind, Placebos, judged_placebos, placebo_plans
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.shapley import AgentFaculty, Share, coalitions, shapley_shares
@@ -63,11 +63,11 @@ class BlameOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """One faculty of one agent that is to be blamed. `first` to `last` is the smallest window of boundaries in which
-    replacing it repairs; `replaced` counts the records that are replaced in it. `boundary` is where it began: the
-    first departure of an agent that decided as its reference before, and of any other the first of the departures that
-    lead up to `first` with none right in between; `rows` counts such rows of departures. A `late` one repairs only if
-    what it did otherwise at first is left as it was. A `masked` one shows only where others are replaced: `boundary` is
-    that of its first departure there."""
+    replacing it repairs, as `fork` plays it again; `replaced` counts the records that are replaced in it. `boundary` is
+    where it began: the first departure of an agent that decided as its reference before, and of any other the first of
+    the departures that lead up to the first of those records with none right in between; `rows` counts such rows of
+    departures. A `late` one repairs only if what it did otherwise at first is left as it was. A `masked` one shows only
+    where others are replaced: `boundary` is that of its first departure there."""
 
     agent: str
     faculty: Faculty
@@ -225,8 +225,7 @@ class _Search:
     def _plan(self, pairs: Iterable[AgentFaculty], windows: Windows = ()) -> BranchPlan:
         """The pairs replaced, each in its window or from where it is to be replaced."""
         narrow = {pair: (first, last) for pair, first, last in windows}
-        since = {pair: (self._since.get(pair, ticks[0]), None) for pair, ticks in self._departures.items()}
-        spans = {pair: narrow.get(pair, since[pair]) for pair in pairs}
+        spans = {pair: narrow.get(pair, (self._start(pair), None)) for pair in pairs}
         return BranchPlan(
             at=min(first for first, _ in spans.values()),
             substitutions=tuple(
@@ -235,6 +234,10 @@ class _Search:
                 if pair in spans
             ),
         )
+
+    def _start(self, pair: AgentFaculty) -> int:
+        """From where a pair is replaced that is to the end."""
+        return self._since.get(pair, self._departures[pair][0])
 
     def _order(self, item: tuple[tuple[str, str], tuple[int, ...]]) -> tuple[int, int, str]:
         """By first departure, then the agents' order."""
@@ -340,15 +343,9 @@ class _Search:
         """The repairs, with the windows of the first of them; all of these are narrowed beside each other."""
         found = {one: branch for one in sets if (branch := self._branch(one))}
         ranked = sorted(found, key=lambda one: (any(map(self._is_late, one)), len(found[one].replaced)))
-        spans = [self._ticks(one, found[one]) for one in ranked]
-        begins = [
-            {pair: self._from(pair) for pair in one} if len(one) == 1 else ticks
-            for one, ticks in zip(ranked, spans, strict=True)
-        ]
-        narrowings = [
-            Narrowing({pair: begin[pair] for pair in ticks}, ticks)
-            for begin, ticks in zip(begins[:NARROWED], spans, strict=False)
-        ]
+        replaced = [self._ticks(one, found[one]) for one in ranked]
+        narrowings = [Narrowing(self._begins(ticks), ticks) for ticks in replaced[:NARROWED]]
+        spans = [{pair: Span(self._start(pair), ticks[pair]) for pair in ticks} for ticks in replaced]
         best = [found[one] for one in ranked]
         cut: set[int] = set()
         while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
@@ -378,8 +375,17 @@ class _Search:
             if pair in pairs
         }
 
-    def _repair(self, spans: Mapping[AgentFaculty, Sequence[int]], branch: BranchResult, *, narrowed: bool) -> Repair:
-        causes = tuple(self._cause(pair, ticks) for pair, ticks in spans.items())
+    def _begins(self, replaced: ReplacedTicks) -> dict[AgentFaculty, list[int]]:
+        """From where each pair of a repair may have to be replaced: of a pair alone the departures in the trace, of
+        several what the branch replaced, for one may depart only where another is replaced."""
+        begins: dict[AgentFaculty, list[int]] = {}
+        for pair, ticks in replaced.items():
+            start = self._start(pair)
+            begins[pair] = [start, *(tick for tick in (ticks if len(replaced) > 1 else self._from(pair)) if tick > start)]
+        return begins
+
+    def _repair(self, spans: Mapping[AgentFaculty, Span], branch: BranchResult, *, narrowed: bool) -> Repair:
+        causes = tuple(self._cause(pair, span) for pair, span in spans.items())
         return Repair(causes=causes, score=branch.score, ticks=branch.ticks, narrowed=narrowed)
 
     def _later(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[BranchPlan]:
@@ -389,16 +395,15 @@ class _Search:
         plans = [self._plan(one) for one in wanted if one]
         return plans + [plan for some in self._placebo_plans(sets, self._left).values() for plan in some]
 
-    def _cause(self, pair: AgentFaculty, ticks: Sequence[int]) -> Cause:
+    def _cause(self, pair: AgentFaculty, span: Span) -> Cause:
         faculty, agent = pair
-        onset = self._departures[pair][0]
-        first = ticks[0] if ticks else onset
+        onset, ticks = self._departures[pair][0], span.replaced
         return Cause(
             agent=agent,
             faculty=faculty,
-            boundary=onset if self._right_until(agent, onset) else self._begun(pair, first),
-            first=first,
-            last=ticks[-1] if ticks else onset,
+            boundary=onset if self._right_until(agent, onset) else self._begun(pair, ticks[0] if ticks else onset),
+            first=span.first,
+            last=ticks[-1] if ticks else span.first,
             replaced=len(ticks),
             rows=len(rows_of(self._departures[pair], self._agreed(pair))),
             late=self._is_late(pair),
@@ -430,7 +435,7 @@ class _Search:
 
     def _from(self, pair: AgentFaculty) -> list[int]:
         """The departures of a pair from where it is to be replaced."""
-        return [tick for tick in self._departures[pair] if tick >= self._since.get(pair, tick)]
+        return [tick for tick in self._departures[pair] if tick >= self._start(pair)]
 
     # -- how much, and by luck
 

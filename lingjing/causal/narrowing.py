@@ -7,6 +7,7 @@ next can be told before it is answered.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from lingjing.causal.shapley import AgentFaculty
 
@@ -22,6 +23,14 @@ Tried = Callable[[int, int | None], ReplacedTicks | None]
 """What is replaced if a pair is from one boundary to another and the episode is won with that; None if it is not."""
 
 
+class Span(NamedTuple):
+    """From which boundary on a pair is to be replaced, and at which boundaries something then is. The two may begin
+    apart: a reference that begins anew where its agent departed may agree with it at first."""
+
+    first: int
+    replaced: Sequence[int]
+
+
 class _UnansweredError(Exception):
     """The search needs an answer that is not there yet."""
 
@@ -35,9 +44,10 @@ class _UnforeseenError(Exception):
 
 
 class Narrowing:
-    """The search for one repair. `begins` are the boundaries from which each of its pairs may have to be replaced, the
-    first of which repairs; `replaced` is what that branch replaced. Pair after pair, the last of them is looked for
-    from which it still repairs, then the first boundary after which nothing more has to be replaced."""
+    """The search for one repair. `begins` are the boundaries from which each of its pairs may have to be replaced; from
+    the first of them on each was in the branch that repaired, and `replaced` is what that branch replaced. Pair after
+    pair, the last of them is looked for from which it still repairs, then the first boundary after which nothing more
+    has to be replaced."""
 
     def __init__(self, begins: ReplacedTicks, replaced: ReplacedTicks) -> None:
         self._begins = begins
@@ -63,8 +73,8 @@ class Narrowing:
             if further is not None:
                 yield further
 
-    def spans(self) -> dict[AgentFaculty, Sequence[int]]:
-        """The boundaries in each pair's window at which it is replaced, once no question is left."""
+    def spans(self) -> dict[AgentFaculty, Span]:
+        """The smallest window of each pair, once no question is left."""
         return self._search(self._answers)
 
     def _next(self, answers: Mapping[Windows, ReplacedTicks | None]) -> Windows | None:
@@ -76,8 +86,8 @@ class Narrowing:
             pass
         return None
 
-    def _search(self, answers: Mapping[Windows, ReplacedTicks | None]) -> dict[AgentFaculty, Sequence[int]]:
-        found: dict[AgentFaculty, Sequence[int]] = {}
+    def _search(self, answers: Mapping[Windows, ReplacedTicks | None]) -> dict[AgentFaculty, Span]:
+        found: dict[AgentFaculty, Span] = {}
         windows: Windows = ()
         replaced: ReplacedTicks = self._replaced
         for pair, begins in self._begins.items():
@@ -90,12 +100,11 @@ class Narrowing:
                     raise _UnansweredError(question)
                 return answers[question]
 
-            found[pair] = ()
-            if begins:
-                begin, replaced = _last_begin(begins, replaced, tried)
-                found[pair], replaced = _until_first_end(begin, pair, replaced, tried)
-            if found[pair]:
-                windows = (*windows, (pair, begin, found[pair][-1]))
+            begin, replaced = _last_begin(begins, replaced, tried)
+            ticks, replaced = _until_first_end(begin, pair, replaced, tried)
+            found[pair] = Span(begin, ticks)
+            if ticks:
+                windows = (*windows, (pair, begin, ticks[-1]))
         return found
 
 
