@@ -380,8 +380,8 @@ class _Search:
         several what the branch replaced, for one may depart only where another is replaced."""
         begins: dict[AgentFaculty, list[int]] = {}
         for pair, ticks in replaced.items():
-            start = self._start(pair)
-            begins[pair] = [start, *(tick for tick in (ticks if len(replaced) > 1 else self._from(pair)) if tick > start)]
+            start, departed = self._start(pair), ticks if len(replaced) > 1 else self._from(pair)
+            begins[pair] = [start, *(tick for tick in departed if tick > start)]
         return begins
 
     def _repair(self, spans: Mapping[AgentFaculty, Span], branch: BranchResult, *, narrowed: bool) -> Repair:

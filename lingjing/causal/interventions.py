@@ -76,8 +76,9 @@ def check_trace(trace: Trace) -> None:
 def check(plan: BranchPlan, trace: Trace) -> None:
     """Raise `UsageError` for a boundary, an agent, a faculty or a message that the trace does not have."""
     last = len(trace.boundaries) - 1
-    if not 0 <= plan.at <= last:
-        raise UsageError(f"there is no boundary {plan.at}", hint=f"{trace.path} has those of 0 to {last}")
+    for boundary in (plan.at, *(one.first for one in plan.substitutions)):
+        if not 0 <= boundary <= last:
+            raise UsageError(f"there is no boundary {boundary}", hint=f"{trace.path} has those of 0 to {last}")
     ended = trace.boundaries[plan.at].done or plan.at >= trace.header.instance.budget.ticks
     if ended and (plan.substitutions or plan.messages):
         raise UsageError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from shlex import quote
 
 from lingjing.causal.blame import Blame, Cause
 from lingjing.causal.branching import BranchResult
@@ -50,15 +51,16 @@ def ending_of(trace: Trace) -> str:
 
 def change_text(plan: BranchPlan) -> str:
     """What a branch changes."""
-    said = [*map(substitution_text, plan.substitutions), *map(_message_text, plan.messages)]
+    said = [_substitution_text(one, plan.at) for one in plan.substitutions] + [*map(_message_text, plan.messages)]
     said += [f"another decision of {agent} at {tick}" for agent, tick, _ in plan.replacements]
     return ", ".join(said) or "nothing changed"
 
 
-def substitution_text(one: Substitution) -> str:
-    """`perception of scout[1]`, with the boundaries where they end."""
+def _substitution_text(one: Substitution, at: int) -> str:
+    """`perception of scout[1]`, with where it begins and ends if that is not where the branch does."""
+    begin = "" if one.first == at else f" from {one.first} on"
     until = "" if one.last is None else f" until {one.last}"
-    return f"{one.faculty} of {one.agent}{until}"
+    return f"{one.faculty} of {one.agent}{begin}{until}"
 
 
 def parts_text(parts: Sequence[ReplacedPart]) -> str:
@@ -143,7 +145,14 @@ def _repair_lines(told: Blame) -> list[str]:
         lines += [f"  {' and '.join(map(_cause_text, repair.causes))}"]
         wide = "" if repair.narrowed else ", not narrowed"
         lines += [f"      won after {repair.ticks} ticks, score {repair.score:.2f}{wide}"]
-    return [*lines, ""]
+    windows = " ".join(f"--substitute '{window_text(one)}'" for one in told.repairs[0].causes)
+    return [*lines, f"The first again, with this search's options: lingjing fork {quote(told.path)} {windows}", ""]
+
+
+def window_text(cause: Cause) -> str:
+    """A cause with its window, as `lingjing fork --substitute` takes it."""
+    until = "" if cause.first == cause.last else f"-{cause.last}"
+    return f"{cause.faculty}:{cause.agent}@{cause.first}{until}"
 
 
 def _cause_text(cause: Cause) -> str:

@@ -23,6 +23,8 @@ from lingjing.trace.reader import read_trace
 from lingjing.trace.records import MessageChange, Substitution
 
 _LATER = "by so many boundaries (default 1)"
+_FARTHEST = 2**63 - 1
+"""No number of a boundary is greater."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -35,8 +37,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--until", metavar="T", help="the last boundary where a faculty is replaced (default: to the end)"
     )
     parser.add_argument(
-        "--substitute", metavar="FACULTY[:AGENT]", action="append", default=[],
-        help="perception, localisation, waypoint, routing, handoff or execution, as the truth would have it",
+        "--substitute", metavar="FACULTY[:AGENT][@T[-T]]", action="append", default=[],
+        help="perception, localisation, waypoint, routing, handoff or execution, as the truth would have it; @ says at "
+        "which boundaries, if not from --at until --until: at 3 (@3), from 3 to 9 (@3-9), or from 3 on (@3-)",
     )  # fmt: skip
     for act, what in (
         ("drop", "arrives at nobody"),
@@ -63,27 +66,34 @@ def handler(args: argparse.Namespace) -> int:
     check_trace(trace)
     messages = _changes(args)
     sent = [boundary_of(trace, one.message) for one in messages]
-    at = _boundary("--at", args.at) if args.at is not None else min(sent, default=None)
+    asked = [(text, *_window(text)) for text in args.substitute]
+    begins = [first for _, _, first, _ in asked if first is not None]
+    at = _boundary("--at", args.at) if args.at is not None else min(sent + begins, default=None)
     if at is None:
         raise UsageError("nothing says where to branch", hint="--at T, or a message that is changed")
     early = [one.message for one, boundary in zip(messages, sent, strict=True) if boundary < at]
     if early:
         raise UsageError(f"`{early[0]}` was sent before boundary {at}", hint="leave --at away, or branch earlier")
+    sooner = [text for text, _, first, _ in asked if first is not None and first < at]
+    if sooner:
+        raise UsageError(f"--substitute {sooner[0]}: the branch leaves at boundary {at}", hint="leave --at away")
     until = _boundary("--until", args.until) if args.until is not None else None
-    if until is not None and (until < at or not args.substitute):
+    if until is not None and (until < at or len(begins) == len(asked)):
         raise UsageError(
             f"--until {until}: no faculty is replaced there",
             hint=f"it says where what --substitute replaces from boundary {at} on ends",
         )
-    pairs = dict.fromkeys(pair for text in args.substitute for pair in parse_faculty(text, trace.header.instance))
+    windows = [(text, at, until) if first is None else (text, first, last) for _, text, first, last in asked]
+    substitutions = tuple(
+        Substitution(faculty=what, agent=who, first=first, last=last)
+        for text, first, last in windows
+        for what, who in parse_faculty(text, trace.header.instance)
+    )
     plan = BranchPlan(
-        at=at,
-        substitutions=tuple(Substitution(faculty=what, agent=who, first=at, last=until) for what, who in pairs),
-        messages=messages,
-        out=args.output or "",
+        at=at, substitutions=tuple(dict.fromkeys(substitutions)), messages=messages, out=args.output or ""
     )
     check(plan, trace)
-    options = branch_options(args, trace, tuple(dict.fromkeys(agent for _, agent in pairs)))
+    options = branch_options(args, trace, tuple(dict.fromkeys(one.agent for one in substitutions)))
     with _claimed(args.output), BranchProgress("starting") as progress, BranchHost(trace, options, progress) as host:
         (result,) = host.play([plan])
     if args.output_format == "json":
@@ -128,8 +138,18 @@ def _forged(text: str) -> MessageChange:
         raise UsageError(f"--forge {name}: {error}", hint=hint) from error
 
 
+def _window(text: str) -> tuple[str, int | None, int | None]:
+    """What is substituted, and its first and last boundary where a window follows; the last is None for the end."""
+    what, at, window = text.partition("@")
+    begin, dash, end = window.partition("-")
+    first, last = whole_number(begin, _FARTHEST), whole_number(end or begin, _FARTHEST)
+    if at and (first is None or last is None or last < first):
+        raise UsageError(f"--substitute {text}: no boundaries are `{window}`", hint=f"for example {what}@3-9")
+    return what, first, None if dash and not end else last
+
+
 def _boundary(option: str, text: str) -> int:
-    number = whole_number(text, 2**63 - 1)
+    number = whole_number(text, _FARTHEST)
     if number is None:
         raise UsageError(f"{option} {text}: a boundary is a whole number from 0")
     return number

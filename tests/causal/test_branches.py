@@ -18,7 +18,7 @@ from lingjing.causal.branching import BranchResult, NullFork
 from lingjing.causal.interventions import BranchPlan, check
 from lingjing.causal.message_value import message_values
 from lingjing.causal.redriven import BranchOptions
-from lingjing.causal.result_texts import blame_text, branch_text
+from lingjing.causal.result_texts import blame_text, branch_text, window_text
 from lingjing.cli.main import main
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
@@ -174,7 +174,10 @@ def test_blame_names_agent_faculty_and_boundary_however_many_run_at_once(lost: T
     assert (share.agent, share.share, share.exact) == ("skipper", 1.0, True)
     assert told.placebos is not None
     assert (told.placebos.same, told.placebos.changed, told.placebos.repaired) == (2, 0, 0)
-    assert f"waypoint of skipper, from boundary {cause.boundary}" in blame_text(told)
+    said = blame_text(told)
+    assert f"waypoint of skipper, from boundary {cause.boundary}" in said
+    assert f"lingjing fork {lost.path} --substitute '{window_text(cause)}'" in said
+    assert window_text(cause).startswith(f"waypoint:skipper@{cause.first}")
 
 
 @pytest.mark.study  # opens a host of its own for one branch
@@ -329,6 +332,11 @@ def members(group: int) -> list[int]:
         (["--at", "3", "--substitute", "waypoint:"], "there is no agent ``"),
         (["--at", "3", "--substitute", "waypoint", "--until", "2"], "--until 2: no faculty is replaced there"),
         (["--at", "3", "--until", "5"], "--until 5: no faculty is replaced there"),
+        (["--substitute", "waypoint@3", "--until", "5"], "--until 5: no faculty is replaced there"),
+        (["--substitute", "waypoint@9-3"], "--substitute waypoint@9-3: no boundaries are `9-3`"),
+        (["--substitute", "waypoint@"], "--substitute waypoint@: no boundaries are ``"),
+        (["--at", "4", "--substitute", "waypoint@3-"], "--substitute waypoint@3-: the branch leaves at boundary 4"),
+        (["--at", "3", "--substitute", "waypoint@99"], "there is no boundary 99"),
         (["--at", "3", "--policy", "none.py:Astray"], "--policy none.py:Astray: there is no file `none.py`"),
         (["--at", "3", "-o", "."], "`.` is not empty"),
         (["--at", "3", "-o", "trace.mcap"], "`trace.mcap` is a file, not a folder"),
@@ -351,10 +359,14 @@ def test_what_no_message_is_measured_by_is_no_option_of_its_value(capsys: pytest
 
 
 def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = ["--policy", f"{ERRING}:Astray", "--at", "4", "--substitute", "waypoint:skipper"]
-    assert main(["fork", str(lost.path), *given, "-o", str(tmp_path / "out")]) == ExitCode.OK
+    at = onset(lost)
+    windows = ["--substitute", f"waypoint:skipper@{at}-", "--substitute", f"execution:skipper@{at - 2}-{at - 1}"]
+    given = ["--policy", f"{ERRING}:Astray", *windows, "-o", str(tmp_path / "out")]
+    assert main(["fork", str(lost.path), *given]) == ExitCode.OK
     said = capsys.readouterr().out
-    assert "lost (budget) after 24 ticks" in said and "waypoint of skipper: won" in said
+    assert "lost (budget) after 24 ticks" in said
+    assert f"boundary {at - 2}, waypoint of skipper from {at} on, execution of skipper until {at - 1}: won" in said
+    assert f"replaced: waypoint of skipper at {at}" in said
     assert main(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lingjing.causal.narrowing import Narrowing, Windows
+from lingjing.causal.narrowing import Narrowing, Span, Windows
 from lingjing.causal.shapley import AgentFaculty
 
 WAY: AgentFaculty = ("waypoint", "skipper")
@@ -27,7 +27,8 @@ def test_the_smallest_window_is_found(needed: tuple[int, int]) -> None:
     while (question := narrowing.question()) is not None:
         answered(narrowing, question, {WAY: needed})
         asked += 1
-    assert (narrowing.spans()[WAY][0], narrowing.spans()[WAY][-1]) == needed
+    span = narrowing.spans()[WAY]
+    assert (span.first, span.replaced[0], span.replaced[-1]) == (needed[0], *needed)
     assert asked <= 10
 
 
@@ -38,7 +39,17 @@ def test_the_last_boundary_that_repairs_is_found_where_the_first_replaces_little
         ((_, first, last),) = question
         won = first <= 24 and (last is None or last >= 26)
         narrowing.answer(question, {WAY: [one for one in (24, 26, 27) if last is None or one <= last]} if won else None)
-    assert narrowing.spans() == {WAY: [24, 26]}
+    assert narrowing.spans() == {WAY: Span(24, [24, 26])}
+
+
+def test_a_window_begins_where_it_was_tried_and_not_where_something_is_replaced_first() -> None:
+    """A reference that begins anew where its agent had departed may agree with it at first."""
+    narrowing = Narrowing({WAY: [4, 9, 12]}, {WAY: [4, 12]})
+    while (question := narrowing.question()) is not None:
+        ((_, first, last),) = question
+        won = first <= 9 and (last is None or last >= 12)
+        narrowing.answer(question, {WAY: [4, 12] if first <= 4 else [12]} if won else None)
+    assert narrowing.spans() == {WAY: Span(9, [12])}
 
 
 def test_pair_after_pair_is_narrowed_within_the_windows_of_those_before() -> None:
@@ -48,7 +59,7 @@ def test_pair_after_pair_is_narrowed_within_the_windows_of_those_before() -> Non
         assert len(question) == 1 or question[0] == (SIGHT, 2, 3)
         answered(narrowing, question, needed)
     spans = narrowing.spans()
-    assert [(spans[pair][0], spans[pair][-1]) for pair in (SIGHT, WAY)] == [(2, 3), (8, 8)]
+    assert [(spans[pair].first, spans[pair].replaced[-1]) for pair in (SIGHT, WAY)] == [(2, 3), (8, 8)]
 
 
 def test_what_is_asked_next_was_among_the_guesses_where_it_can_be_foreseen() -> None:
@@ -64,5 +75,5 @@ def test_what_is_asked_next_was_among_the_guesses_where_it_can_be_foreseen() -> 
 
 
 def test_what_was_never_replaced_asks_nothing() -> None:
-    narrowing = Narrowing({WAY: []}, {WAY: []})
-    assert narrowing.question() is None and narrowing.spans() == {WAY: ()}
+    narrowing = Narrowing({WAY: [4]}, {WAY: []})
+    assert narrowing.question() is None and narrowing.spans() == {WAY: Span(4, ())}
