@@ -164,6 +164,8 @@ class _Search:
         self._options = options
         self._played: dict[BranchPlan, BranchResult] = {}
         self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
+        """Those of the trace, and those that show only in branches."""
+        self._in_trace: dict[AgentFaculty, tuple[int, ...]] = {}
         self._since: dict[AgentFaculty, int] = {}
         """From where pairs are replaced that are not from their first departure on: those that depart earlier, or at
         all, only where others are replaced, and those that repair from later on."""
@@ -176,9 +178,10 @@ class _Search:
     def run(self, told: Blame) -> Blame:
         """The whole search."""
         self._departures = dict(sorted(self._host.departures().items(), key=self._order))  # type: ignore[arg-type]
+        self._in_trace = dict(self._departures)
         alone = [self._plan((pair,)) for pair in self._departures][: max(0, self._left - 1)]
         (null,) = self._play([BranchPlan(at=0)], "null fork", ahead=alone)
-        told = replace(told, null=NullFork.of(null), departed=len(self._departures))
+        told = replace(told, null=NullFork.of(null), departed=len(self._departures), complete=False)
         if null.differs is None:
             sets, complete = self._smallest()
             told = replace(told, tried=len(self._played))
@@ -464,6 +467,6 @@ class _Search:
 
     def _placebo_plans(self, sets: Sequence[frozenset[AgentFaculty]], most: int) -> dict[PlaceboKind, list[BranchPlan]]:
         """As many as were asked for and there are places for, `most` at most."""
-        involved = {pair for one in sets for pair in one} | self._since.keys()
-        innocent = {pair: ticks for pair, ticks in self._departures.items() if pair not in involved}
+        involved = {pair for one in sets for pair in one}
+        innocent = {pair: ticks for pair, ticks in self._in_trace.items() if pair not in involved}
         return placebo_plans(self._host.trace, innocent, min(self._options.placebos, most), self._options.seed)

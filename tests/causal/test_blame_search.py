@@ -311,6 +311,8 @@ def test_what_no_replacement_wins_is_said() -> None:
     assert told.repairs == () and not told.exhausted
     assert host.asked.count("all at once") == 3  # the last from the middle of the departures on
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
+    placebos = searched(Lost(WAY, ORDER), placebos=3).placebos
+    assert placebos is not None and placebos.uninvolved == 3  # however luck may repair what nothing that was tried does
 
 
 class Hasty(MadeUp):
