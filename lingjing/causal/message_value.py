@@ -90,7 +90,8 @@ class EpisodeValues(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ModeValue(msgspec.Struct, frozen=True, kw_only=True):
-    """All episodes of one mode: how often they were won, how much was said, and what it was worth."""
+    """All episodes of one mode: how often they were won, how many messages of each were tried, and what these were
+    worth; `left_out` were beyond the budget of branches."""
 
     mode: str
     episodes: int
@@ -100,6 +101,7 @@ class ModeValue(msgspec.Struct, frozen=True, kw_only=True):
     decisive: float
     moot: float
     ticks: float
+    left_out: float = 0.0
 
 
 def message_values(
@@ -205,6 +207,7 @@ def by_mode(episodes: Sequence[EpisodeValues]) -> tuple[ModeValue, ...]:
                 decisive=fmean(sum(message.decisive for message in one) for one in said),
                 moot=_moot(said),
                 ticks=fmean(one.ticks for one in each),
+                left_out=fmean(one.left_out for one in each),
             )
         )
     return tuple(sorted(rows, key=lambda row: row.mode))

@@ -225,7 +225,8 @@ def value_text(episodes: Sequence[EpisodeValues]) -> str:
             won = f"{one.won}/{one.episodes}"
             means = (f"{one.messages:.1f}", f"{one.value:+.2f}", f"{one.decisive:.1f}", f"{one.moot:.0%}")
             table += [(one.mode, won, *means, f"{one.ticks:.1f}")]
-        lines += ["", "per episode:", *aligned(table)]
+        some = ", of the messages that were tried" if any(one.left_out for one in modes) else ""
+        lines += ["", f"per episode{some}:", *aligned(table)]
     decided = [(episode, one) for episode in episodes for one in episode.messages if one.decisive]
     if decided:
         lines += ["", "what decided:"]

@@ -50,6 +50,13 @@ def test_modes_are_means_over_episodes() -> None:
     )
 
 
+def test_modes_of_which_not_all_was_tried_are_told_so() -> None:
+    short = msgspec.structs.replace(STAR, left_out=5)
+    assert "per episode, of the messages that were tried:" in value_text([short, BROADCAST])
+    assert "per episode:" in value_text([STAR, BROADCAST])
+    assert [row.left_out for row in by_mode([short, STAR, BROADCAST])] == [0.0, 2.5]
+
+
 def test_an_episode_that_its_null_fork_is_not_is_in_no_table() -> None:
     moody = msgspec.structs.replace(BROADCAST, null=NullFork(identical=False, boundary=7), messages=(), branches=1)
     assert by_mode([STAR, moody]) == by_mode([STAR])
