@@ -29,7 +29,7 @@ import msgspec
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
 from lingjing.analysis.memo import once_per_trace
-from lingjing.analysis.repetition import Assignments
+from lingjing.analysis.repetition import assignments_of
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Action, BoundaryRecord, Receipt
 from lingjing.trace.request_ids import is_request_of
@@ -156,7 +156,7 @@ def _blamed(trace: Trace, judged: list[JudgedAction]) -> list[JudgedAction]:
 
 def _judged(trace: Trace) -> Iterator[JudgedAction]:
     instance = trace.header.instance
-    assigned = Assignments(instance)
+    assigned = assignments_of(trace)
     first = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
     before: dict[str, tuple[object, ...]] = {}
     open_for: dict[str, set[str]] = {}

@@ -41,7 +41,7 @@ from lingjing.analysis.behaviour import JudgedAction, actions
 from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
-from lingjing.analysis.repetition import Assignments
+from lingjing.analysis.repetition import assignments_of
 from lingjing.mission.expression import Aggregate, Attr, Call, Quantified, Ref, parts
 from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Handover
@@ -129,7 +129,7 @@ class _Story:
         outline = of_instance(instance)
         self.handing = {stage.name for stage in instance.stages if _asks_for_assignment(stage, outline)}
         self.assigns = bool(self.handing)
-        assignments = Assignments(instance)
+        assignments = assignments_of(self.trace)
         owners = {body: agent.id for agent in instance.agents for body in agent.controls}
         for record in self.trace.boundaries:
             for event in record.events:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
 from lingjing.analysis.memo import once_per_trace
-from lingjing.analysis.repetition import Assignments
+from lingjing.analysis.repetition import assignments_of
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Receipt
 
@@ -78,7 +78,7 @@ def _steps(trace: Trace) -> dict[str, tuple[tuple[bool, bool], ...]]:
     instance = trace.header.instance
     bodies = {agent.id: agent.controls for agent in instance.agents if agent.controls}
     duties = {body: _Duty() for controls in bodies.values() for body in controls}
-    assigned, completed = Assignments(instance), set[str]()
+    assigned, completed = assignments_of(trace), set[str]()
     steps: dict[str, list[tuple[bool, bool]]] = {agent: [] for agent in bodies}
     for record in trace.boundaries:
         asked = [made.agent for made in record.decisions if made.agent in bodies]

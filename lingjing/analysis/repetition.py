@@ -28,8 +28,10 @@ The terms of that definition are read from a trace as follows.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
@@ -38,11 +40,11 @@ from lingjing.analysis.memo import once_per_trace
 from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import VisitNeed
 from lingjing.mission.feasibility.outline import Body, of_instance
-from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.mission.instance import Datum, Entity, Instance, Vector
 from lingjing.mission.tasks import Task, possible
 from lingjing.mission.vocabulary import LEFT
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import BodyState, BoundaryRecord, TaskEvent
+from lingjing.trace.records import BoundaryRecord, TaskEvent
 
 _STEP = "step"
 """The field of a message that guides its recipient by one step."""
@@ -67,18 +69,45 @@ class _Request:
     assignees: tuple[str, ...]
 
 
+_Presence = tuple[str, str]
+"""A target and an executor that is in its region."""
+
+_NOBODY = frozenset[_Presence]()
+"""Who is in which region where nobody is in any."""
+
+
+class _Track:
+    """Where one body was at each macro-step of a boundary."""
+
+    def __init__(self, places: Sequence[Vector]) -> None:
+        eastings = [place[0] for place in places]
+        self._places, self._west, self._east = places, min(eastings), max(eastings)
+
+    def steps_near(self, other: _Track, radius_m: float) -> Sequence[int]:
+        """The numbers of the macro-steps at which another body was within the radius."""
+        if self._west - other._east > radius_m or other._west - self._east > radius_m:
+            return ()  # so it is with most: too far apart all the time
+        return [
+            step
+            for step, (here, there) in enumerate(zip(self._places, other._places, strict=True))
+            if abs(here[0] - there[0]) <= radius_m and math.hypot(here[0] - there[0], here[1] - there[1]) <= radius_m
+        ]
+
+
 @dataclass
 class _TargetEvents:
     """The target events counted so far: `events` of which `repeated`.
 
     `executors_needed` is by target (1 where it is not named); `assigned` maps a target to its assignees, each with the
-    sender that assigned it; `completed` are targets; `inside` maps executors to the targets whose regions they are in.
+    sender that assigned it; `completed` are targets; `inside` says who is in which region; `stays` are those of who
+    acted on a target of a group that it does not serve: there is no radius that it could leave.
     """
 
     executors_needed: dict[str, int]
     assigned: dict[str, dict[str, str]] = field(default_factory=dict)
     completed: set[str] = field(default_factory=set)
-    inside: defaultdict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
+    inside: AbstractSet[_Presence] = _NOBODY
+    stays: set[_Presence] = field(default_factory=set)
     events: int = 0
     repeated: int = 0
 
@@ -96,24 +125,12 @@ class _TargetEvents:
         if not again:
             assignees.update(dict.fromkeys(asked.assignees, asked.sender))
 
-    def entry(self, target: str, executor: str) -> None:
-        """Count a target-region entry."""
-        self.events += 1
-        assignees = self.assigned.get(target)
-        self.repeated += target in self.completed or (bool(assignees) and executor not in (assignees or {}))
-
-    def move(self, body: BodyState, targets: Iterable[BodyState], radius_m: float) -> None:
-        """Take in where an executor and targets are: coming within the radius of one is an entry."""
-        east, north, _ = body.position
-        inside = self.inside[body.id]
-        for target in targets:
-            to_east, to_north, _ = target.position
-            if not -radius_m <= east - to_east <= radius_m or math.hypot(east - to_east, north - to_north) > radius_m:
-                if inside:
-                    inside.discard(target.id)
-            elif target.id not in inside:
-                inside.add(target.id)
-                self.entry(target.id, body.id)
+    def enter(self, entries: AbstractSet[_Presence]) -> None:
+        """Count target-region entries."""
+        for target, executor in entries:
+            self.events += 1
+            assignees = self.assigned.get(target)
+            self.repeated += target in self.completed or (bool(assignees) and executor not in (assignees or {}))
 
 
 def repeated_target_rate(trace: Trace) -> float | None:
@@ -125,13 +142,15 @@ def repeated_target_rate(trace: Trace) -> float | None:
 def target_events(trace: Trace) -> tuple[int, int]:
     """Repeated target events, and all target events."""
     instance = trace.header.instance
-    assignments = Assignments(instance)
+    assignments = assignments_of(trace)
     controlled = {agent.id: agent.controls for agent in instance.agents}
+    kinds = {unlock.interaction for unlock in instance.unlocks}
     counted = _TargetEvents(_executors_needed(instance))
     for record in trace.boundaries:
         for asked in _requests(instance, record, assignments):
             counted.request(asked, controlled.get(asked.sender, ()))
-        _count_entries(counted, instance, record, assignments)
+        _count_entries(counted, kinds, record, assignments)
+        counted.completed |= completed_at(instance, record)
     return counted.repeated, counted.events
 
 
@@ -216,7 +235,11 @@ def _requests(instance: Instance, record: BoundaryRecord, assignments: Assignmen
 
 
 class Assignments:
-    """Whom assignment messages are for, and which targets are meant, in one instance."""
+    """Whom assignment messages are for, and which targets are meant, in one instance.
+
+    `groups` are those of the targets by target; `served` the targets of a group with their executors; `serving` each
+    executor with each group that it serves, `bodies` all of whom it matters where they are.
+    """
 
     def __init__(self, instance: Instance) -> None:
         self._controls = {agent.id: agent.controls for agent in instance.agents}
@@ -229,6 +252,8 @@ class Assignments:
             )
             for group in dict.fromkeys(served.group for served in self.radii)
         )
+        self.serving = frozenset((served.executor, served.group) for served in self.radii)
+        self.bodies = frozenset(self.groups) | {served.executor for served in self.radii}
         self._entities = frozenset(entity.id for entity in instance.entities)
 
     def at(self, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...], str]]:
@@ -263,37 +288,68 @@ class Assignments:
         return (min(near)[1],) if near else ()
 
 
+@once_per_trace
+def assignments_of(trace: Trace) -> Assignments:
+    """The assignments of a trace's instance."""
+    return Assignments(trace.header.instance)
+
+
 def _count_entries(
-    counted: _TargetEvents,
-    instance: Instance,
-    record: BoundaryRecord,
-    assignments: Assignments,
+    counted: _TargetEvents, kinds: Container[str], record: BoundaryRecord, assignments: Assignments
 ) -> None:
-    """Count the entries of a boundary, macro-step by macro-step, in time order with the interactions in between."""
+    """Count the entries of a boundary, macro-step by macro-step, in time order with the interactions in between, which
+    are task events of some `kinds`."""
     groups = assignments.groups
-    kinds = {unlock.interaction for unlock in instance.unlocks}
-    waiting = [
-        event
-        for event in record.task_events
-        if event.kind in kinds and not event.name and event.entities[:1] and event.entities[0] in groups
-    ]
-    for snapshot in record.snapshots:
-        states = {state.id: state for state in snapshot.states}
-        performed = [event for event in waiting if event.time_s <= snapshot.time_s]
-        waiting = [event for event in waiting if event.time_s > snapshot.time_s]
-        for target, executor in (event.entities[:2] for event in performed if len(event.entities) > 1):
-            if target not in counted.inside[executor]:
-                counted.inside[executor].add(target)
-                counted.entry(target, executor)
-        for targets, executors in assignments.served:
-            there = [states[target] for target in targets if target in states]
-            for served in executors:
-                body = states.get(served.executor)
-                if body is not None:
-                    counted.move(body, there, served.radius_m)
-        finished = [event for event in performed if not _left(event)]
+    inside, performed = _inside(record, assignments), _interactions(kinds, record, groups)
+    for step in range(len(record.snapshots)):
+        now = inside.get(step, _NOBODY)
+        if now == counted.inside and step not in performed:
+            continue
+        events = performed.get(step, ())
+        acting = {(event.entities[0], event.entities[1]) for event in events if len(event.entities) > 1}
+        counted.enter((now | acting) - counted.inside - counted.stays)
+        counted.inside = now
+        counted.stays |= {pair for pair in acting if (pair[1], groups[pair[0]]) not in assignments.serving}
+        finished = [event for event in events if not _left(event)]
         counted.completed |= {name for event in finished for name in event.entities if name in groups}
-    counted.completed |= completed_at(instance, record)
+
+
+def _inside(record: BoundaryRecord, assignments: Assignments) -> Mapping[int, set[_Presence]]:
+    """Who is in which region at the macro-steps of a boundary, by their number; steps with nobody are left out."""
+    tracks = _tracks(record, assignments.bodies)
+    found = defaultdict[int, set[_Presence]](set)
+    for targets, executors in assignments.served:
+        there = [(target, tracks[target]) for target in targets if target in tracks]
+        for served in executors:
+            if (own := tracks.get(served.executor)) is None:
+                continue
+            for target, track in there:
+                for step in own.steps_near(track, served.radius_m):
+                    found[step].add((target, served.executor))
+    return found
+
+
+def _tracks(record: BoundaryRecord, bodies: Container[str]) -> Mapping[str, _Track]:
+    """The tracks of some bodies in a boundary, but for one that has no state at some macro-step: all of the world have
+    one."""
+    places = defaultdict[str, list[Vector]](list)
+    for snapshot in record.snapshots:
+        for state in snapshot.states:
+            places[state.id].append(state.position)
+    whole = len(record.snapshots)
+    return {body: _Track(found) for body, found in places.items() if body in bodies and len(found) == whole}
+
+
+def _interactions(
+    kinds: Container[str], record: BoundaryRecord, targets: Container[str]
+) -> Mapping[int, Sequence[TaskEvent]]:
+    """The task events of some `kinds` on targets, by the number of the macro-step that they end with."""
+    times = [snapshot.time_s for snapshot in record.snapshots]
+    found = defaultdict[int, list[TaskEvent]](list)
+    for event in record.task_events:
+        if event.kind in kinds and not event.name and event.entities[:1] and event.entities[0] in targets:
+            found[bisect_left(times, event.time_s)].append(event)
+    return found
 
 
 def _left(task: TaskEvent) -> bool:

@@ -10,7 +10,7 @@ import pytest
 
 from lingjing.analysis.detection import detect, numbers
 from lingjing.analysis.metrics import GROUPS, Metrics, metrics, printed, table
-from lingjing.analysis.repetition import ServiceRadius, repeated_target_rate, service_radii
+from lingjing.analysis.repetition import ServiceRadius, repeated_target_rate, service_radii, target_events
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
 from lingjing.mission.model import Rule, RuleParameter, Unlock
@@ -450,6 +450,37 @@ def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  
     assert repeated_target_rate(of(mine, back, header=header)) == 2 / 3, (
         "an assignment, and twice another in its region"
     )
+
+
+def test_rep_counts_acts_from_afar(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """Each is an entry by a van, which is outside again at once; who serves no stop has no region to leave."""
+    header = courier_service(trace)
+    part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=9.0, values={"left_kg": 50.0})
+    stranger = replace(part, entities=("point[1]", "depot"))
+    steps = (vans(1, 500.0, 500.0), vans(2, 500.0, 500.0), vans(3, 500.0, 500.0))
+    for acts, entries in (
+        ((part, replace(part, time_s=10.0)), 1),  # within one macro-step
+        ((part, replace(part, time_s=11.0)), 2),
+        ((part, replace(part, time_s=31.0)), 1),  # behind the last
+        ((stranger, replace(stranger, time_s=11.0)), 1),
+    ):
+        assert target_events(of(boundary(1, snapshots=steps, task_events=acts), header=header)) == (0, entries)
+    near = (vans(1, 500.0, 500.0), vans(2, 20.0, 500.0), vans(3, -20.0, 500.0))
+    thrice = (part, replace(part, time_s=19.0), replace(part, time_s=29.0))  # inside already at the last
+    assert target_events(of(boundary(1, snapshots=near, task_events=thrice), header=header)) == (0, 2)
+
+
+def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-def]
+    """The boat lies still: one person drifts into its region, out of it and in again, with the end of a boundary in
+    between; the other one comes as near only in eastings."""
+    away, inside = (60.0, 0.0), (50.0, 0.0)
+    drift = [
+        at(tick, v1=place, v2=(10.0, 70.0), boat=(0.0, 0.0))
+        for tick, place in enumerate((away, inside, inside, inside, away, inside))
+    ]
+    first, second = boundary(2, snapshots=tuple(drift[:3])), boundary(5, snapshots=tuple(drift[3:]))
+    assert target_events(of(first)) == (0, 1)
+    assert target_events(of(first, second)) == (0, 2)
 
 
 def test_rep_of_what_is_completed(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
