@@ -13,6 +13,7 @@ from itertools import takewhile
 
 import msgspec
 
+from lingjing.analysis.memo import once_per_trace
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DROWNED, FELL, FUEL_EMPTY
 from lingjing.trace.reader import Trace
@@ -58,6 +59,7 @@ class Incident(msgspec.Struct, frozen=True, kw_only=True):
         return self.text + where
 
 
+@once_per_trace
 def incidents(trace: Trace) -> tuple[Incident, ...]:
     """All incidents of a trace, whole or cut, in order of time."""
     search = incident_search(trace.header.instance)

@@ -102,6 +102,8 @@ def _all_of(paths: Sequence[str], jobs: int) -> list[tuple[EpisodeReport, bool]]
         return [_one(path) for path in paths]
     from concurrent.futures import ProcessPoolExecutor
 
+    import lingjing.play.report  # noqa: F401 - once, here, and not in every process that is forked
+
     with ProcessPoolExecutor(min(jobs, len(paths))) as pool:
         return list(pool.map(_one, paths, chunksize=4))
 

@@ -196,8 +196,10 @@ def _chunks(file: IO[bytes], begin: int = len(MAGIC)) -> Iterator[tuple[mcap.rec
     waiting: tuple[mcap.records.Chunk, int] | None = None
     index: list[_ChunkIndex] = []
     file.seek(begin)
+    behind = begin
     while len(head := file.read(RECORD.size)) == RECORD.size:
-        at, (opcode, length) = file.tell() - RECORD.size, RECORD.unpack(head)
+        at, (opcode, length) = behind, RECORD.unpack(head)
+        behind = at + RECORD.size + length
         packed = opcode in (mcap.opcode.Opcode.CHUNK, mcap.opcode.Opcode.MESSAGE_INDEX)
         body = file.read(length) if packed and length <= LIMIT else b""
         if length > LIMIT or (packed and len(body) < length):
