@@ -66,8 +66,9 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     replacing it repairs, as `fork` plays it again; `replaced` counts the records that are replaced in it. `boundary` is
     where it began: the first departure of an agent that decided as its reference before, and of any other the first of
     the departures that lead up to the first of those records with none right in between; `rows` counts such rows of
-    departures. A `late` one repairs only if what it did otherwise at first is left as it was. A `masked` one shows only
-    where others are replaced: `boundary` is that of its first departure there."""
+    departures. A `late` one is replaced from later on than its first departure: from there it does not repair alone,
+    nor, in a set, with everything else that was done otherwise. A `masked` one shows only where others are replaced:
+    `boundary` is that of its first departure there."""
 
     agent: str
     faculty: Faculty

@@ -142,9 +142,11 @@ def _repair_lines(told: Blame) -> list[str]:
     all_tried = "" if told.complete else " (not all of this size were tried)"
     lines = [f"{kind}, replaced by the truth, wins{all_tried}:"]
     for repair in told.repairs:
-        lines += [f"  {' and '.join(map(_cause_text, repair.causes))}"]
+        lines += [f"  {' and '.join(_cause_text(one, alone=size == 1) for one in repair.causes)}"]
         wide = "" if repair.narrowed else ", not narrowed"
-        lines += [f"      won after {repair.ticks} ticks, score {repair.score:.2f}{wide}"]
+        late = size > 1 and any(one.late for one in repair.causes)
+        all_lose = "; everything from the first departures on does not win" if late else ""
+        lines += [f"      won after {repair.ticks} ticks, score {repair.score:.2f}{wide}{all_lose}"]
     windows = " ".join(f"--substitute '{window_text(one)}'" for one in told.repairs[0].causes)
     return [*lines, f"The first again, with this search's options: lingjing fork {quote(told.path)} {windows}", ""]
 
@@ -155,10 +157,10 @@ def window_text(cause: Cause) -> str:
     return f"{cause.faculty}:{cause.agent}@{cause.first}{until}"
 
 
-def _cause_text(cause: Cause) -> str:
+def _cause_text(cause: Cause, *, alone: bool) -> str:
     window = f"boundary {cause.first}" if cause.first == cause.last else f"boundaries {cause.first} to {cause.last}"
     hidden = "; it shows only where the rest of this is replaced" if cause.masked else ""
-    late = "; not if what it did otherwise before is replaced too" if cause.late else ""
+    late = "; not if what it did otherwise before is replaced too" if cause.late and alone else ""
     return (
         f"{cause.faculty} of {cause.agent}, from boundary {cause.boundary} "
         f"({_count(cause.replaced, 'record')} replaced, {window}{hidden}{late})"

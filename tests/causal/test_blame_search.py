@@ -299,6 +299,9 @@ def test_all_at_once_may_have_to_begin_later_too() -> None:
     told = searched(host, branches=80)
     assert causes(told) == [[("execution", "scout[1]", 20, False), ("waypoint", "skipper", 20, False)]]
     assert told.complete and host.asked.count("all at once") == 2
+    said = blame_text(told)
+    assert "score 0.00; everything from the first departures on does not win" in said
+    assert "replaced too" not in said  # that of just these two from there on was never tried
 
 
 def test_what_no_replacement_wins_is_said() -> None:
