@@ -30,7 +30,7 @@ from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import BranchResult, NullFork, failed_answers, own_failures
 from lingjing.causal.delta_debugging import minimize
 from lingjing.causal.interventions import BranchPlan
-from lingjing.causal.narrowing import Narrowing, ReplacedTicks, Span, Windows
+from lingjing.causal.narrowing import Narrowing, ReplacedSpan, ReplacedTicks, Windows
 from lingjing.causal.placebos import PlaceboKind, Placebos, judged_placebos, placebo_plans
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.shapley import AgentFaculty, Share, coalitions, shapley_shares
@@ -349,7 +349,7 @@ class _Search:
         ranked = sorted(found, key=lambda one: (any(map(self._is_late, one)), len(found[one].replaced)))
         replaced = [self._ticks(one, found[one]) for one in ranked]
         narrowings = [Narrowing(self._begins(ticks), ticks) for ticks in replaced[:NARROWED]]
-        spans = [{pair: Span(self._start(pair), ticks[pair]) for pair in ticks} for ticks in replaced]
+        spans = [{pair: ReplacedSpan(self._start(pair), ticks[pair]) for pair in ticks} for ticks in replaced]
         best = [found[one] for one in ranked]
         cut: set[int] = set()
         while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
@@ -388,7 +388,7 @@ class _Search:
             begins[pair] = [start, *(tick for tick in departed if tick > start)]
         return begins
 
-    def _repair(self, spans: Mapping[AgentFaculty, Span], branch: BranchResult, *, narrowed: bool) -> Repair:
+    def _repair(self, spans: Mapping[AgentFaculty, ReplacedSpan], branch: BranchResult, *, narrowed: bool) -> Repair:
         causes = tuple(self._cause(pair, span) for pair, span in spans.items())
         return Repair(causes=causes, score=branch.score, ticks=branch.ticks, narrowed=narrowed)
 
@@ -399,7 +399,7 @@ class _Search:
         plans = [self._plan(one) for one in wanted if one]
         return plans + [plan for some in self._placebo_plans(sets, self._left).values() for plan in some]
 
-    def _cause(self, pair: AgentFaculty, span: Span) -> Cause:
+    def _cause(self, pair: AgentFaculty, span: ReplacedSpan) -> Cause:
         faculty, agent = pair
         onset, ticks = self._departures[pair][0], span.replaced
         return Cause(

@@ -23,7 +23,7 @@ Tried = Callable[[int, int | None], ReplacedTicks | None]
 """What is replaced if a pair is from one boundary to another and the episode is won with that; None if it is not."""
 
 
-class Span(NamedTuple):
+class ReplacedSpan(NamedTuple):
     """From which boundary on a pair is to be replaced, and at which boundaries something then is. The two may begin
     apart: a reference that begins anew where its agent departed may agree with it at first."""
 
@@ -73,7 +73,7 @@ class Narrowing:
             if further is not None:
                 yield further
 
-    def spans(self) -> dict[AgentFaculty, Span]:
+    def spans(self) -> dict[AgentFaculty, ReplacedSpan]:
         """The smallest window of each pair, once no question is left."""
         return self._search(self._answers)
 
@@ -86,8 +86,8 @@ class Narrowing:
             pass
         return None
 
-    def _search(self, answers: Mapping[Windows, ReplacedTicks | None]) -> dict[AgentFaculty, Span]:
-        found: dict[AgentFaculty, Span] = {}
+    def _search(self, answers: Mapping[Windows, ReplacedTicks | None]) -> dict[AgentFaculty, ReplacedSpan]:
+        found: dict[AgentFaculty, ReplacedSpan] = {}
         windows: Windows = ()
         replaced: ReplacedTicks = self._replaced
         for pair, begins in self._begins.items():
@@ -102,7 +102,7 @@ class Narrowing:
 
             begin, replaced = _last_begin(begins, replaced, tried)
             ticks, replaced = _until_first_end(begin, pair, replaced, tried)
-            found[pair] = Span(begin, ticks)
+            found[pair] = ReplacedSpan(begin, ticks)
             if ticks:
                 windows = (*windows, (pair, begin, ticks[-1]))
         return found

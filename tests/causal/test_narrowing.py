@@ -2,7 +2,7 @@
 
 import pytest
 
-from lingjing.causal.narrowing import Narrowing, Span, Windows
+from lingjing.causal.narrowing import Narrowing, ReplacedSpan, Windows
 from lingjing.causal.shapley import AgentFaculty
 
 WAY: AgentFaculty = ("waypoint", "skipper")
@@ -39,7 +39,7 @@ def test_the_last_boundary_that_repairs_is_found_where_the_first_replaces_little
         ((_, first, last),) = question
         won = first <= 24 and (last is None or last >= 26)
         narrowing.answer(question, {WAY: [one for one in (24, 26, 27) if last is None or one <= last]} if won else None)
-    assert narrowing.spans() == {WAY: Span(24, [24, 26])}
+    assert narrowing.spans() == {WAY: ReplacedSpan(24, [24, 26])}
 
 
 def test_a_window_begins_where_it_was_tried_and_not_where_something_is_replaced_first() -> None:
@@ -49,7 +49,7 @@ def test_a_window_begins_where_it_was_tried_and_not_where_something_is_replaced_
         ((_, first, last),) = question
         won = first <= 9 and (last is None or last >= 12)
         narrowing.answer(question, {WAY: [4, 12] if first <= 4 else [12]} if won else None)
-    assert narrowing.spans() == {WAY: Span(9, [12])}
+    assert narrowing.spans() == {WAY: ReplacedSpan(9, [12])}
 
 
 def test_pair_after_pair_is_narrowed_within_the_windows_of_those_before() -> None:
@@ -76,4 +76,4 @@ def test_what_is_asked_next_was_among_the_guesses_where_it_can_be_foreseen() -> 
 
 def test_what_was_never_replaced_asks_nothing() -> None:
     narrowing = Narrowing({WAY: [4]}, {WAY: []})
-    assert narrowing.question() is None and narrowing.spans() == {WAY: Span(4, ())}
+    assert narrowing.question() is None and narrowing.spans() == {WAY: ReplacedSpan(4, ())}
