@@ -22,6 +22,9 @@ from lingjing.plugins.policy import (
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
+INSPECT = "inspect"
+"""What a coordinator calls its order to look at a waypoint; who has looked says `inspect-N` of the Nth."""
+
 
 def has_verb(resource: Resource, verb: str) -> bool:
     """Whether the resource's action schema has that verb."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from lingjing.plugins.policy import Datum
 
 GroundPoint = tuple[float, float]
 """East and north in metres."""
@@ -73,3 +75,14 @@ def lattice(polygon: Sequence[GroundPoint], spacing_m: float, shift_m: float = 0
         for j in range(rows)
     ]
     return [place for place in places if inside(polygon, place)]
+
+
+def position_in(body: Mapping[str, Datum]) -> GroundPoint | None:
+    """East and north of a message's `position`, or None if it has none that can be read."""
+    value = body.get("position")
+    if not isinstance(value, (tuple, list)) or len(value) < 2:
+        return None
+    x, y = value[0], value[1]
+    if isinstance(x, str) or isinstance(y, str) or not (math.isfinite(x) and math.isfinite(y)):
+        return None
+    return float(x), float(y)

@@ -34,6 +34,14 @@ def test_the_oracle_wins_and_the_declared_relations_come_about(mission, mode, se
     assert all(record.source and record.target and record.by for record in records)
 
 
+@pytest.mark.parametrize("oracle", ["coordinator", "inspector", "driver"])
+def test_an_oracle_plays_its_part_among_heuristics(oracle: str, tmp_path: Path) -> None:
+    played = lingjing.run(
+        "cr", mode="star", seed=2, policy="heuristic", policies_for={oracle: "oracle"}, out=tmp_path, overview=False
+    )
+    assert (played.reason, played.score) == ("success", 1.0)
+
+
 def document(task: str, cars: list[tuple[float, float]], state: dict, folder: Path) -> Path:
     """A `resetScenario` document with cars at places in centimetres."""
     fleet = [{"equipmentCode": f"CAR-{k}", "data": {"x": x, "y": y, "z": 0.0}} for k, (x, y) in enumerate(cars)]

@@ -42,11 +42,11 @@ from lingjing_agents.capability import (
     vessel,
 )
 from lingjing_agents.flight_levels import LAYER_M, FlightLevels, crowded, overhead
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.picture_lattice import PictureWaypoint
 from lingjing_agents.heuristic.search_plan import ALIGNED_DEG, SearchPlan, off_course_deg
-from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in
 from lingjing_agents.heuristic.target_types import PEOPLE, TrainedDetectors, target_type_of
 from lingjing_agents.perception.people_at_sea import FoundBox
 

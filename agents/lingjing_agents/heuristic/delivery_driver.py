@@ -11,10 +11,10 @@ from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, drive, rated, sends, team
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.delivery_view import LOADED, DeliveryView, look
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
 DELIVER = "deliver"

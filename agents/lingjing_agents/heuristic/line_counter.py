@@ -25,8 +25,8 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.capability import centimetres, compose, fly, nadir_camera, photo, rated, sends, sighting
 from lingjing_agents.flight_levels import FlightLevels
+from lingjing_agents.ground_plane import position_in
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import position_in
 from lingjing_agents.perception.people_in_line import PeopleLine, find_line
 
 REACHED_M, VIEW_M = 3.0, 8.0

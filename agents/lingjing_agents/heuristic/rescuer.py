@@ -10,9 +10,9 @@ from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, drive, may_send, speed, straight_to
-from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m
+from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m, position_in
 from lingjing_agents.heuristic.events import EventLog, view_of
-from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in
 from lingjing_agents.heuristic.target_types import PEOPLE, target_type_of
 
 ROAD_OFF_M = 90.0

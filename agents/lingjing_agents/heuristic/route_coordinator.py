@@ -12,11 +12,11 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
-from lingjing_agents.capability import centimetres, compose, sends
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.capability import INSPECT, centimetres, compose, sends
+from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
-from lingjing_agents.heuristic.route_inspector import INSPECT, LOOK
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.route_inspector import LOOK
+from lingjing_agents.heuristic.sightings import name_in
 
 GroundPosition = tuple[float, ...]
 

@@ -11,9 +11,9 @@ from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import drive
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.sightings import name_in
 
 ARRIVED_M = 20.0
 PAUSE_TICKS = 2

@@ -21,17 +21,16 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends, sighting, team
+from lingjing_agents.capability import INSPECT, compose, fly, nadir_camera, photo, rated, sends, sighting, team
 from lingjing_agents.flight_levels import FlightLevels
-from lingjing_agents.ground_plane import GroundPoint, between
+from lingjing_agents.ground_plane import GroundPoint, between, position_in
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import QUEUES
 from lingjing_agents.perception.road_queues import find_queues
 
-INSPECT, LOOK = "inspect", "look"
-"""What a coordinator's orders are called to look at a waypoint, and to take a picture of a place when all waypoints
-have been looked at."""
+LOOK = "look"
+"""What a coordinator's order to take a picture of a place is called, when all waypoints have been looked at."""
 REACHED_M = 5.0
 SLACK_M = 23.0
 """A waypoint counts as inspected from 25 m: it need not be flown to exactly."""

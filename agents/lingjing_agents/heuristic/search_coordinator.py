@@ -10,9 +10,9 @@ from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoing, Vector
 from lingjing_agents.capability import compose, may_send, natural
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.events import EventLog
-from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in
 from lingjing_agents.heuristic.target_types import PEOPLE, target_type_of
 
 RESCUE_PATIENCE_S = 350.0

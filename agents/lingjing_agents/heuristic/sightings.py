@@ -84,17 +84,6 @@ class Sightings:
         return tuple(sighting for sighting in self.known if sighting.state == state)
 
 
-def position_in(body: dict[str, Datum]) -> GroundPoint | None:
-    """East and north of a message's `position`, or None if it has none that can be read."""
-    value = body.get("position")
-    if not isinstance(value, (tuple, list)) or len(value) < 2:
-        return None
-    x, y = value[0], value[1]
-    if isinstance(x, str) or isinstance(y, str) or not (math.isfinite(x) and math.isfinite(y)):
-        return None
-    return float(x), float(y)
-
-
 def confidence_in(body: dict[str, Datum]) -> float:
     """A message's `confidence` in 0..1, or 0.5 if it has none that can be read."""
     value = body.get("confidence")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 from lingjing.plugins.policy import (
     DEAD,
@@ -20,13 +19,14 @@ from lingjing.plugins.policy import (
     Route,
     Vector,
 )
-from lingjing_agents.capability import has_verb, nadir_camera, photo, rated, straight_to
+from lingjing_agents.capability import INSPECT, has_verb, nadir_camera, photo, rated, straight_to
 from lingjing_agents.flight_levels import FlightLevels, crowded, overhead
 from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.reporting import ReportAbility
+from lingjing_agents.oracle.routes import another_way, jams_on, segment
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 ABOVE_M = 40.0
@@ -175,14 +175,25 @@ class InspectionAbility(Ability):
         self._aircraft, self._plan, self._composer, self._inspection = aircraft, plan, composer, inspection
         self._told: set[tuple[str, tuple[Vector, ...]]] = set()
         self._looked: set[tuple[str, int]] = set()
+        self._cleared: set[tuple[int, int]] = set()
         self._sighted = 0
         self._asked = -1
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """What blocks the route, once we are there; that the last waypoint was seen."""
+        """Which waypoints are inspected; what blocks the route, once we are there; that the last waypoint was seen."""
         route = truth.routes.get(self._inspection.asset)
-        if route is None:
-            return []
+        return [] if route is None else self._clear(truth, route) + self._found(truth, route)
+
+    def _clear(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
+        said: list[Outgoing] = []
+        for number in truth.known.inspected.get(self._inspection.name, ()):
+            if (route.number, number) not in self._cleared:
+                self._cleared.add((route.number, number))
+                place: dict[str, Datum] = {"position": route.waypoints[number]}
+                said += self._composer.status(f"{INSPECT}-{number + 1}", "clear", place)
+        return said
+
+    def _found(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
         jam = self._jam(truth, route)
         if jam is not None and (jam.id, route.number) in self._looked:
             self._told.add((jam.id, route.waypoints))
@@ -209,7 +220,7 @@ class InspectionAbility(Ability):
             unseen = end is not None and self._sighted != route.number
             return self._aircraft.photo() if unseen and self._carried() and not truth.known.frames else None
         jam = self._jam(truth, route)
-        if jam is not None and _segment(truth, route, jam) <= place:
+        if jam is not None and segment(truth, route, jam) <= place:
             return self._look_at(truth, jam, route)
         x, y, z = route.waypoints[self._farthest(truth, route, place)]
         return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), z))
@@ -254,23 +265,11 @@ class InspectionAbility(Ability):
         return message.kind if message is not None else ""
 
     def _ask_anew(self, truth: PrivilegedState, route: Route, jam: Entity) -> list[Outgoing]:
-        state = truth.states[jam.id]
-        number = min(_segment(truth, route, jam) + 1, len(route.waypoints))
-        return self._composer.say(
-            self._inspection.replan, {"waypoint": number, "position": state.position, "confidence": 1.0}
-        )
+        return self._composer.say(self._inspection.replan, another_way(truth, route, jam))
 
     def _jam(self, truth: PrivilegedState, route: Route) -> Entity | None:
         """The first thing that blocks the route and has not been told of yet."""
-        found = [
-            entity
-            for entity in self._plan.instance.entities
-            if entity.properties.get("blocks") is True
-            and truth.present(entity.id)
-            and (entity.id, route.waypoints) not in self._told
-            and _off_route(truth, route, entity) <= entity.number_or("radius_m", 0.0)
-        ]
-        return min(found, key=lambda entity: _segment(truth, route, entity), default=None)
+        return next((jam for jam in jams_on(truth, route) if (jam.id, route.waypoints) not in self._told), None)
 
     def _next(self, truth: PrivilegedState, route: Route) -> int | None:
         seen = truth.known.inspected.get(self._inspection.name, ())
@@ -280,7 +279,7 @@ class InspectionAbility(Ability):
         """The last waypoint that a straight flight reaches past all those before it."""
         here, best = truth.place(self._aircraft.body.id), place
         jam = self._jam(truth, route)
-        last = len(route.waypoints) if jam is None else min(len(route.waypoints), _segment(truth, route, jam))
+        last = len(route.waypoints) if jam is None else min(len(route.waypoints), segment(truth, route, jam))
         for candidate in range(place + 1, last):
             end = route.waypoints[candidate][:2]
             passed = route.waypoints[place:candidate]
@@ -327,20 +326,3 @@ def _highest(truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> fl
 
 _REACH_M = 60.0
 _STEEP_M, _CLEAR_M = 10.0, 5.0
-
-
-def _line(truth: PrivilegedState, route: Route) -> list[GroundPoint]:
-    start = truth.plan.entities[route.entity].position[:2] if route.number == 1 else truth.place(route.entity)
-    return [start, *(point[:2] for point in route.waypoints)]
-
-
-def _off_route(truth: PrivilegedState, route: Route, entity: Entity) -> float:
-    here = truth.place(entity.id)
-    return min(distance_to_segment_m(here, a, b) for a, b in pairwise(_line(truth, route)))
-
-
-def _segment(truth: PrivilegedState, route: Route, entity: Entity) -> int:
-    """The place of the waypoint before which an entity stands on a route."""
-    here = truth.place(entity.id)
-    pieces = list(pairwise(_line(truth, route)))
-    return min(range(len(pieces)), key=lambda number: (round(distance_to_segment_m(here, *pieces[number]), 1), number))

@@ -22,13 +22,13 @@ def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> Groun
 
     The goal as well where the mission has a route of the vehicle inspected, or no way is open.
     """
-    jams = tuple(_jams(truth))
+    blocked = tuple(jams(truth))
     inspected = any(one.asset == vehicle for one in truth.plan.instance.inspections)
-    if not jams or inspected or not truth.brief.road_network:
+    if not blocked or inspected or not truth.brief.road_network:
         return goal
     roads = read_road_map(truth.brief.road_network)
     here = truth.place(vehicle)
-    shut = {one.id for one in roads.segments.values() if any(_passes(one, *jam) for jam in jams)}
+    shut = {one.id for one in roads.segments.values() if any(_passes(one, *jam) for jam in blocked)}
     last = roads.nearest(goal)
     shut.discard(last.segment if last else "")  # a jam on the goal's own stretch may lie behind it
     if _is_open(roads, here, goal, shut):
@@ -40,7 +40,7 @@ def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> Groun
     return next((place for place in places if _is_open(roads, here, place, shut)), goal)
 
 
-def _jams(truth: PrivilegedState) -> Iterator[tuple[GroundPoint, float]]:
+def jams(truth: PrivilegedState) -> Iterator[tuple[GroundPoint, float]]:
     """Where the roads are blocked, and how far around."""
     for entity in truth.plan.instance.entities:
         if entity.properties.get("blocks") and truth.present(entity.id):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, Outgoing
+import math
+
+from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, InspectionSpec, Outgoing, Vector
 from lingjing.plugins.tasks import Task
+from lingjing_agents.capability import INSPECT
+from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.detours import jams
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
+from lingjing_agents.oracle.routes import another_way, jams_on
 
 
 class HubAbility(Ability):
@@ -17,12 +23,13 @@ class HubAbility(Ability):
         self._roles = {peer.id: peer.role for peer in brief.peers}
         self._ordered: set[tuple[str, str]] = set()
         self._routes: dict[str, int] = {}
+        self._asked: set[tuple[str, tuple[Vector, ...]]] = set()
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
         """Orders and what is passed on."""
         messages: list[Outgoing] = []
         for message in truth.inbox.messages:
-            messages += self._pass_on(message, truth)
+            messages += self._pass_on(message, truth) + self._another_way(message, truth)
         return messages + self._cells(truth) + self._inspections(truth) + self._tasks(truth)
 
     def _pass_on(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
@@ -37,9 +44,27 @@ class HubAbility(Ability):
                 continue
             if self._composer.kind(message.kind) is not None:
                 said += self._composer.say(message.kind, message.body, to)
-            elif "position" in message.body:
+            elif (place := position_in(message.body)) is not None and not _blocked(truth, place):
                 said += self._order_there(message, to)
         return said
+
+    def _another_way(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
+        """A request for another route, where an inspector tells of what blocks this one and has not asked itself."""
+        said: list[Outgoing] = []
+        for inspection in self._plan.instance.inspections:
+            route, place = truth.routes.get(inspection.asset), position_in(message.body)
+            if route is None or place is None or message.sender not in self._inspectors(inspection):
+                continue
+            for jam in jams_on(truth, route):
+                near = math.dist(truth.place(jam.id), place) <= inspection.within_m + jam.number_or("radius_m", 0.0)
+                if near and (jam.id, route.waypoints) not in self._asked:
+                    self._asked.add((jam.id, route.waypoints))
+                    said += self._composer.say(inspection.replan, another_way(truth, route, jam))
+        return said
+
+    def _inspectors(self, inspection: InspectionSpec) -> list[str]:
+        owners = [self._plan.owners[name].id for name in inspection.by]
+        return [agent for agent in owners if agent in self._roles]
 
     def _order_there(self, message: Envelope, to: tuple[str, ...]) -> list[Outgoing]:
         body: dict[str, Datum] = {"position": message.body["position"]}
@@ -61,18 +86,18 @@ class HubAbility(Ability):
         return said
 
     def _inspections(self, truth: PrivilegedState) -> list[Outgoing]:
-        """To the inspectors, each new route's first waypoint."""
+        """To the inspectors, the waypoints of each new route that were not inspected yet, all at once."""
         said: list[Outgoing] = []
         for inspection in self._plan.instance.inspections:
             route = truth.routes.get(inspection.asset)
             if route is None or self._routes.get(inspection.name) == route.number:
                 continue
             self._routes[inspection.name] = route.number
-            for name in inspection.by:
-                agent = self._plan.owners[name].id
-                if agent in self._roles:
-                    body: dict[str, Datum] = {"position": route.waypoints[0]}
-                    said += self._composer.order(agent, "inspect", body, (agent,))
+            seen = truth.known.inspected.get(inspection.name, ())
+            for agent in self._inspectors(inspection):
+                for number, waypoint in enumerate(route.waypoints):
+                    if number not in seen:
+                        said += self._composer.order(agent, INSPECT, {"position": waypoint}, (agent,))
         return said
 
     def _tasks(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -98,6 +123,11 @@ class HubAbility(Ability):
         if not able:
             return ""
         return self._plan.owners[min(able, key=lambda name: truth.distance(name, task.target))].id
+
+
+def _blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
+    """Whether something stands at a place that lets nobody pass: nobody is to go there."""
+    return any(math.dist(jam, place) <= radius_m for jam, radius_m in jams(truth))
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:

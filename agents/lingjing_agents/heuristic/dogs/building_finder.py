@@ -26,11 +26,11 @@ from lingjing.plugins.policy import (
     Resource,
 )
 from lingjing_agents.capability import photo
-from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, position_in
 from lingjing_agents.heuristic.dogs.movement import DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.facades import FacadeColumn, WallColour, find_facades, look_of, skyline
 from lingjing_agents.perception.images import FloatArray

@@ -26,12 +26,12 @@ from lingjing.plugins.policy import (
     Resource,
 )
 from lingjing_agents.capability import centimetres, compose, may_send, natural, photo, sighting
-from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between, position_in
 from lingjing_agents.heuristic.dogs.known_fires import CLOSER, KnownFire, KnownFires
 from lingjing_agents.heuristic.dogs.movement import DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import TrainedDetectors
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead, fires_in_boxes

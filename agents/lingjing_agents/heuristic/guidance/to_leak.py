@@ -30,9 +30,9 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.capability import centimetres, compose, fly, may_send, nadir_camera, photo, rated, sends, sighting
 from lingjing_agents.flight_levels import FlightLevels
-from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice, position_in
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.depth_points import close_what_stands, heights
