@@ -7,11 +7,11 @@ the engine for other ways, that is the way around; for other vehicles it is work
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from lingjing.plugins.roads import RoadMap, RoadSegment, read_road_map
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.privileged_state import PrivilegedState
+from lingjing_agents.oracle.routes import jams
 
 CLEAR_M = 3.0
 """How far from the rim of a jam a way passes it at least: half a lane, and a little."""
@@ -22,7 +22,7 @@ def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> Groun
 
     The goal as well where the mission has a route of the vehicle inspected, or no way is open.
     """
-    blocked = tuple(jams(truth))
+    blocked = [(truth.place(jam.id), jam.number_or("radius_m", 0.0)) for jam in jams(truth)]
     inspected = any(one.asset == vehicle for one in truth.plan.instance.inspections)
     if not blocked or inspected or not truth.brief.road_network:
         return goal
@@ -38,14 +38,6 @@ def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> Groun
         return goal
     places = (_middle(roads.segments[name]) for name in reversed(way.segments[1:]))
     return next((place for place in places if _is_open(roads, here, place, shut)), goal)
-
-
-def jams(truth: PrivilegedState) -> Iterator[tuple[GroundPoint, float]]:
-    """Where the roads are blocked, and how far around."""
-    for entity in truth.plan.instance.entities:
-        if entity.properties.get("blocks") and truth.present(entity.id):
-            radius = entity.properties.get("radius_m", 0.0)
-            yield truth.place(entity.id), float(radius) if isinstance(radius, int | float) else 0.0
 
 
 def _is_open(roads: RoadMap, here: GroundPoint, there: GroundPoint, shut: set[str]) -> bool:

@@ -10,9 +10,8 @@ from lingjing_agents.capability import INSPECT
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
-from lingjing_agents.oracle.detours import jams
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.routes import another_way, jams_on
+from lingjing_agents.oracle.routes import another_way, jams, jams_on
 
 
 class HubAbility(Ability):
@@ -127,7 +126,7 @@ class HubAbility(Ability):
 
 def _blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
     """Whether something stands at a place that lets nobody pass: nobody is to go there."""
-    return any(math.dist(jam, place) <= radius_m for jam, radius_m in jams(truth))
+    return any(math.dist(truth.place(jam.id), place) <= jam.number_or("radius_m", 0.0) for jam in jams(truth))
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:

@@ -1,4 +1,4 @@
-"""What stands on the route of a vehicle that is inspected, as the truth has it."""
+"""What lets nobody pass, and where it stands on the route of a vehicle that is inspected, as the truth has it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.privileged_state import PrivilegedState
 
 
+def jams(truth: PrivilegedState) -> list[Entity]:
+    """What is there and lets nobody pass."""
+    entities = truth.plan.instance.entities
+    return [entity for entity in entities if entity.properties.get("blocks") is True and truth.present(entity.id)]
+
+
 def jams_on(truth: PrivilegedState, route: Route) -> list[Entity]:
     """What blocks a route, in the order in which it comes to it."""
-    found = [
-        entity
-        for entity in truth.plan.instance.entities
-        if entity.properties.get("blocks") is True
-        and truth.present(entity.id)
-        and off_route(truth, route, entity) <= entity.number_or("radius_m", 0.0)
-    ]
+    found = [jam for jam in jams(truth) if off_route(truth, route, jam) <= jam.number_or("radius_m", 0.0)]
     return sorted(found, key=lambda entity: segment(truth, route, entity))
 
 
