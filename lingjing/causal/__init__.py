@@ -10,8 +10,9 @@
   each picture once (`branch_pictures`, `picture_memory`)
 - `branching` one branch, in a fork; `branch_process` holds boundaries and forks, as `branch_queue` has it, so many at a
   time and some ahead ← `branch_host`, its caller's end
-- `blame`     the search for what repairs ← `beginnings` (from where), `narrowing` (when), `shapley` (shares),
-  `placebos` (luck); `message_value` what was worth saying
+- `blame`     the search for what repairs: `repairing_sets` (which; of `departures`, from `beginnings` on, within a
+  `branch_budget`), `narrowing` (when), `shapley` (shares), `placebos` (luck)
+- `message_value`  what was worth saying
 - `result_texts`   all of that in words; `processor_time` what a process has cost
 - `lookback`  pictures that no agent asked for, drawn from the states that a trace holds
 """

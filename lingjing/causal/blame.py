@@ -1,49 +1,39 @@
 """`blame`: what would have had to be different for a lost episode to be won, found by branches of it.
 
-The search goes from coarse to fine. A null fork must be the episode itself. Then each (faculty, agent) pair in which an
-agent departed from its reference is replaced from its first departure on, alone, and from a few later ones where that
-loses and the agent has ways of its own. Where none repairs, all are at once. If that does not win either, what agents
-then get wrong that they never came to before, or earlier than before, is replaced too, until it wins or nothing new
-shows; and if it never wins, all of it from later on. Then smaller and smaller sets are tried (delta debugging; Zeller
-and Hildebrandt 2002), and all sets of two. What repairs is narrowed to the smallest window of boundaries that still
-does, by bisection over the boundaries at which something was replaced.
-Shares are Shapley values of the game "which replaced
-pairs win": exact for few players, else by sampled permutations (Castro, Gómez and Tejada 2009) from named streams.
-Placebos say how often a branch wins that has no right to: one record replaced by itself, a destination moved by a few
-metres, a pair that no repair contains replaced from somewhere on.
+A null fork must be the episode itself. Then the smallest sets are looked for that repair it (`repairing_sets`). What
+repairs is narrowed to the smallest window of boundaries that still does, by bisection over the boundaries at which
+something was replaced. Shares are Shapley values of the game "which replaced pairs win": exact for few players, else by
+sampled permutations (Castro, Gómez and Tejada 2009) from named streams. Placebos say how often a branch wins that has
+no right to: one record replaced by itself, a destination moved by a few metres, a pair that no repair contains replaced
+from somewhere on.
 
 All branches of a trace are played under common random numbers: what a branch does not change draws what it drew.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
-from typing import cast
+from collections.abc import Mapping, Sequence
 
 import msgspec
 from msgspec.structs import replace
 
-from lingjing.causal.beginnings import LATER, later_beginnings, rows_of
+from lingjing.causal.branch_budget import BranchBudget
 from lingjing.causal.branch_host import BranchHost, HostProgress
-from lingjing.causal.branching import BranchResult, NullFork, failed_answers, own_failures
-from lingjing.causal.delta_debugging import minimize
+from lingjing.causal.branching import BranchResult, NullFork
+from lingjing.causal.departures import Departures
 from lingjing.causal.interventions import BranchPlan
-from lingjing.causal.narrowing import Narrowing, ReplacedSpan, ReplacedTicks, Windows
+from lingjing.causal.narrowing import Narrowing, ReplacedSpan, ReplacedTicks
 from lingjing.causal.placebos import PlaceboKind, Placebos, judged_placebos, placebo_plans
 from lingjing.causal.redriven import BranchOptions
+from lingjing.causal.repairing_sets import RepairingSets
 from lingjing.causal.shapley import AgentFaculty, Share, coalitions, shapley_shares
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import CUT_SHORT, Faculty, Substitution
+from lingjing.trace.records import CUT_SHORT, Faculty
 
 EXACT_PLAYERS = 4
 NARROWED = 3
 """So many repairs are narrowed, those that replace least first."""
-
-MOST_PAIRS = 45
-"""So many sets of two are tried: all of ten faculties of agents."""
 
 
 class BlameOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -158,212 +148,67 @@ def _least_and_earliest(repair: Repair) -> tuple[bool, bool, int, int, int]:
 
 
 class _Search:
-    """One search; `_played` remembers what came of each plan that replaces pairs from somewhere on to the end."""
+    """One search."""
 
     def __init__(self, host: BranchHost, options: BlameOptions) -> None:
         self._host = host
         self._options = options
-        self._played: dict[BranchPlan, BranchResult] = {}
-        self._departures: dict[AgentFaculty, tuple[int, ...]] = {}
-        """Those of the trace, and those that show only in branches."""
-        self._in_trace: dict[AgentFaculty, tuple[int, ...]] = {}
-        self._since: dict[AgentFaculty, int] = {}
-        """From where pairs are replaced that are not from their first departure on: those that depart earlier, or at
-        all, only where others are replaced, and those that repair from later on."""
-        self._masked: set[AgentFaculty] = set()
-        """Those of them that depart nowhere in the trace."""
-        self._short = False
-        self._unanswered: Counter[str] = Counter()
-        self._own_failures = own_failures(host.trace)
+        self._branches = BranchBudget(host, options.branches)
+        agents = [agent.id for agent in host.trace.header.instance.agents]
+        departed = host.departures()  # what agreed is known after it
+        self._departures = Departures(departed, host.agreements, agents)
 
     def run(self, told: Blame) -> Blame:
         """The whole search."""
-        self._departures = dict(sorted(self._host.departures().items(), key=self._order))  # type: ignore[arg-type]
-        self._in_trace = dict(self._departures)
-        alone = [self._plan((pair,)) for pair in self._departures][: max(0, self._left - 1)]
-        (null,) = self._play([BranchPlan(at=0)], "null fork", ahead=alone)
-        told = replace(told, null=NullFork.of(null), departed=len(self._departures), complete=False)
+        branches, departures = self._branches, self._departures
+        alone = [departures.plan((pair,)) for pair in departures.pairs][: max(0, branches.left - 1)]
+        (null,) = branches.play([BranchPlan(at=0)], "null fork", ahead=alone)
+        told = replace(told, null=NullFork.of(null), departed=len(departures.pairs), complete=False)
         if null.differs is None:
-            sets, complete = self._smallest()
-            told = replace(told, tried=len(self._played))
+            sets, complete = RepairingSets(branches, departures).smallest()
+            told = replace(told, tried=branches.kept)
             repairs = self._narrowed(sets)
             shares = self._shares(sets) if sets and self._options.shares else ()
             told = replace(told, repairs=repairs, complete=complete, shares=shares, placebos=self._placebos(sets))
         return replace(
             told,
             branches=self._host.played,
-            exhausted=self._short,
-            unanswered=dict(sorted(self._unanswered.items())),
+            exhausted=branches.short,
+            unanswered=dict(sorted(branches.unanswered.items())),
             cpu_s=self._host.cpu_s + self._host.unused_s,
             driven_s=self._host.driven_s,
             pictures=self._host.pictures,
             camera_s=self._host.camera_s,
         )
 
-    # -- branches
-
-    @property
-    def _left(self) -> int:
-        return max(0, self._options.branches - self._host.played)
-
-    def _play(
-        self, plans: Sequence[BranchPlan], what: str, ahead: Sequence[BranchPlan] = ()
-    ) -> tuple[BranchResult, ...]:
-        results = self._host.play(plans, what, ahead)
-        self._unanswered.update(failed_answers(results, self._own_failures))
-        return results
-
-    def _try(self, sets: Iterable[frozenset[AgentFaculty]], what: str) -> list[bool]:
-        """Whether replacing each set wins, as far as the budget goes; what is not tried counts as lost."""
-        plans = [self._plan(one) for one in sets]
-        new = [plan for plan in dict.fromkeys(plans) if plan not in self._played]
-        within = new[: self._left]
-        self._short |= len(within) < len(new)
-        self._played |= zip(within, self._play(within, what), strict=True)
-        return [plan in self._played and self._played[plan].success for plan in plans]
-
     def _branch(self, pairs: frozenset[AgentFaculty]) -> BranchResult | None:
         """The branch in which just these were replaced; None if it was not played."""
-        return self._played.get(self._plan(pairs))
-
-    def _plan(self, pairs: Iterable[AgentFaculty], windows: Windows = ()) -> BranchPlan:
-        """The pairs replaced, each in its window or from where it is to be replaced."""
-        narrow = {pair: (first, last) for pair, first, last in windows}
-        spans = {pair: narrow.get(pair, (self._start(pair), None)) for pair in pairs}
-        return BranchPlan(
-            at=min(first for first, _ in spans.values()),
-            substitutions=tuple(
-                Substitution(faculty=pair[0], agent=pair[1], first=spans[pair][0], last=spans[pair][1])
-                for pair in self._departures
-                if pair in spans
-            ),
-        )
-
-    def _start(self, pair: AgentFaculty) -> int:
-        """From where a pair is replaced that is to the end."""
-        return self._since.get(pair, self._departures[pair][0])
-
-    def _order(self, item: tuple[tuple[str, str], tuple[int, ...]]) -> tuple[int, int, str]:
-        """By first departure, then the agents' order."""
-        agents = [agent.id for agent in self._host.trace.header.instance.agents]
-        return item[1][0], agents.index(item[0][1]), item[0][0]
-
-    # -- what repairs
-
-    def _smallest(self) -> tuple[list[frozenset[AgentFaculty]], bool]:
-        """All repairing sets of the smallest size, and whether all sets of that size were tried."""
-        if found := self._alone() + self._alone_later():
-            return found, not self._short
-        if not self._departures or not self._all_repair():
-            return [], not self._short
-        if found := self._alone():
-            return found, not self._short
-        pairs = list(self._departures)
-        one = self._reduced(pairs)
-        every_two = [frozenset(two) for two in combinations(pairs, 2) if not self._masked >= set(two)]
-        twos = every_two[:MOST_PAIRS]
-        found = [two for two, won in zip(twos, self._try(twos, "two at a time"), strict=True) if won]
-        every = not self._short and len(twos) == len(every_two)
-        if found:
-            return found, every
-        return [one], every and len(one) <= 2
-
-    def _alone(self) -> list[frozenset[AgentFaculty]]:
-        """The pairs of the trace that repair alone."""
-        singles = [frozenset((pair,)) for pair in self._departures if pair not in self._masked]
-        return [one for one, won in zip(singles, self._try(singles, "one at a time"), strict=True) if won]
-
-    def _alone_later(self) -> list[frozenset[AgentFaculty]]:
-        """The pairs that repair alone from a later departure on. Half of the branches that are left may be spent on it;
-        an agent that decided as its reference before has nothing that replacing it from its first departure spoils."""
-        begins = {
-            pair: self._later_beginnings(pair)
-            for pair in self._departures
-            if (branch := self._branch(frozenset((pair,)))) and not branch.success
-            if not self._right_at_first(pair[1])
-        }
-        found: list[frozenset[AgentFaculty]] = []
-        room = self._left // 2
-        for turn in range(LATER):
-            asked = [(pair, ticks[turn]) for pair, ticks in begins.items() if turn < len(ticks)]
-            within = asked[:room]
-            self._short |= len(within) < len(asked)
-            room -= len(within)
-            plans = [self._plan((pair,), ((pair, tick, None),)) for pair, tick in within]
-            results = self._play(plans, "later beginnings")
-            self._played |= zip(plans, results, strict=True)
-            for (pair, tick), result in zip(within, results, strict=True):
-                if result.success:
-                    self._since[pair] = tick
-                    found += [frozenset((pair,))]
-                    del begins[pair]
-        return found
-
-    def _all_repair(self) -> bool:
-        """Whether replacing everything wins, from the first departure of all on or from a later one of some pair."""
-        later = sorted({tick for pair in self._departures for tick in self._later_beginnings(pair)[:1]})
-        if self._all_repair_from(min(ticks[0] for ticks in self._departures.values())):
-            return True
-        for begin in later[:LATER]:
-            self._since = dict.fromkeys(self._departures, begin)
-            if self._all_repair_from(begin):
-                return True
-        return False
-
-    def _later_beginnings(self, pair: AgentFaculty) -> list[int]:
-        return later_beginnings(self._departures[pair], self._agreed(pair))
-
-    def _all_repair_from(self, begin: int) -> bool:
-        """Whether replacing everything wins. Where it does not, what shows only then is added to what there is, and it
-        is tried again."""
-        while self._left:
-            plan = self._plan(self._departures)
-            (result,) = self._play([replace(plan, watch=True)], "all at once")
-            self._played[plan] = result
-            shown: dict[AgentFaculty, list[int]] = {}
-            for part in result.departed:
-                shown.setdefault((cast("Faculty", part.faculty), part.agent), []).append(part.boundary)
-            if result.success or not shown:
-                return result.success
-            self._since |= dict.fromkeys(shown, begin)
-            self._masked |= shown.keys() - self._departures.keys()
-            for pair, ticks in shown.items():
-                self._departures[pair] = tuple(sorted({*ticks, *self._departures.get(pair, ())}))
-        self._short = True
-        return False
-
-    def _reduced(self, pairs: Sequence[AgentFaculty]) -> frozenset[AgentFaculty]:
-        """A set that repairs and of which no pair can be left out."""
-
-        def first_repairing(candidates: Sequence[tuple[AgentFaculty, ...]]) -> int | None:
-            won = self._try([frozenset(one) for one in candidates if one], "fewer at a time")
-            return next((number for number, good in enumerate(won) if good), None)
-
-        return frozenset(minimize(pairs, first_repairing))
+        return self._branches.result(self._departures.plan(pairs))
 
     # -- when
 
     def _narrowed(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Repair, ...]:
         """The repairs, with the windows of the first of them; all of these are narrowed beside each other."""
+        branches, departures = self._branches, self._departures
         found = {one: branch for one in sets if (branch := self._branch(one))}
-        ranked = sorted(found, key=lambda one: (any(map(self._is_late, one)), len(found[one].replaced)))
+        ranked = sorted(found, key=lambda one: (any(map(departures.is_late, one)), len(found[one].replaced)))
         replaced = [self._ticks(one, found[one]) for one in ranked]
         narrowings = [Narrowing(self._begins(ticks), ticks) for ticks in replaced[:NARROWED]]
-        spans = [{pair: ReplacedSpan(self._start(pair), ticks[pair]) for pair in ticks} for ticks in replaced]
+        spans = [{pair: ReplacedSpan(departures.start(pair), ticks[pair]) for pair in ticks} for ticks in replaced]
         best = [found[one] for one in ranked]
         cut: set[int] = set()
         while asked := [(number, one) for number, search in enumerate(narrowings) if (one := search.question())]:
-            plans = [self._plan(ranked[number], one) for number, one in asked][: self._left]
-            ahead = [*self._later(sets), *(self._plan(ranked[number], further) for number, _ in asked
+            plans = [departures.plan(ranked[number], one) for number, one in asked][: branches.left]
+            ahead = [*self._later(sets), *(departures.plan(ranked[number], further) for number, _ in asked
                                            for further in narrowings[number].guesses())]  # fmt: skip
-            played = self._play(plans, "which boundaries", ahead)
+            played = branches.play(plans, "which boundaries", ahead)
             cut.update(number for number, _ in asked[len(plans) :])
             for place, (number, one) in enumerate(asked):
                 won = place < len(played) and played[place].success
                 if won:
                     best[number] = played[place]  # the last one that wins is that of the smallest windows
                 narrowings[number].answer(one, self._ticks(ranked[number], played[place]) if won else None)
-        self._short |= bool(cut)
+        branches.short |= bool(cut)
         spans[:NARROWED] = [search.spans() for search in narrowings]
         repairs = [
             self._repair(spans[number], best[number], narrowed=number < NARROWED and number not in cut)
@@ -375,7 +220,7 @@ class _Search:
         """The boundaries at which a branch replaced something of each pair of a repair."""
         return {
             pair: [part.boundary for part in branch.replaced if (part.faculty, part.agent) == pair]
-            for pair in self._departures
+            for pair in self._departures.pairs
             if pair in pairs
         }
 
@@ -384,7 +229,10 @@ class _Search:
         several what the branch replaced, for one may depart only where another is replaced."""
         begins: dict[AgentFaculty, list[int]] = {}
         for pair, ticks in replaced.items():
-            start, departed = self._start(pair), ticks if len(replaced) > 1 else self._from(pair)
+            start, departed = (
+                self._departures.start(pair),
+                ticks if len(replaced) > 1 else self._departures.from_start(pair),
+            )
             begins[pair] = [start, *(tick for tick in departed if tick > start)]
         return begins
 
@@ -392,61 +240,34 @@ class _Search:
         causes = tuple(self._cause(pair, span) for pair, span in spans.items())
         return Repair(causes=causes, score=branch.score, ticks=branch.ticks, narrowed=narrowed)
 
+    def _cause(self, pair: AgentFaculty, span: ReplacedSpan) -> Cause:
+        departures, ticks = self._departures, span.replaced
+        return Cause(
+            agent=pair[1],
+            faculty=pair[0],
+            boundary=departures.began(pair, ticks[0] if ticks else departures.pairs[pair][0]),
+            first=span.first,
+            last=ticks[-1] if ticks else span.first,
+            replaced=len(ticks),
+            rows=departures.rows(pair),
+            late=departures.is_late(pair),
+            masked=pair in departures.masked,
+        )
+
     def _later(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[BranchPlan]:
         """What shares and placebos are going to need, whatever narrowing finds."""
         players = self._players(sets)
         wanted = coalitions(players) if self._options.shares and len(players) <= EXACT_PLAYERS else []
-        plans = [self._plan(one) for one in wanted if one]
-        return plans + [plan for some in self._placebo_plans(sets, self._left).values() for plan in some]
-
-    def _cause(self, pair: AgentFaculty, span: ReplacedSpan) -> Cause:
-        faculty, agent = pair
-        onset, ticks = self._departures[pair][0], span.replaced
-        return Cause(
-            agent=agent,
-            faculty=faculty,
-            boundary=onset if self._right_until(agent, onset) else self._begun(pair, ticks[0] if ticks else onset),
-            first=span.first,
-            last=ticks[-1] if ticks else span.first,
-            replaced=len(ticks),
-            rows=len(rows_of(self._departures[pair], self._agreed(pair))),
-            late=self._is_late(pair),
-            masked=pair in self._masked,
-        )
-
-    def _right_until(self, agent: str, onset: int) -> bool:
-        """Whether an agent decided something right before a boundary, and nothing else."""
-        departed = (ticks[0] for (_, who), ticks in self._departures.items() if who == agent)
-        return min(departed) == onset and self._right_at_first(agent)
-
-    def _right_at_first(self, agent: str) -> bool:
-        """Whether the first thing that an agent decided was right."""
-        departed = min(ticks[0] for (_, who), ticks in self._departures.items() if who == agent)
-        return any(who == agent and ticks[0] < departed for (_, who), ticks in self._host.agreements.items())
-
-    def _begun(self, pair: AgentFaculty, first: int) -> int:
-        """Where the departures of a pair begin that lead up to a boundary, with none right in between."""
-        right = max((tick for tick in self._agreed(pair) if tick < first), default=-1)
-        return min((tick for tick in self._from(pair) if right < tick <= first), default=first)
-
-    def _agreed(self, pair: AgentFaculty) -> tuple[int, ...]:
-        """Where a pair agreed with its reference; what shows only where others are replaced was never compared."""
-        return () if pair in self._masked else self._host.agreements.get((pair[0], pair[1]), ())
-
-    def _is_late(self, pair: AgentFaculty) -> bool:
-        """Whether a pair is replaced from later than its first departure on."""
-        return self._since.get(pair, 0) > self._departures[pair][0]
-
-    def _from(self, pair: AgentFaculty) -> list[int]:
-        """The departures of a pair from where it is to be replaced."""
-        return [tick for tick in self._departures[pair] if tick >= self._start(pair)]
+        plans = [self._departures.plan(one) for one in wanted if one]
+        return plans + [plan for some in self._placebo_plans(sets, self._branches.left).values() for plan in some]
 
     # -- how much, and by luck
 
     def _players(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[AgentFaculty]:
         """Whose shares are told: the pairs of repairs, and a few others."""
-        involved = list(dict.fromkeys(pair for pair in self._departures if any(pair in one for one in sets)))
-        others = [pair for pair in self._departures if pair not in involved]
+        pairs = list(self._departures.pairs)
+        involved = [pair for pair in pairs if any(pair in one for one in sets)]
+        others = [pair for pair in pairs if pair not in involved]
         return involved[: 2 * EXACT_PLAYERS] + others[: max(0, EXACT_PLAYERS - 1 - len(involved))]
 
     def _shares(self, sets: Sequence[frozenset[AgentFaculty]]) -> tuple[Share, ...]:
@@ -455,19 +276,19 @@ class _Search:
 
     def _values(self, sets: Sequence[frozenset[AgentFaculty]]) -> list[float | None]:
         """1 for a set that wins, 0 for one that loses, None for one that the budget does not reach."""
-        empty: frozenset[AgentFaculty] = frozenset()
-        self._try([one for one in sets if one != empty], "shares")
-        branches = {one: self._branch(one) for one in sets if one != empty}
-        return [0.0 if one == empty else float(told.success) if (told := branches[one]) else None for one in sets]
+        some = [one for one in sets if one]
+        self._branches.won([self._departures.plan(one) for one in some], "shares")
+        branches = {one: self._branch(one) for one in some}
+        return [(float(told.success) if (told := branches[one]) else None) if one else 0.0 for one in sets]
 
     def _placebos(self, sets: Sequence[frozenset[AgentFaculty]]) -> Placebos:
-        plans = self._placebo_plans(sets, self._left)
+        plans = self._placebo_plans(sets, self._branches.left)
         wanted = self._placebo_plans(sets, self._options.placebos)
-        self._short |= sum(map(len, plans.values())) < sum(map(len, wanted.values()))
-        return judged_placebos(plans, self._play([plan for some in plans.values() for plan in some], "placebos"))
+        self._branches.short |= sum(map(len, plans.values())) < sum(map(len, wanted.values()))
+        return judged_placebos(plans, self._branches.play([one for some in plans.values() for one in some], "placebos"))
 
     def _placebo_plans(self, sets: Sequence[frozenset[AgentFaculty]], most: int) -> dict[PlaceboKind, list[BranchPlan]]:
         """As many as were asked for and there are places for, `most` at most."""
         involved = {pair for one in sets for pair in one}
-        innocent = {pair: ticks for pair, ticks in self._in_trace.items() if pair not in involved}
+        innocent = {pair: ticks for pair, ticks in self._departures.in_trace.items() if pair not in involved}
         return placebo_plans(self._host.trace, innocent, min(self._options.placebos, most), self._options.seed)
