@@ -62,8 +62,8 @@ class HubAbility(Ability):
         return said
 
     def _inspectors(self, inspection: InspectionSpec) -> list[str]:
-        owners = [self._plan.owners[name].id for name in inspection.by]
-        return [agent for agent in owners if agent in self._roles]
+        owners = [self._plan.owners[name].id for name in inspection.by if name in self._plan.owners]
+        return [agent for agent in dict.fromkeys(owners) if agent in self._roles]
 
     def _order_there(self, message: Envelope, to: tuple[str, ...]) -> list[Outgoing]:
         body: dict[str, Datum] = {"position": message.body["position"]}

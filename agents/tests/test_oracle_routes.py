@@ -1,0 +1,99 @@
+"""How oracles share the inspection of a route: who is ordered what, who asks anew, and who waits."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from lingjing_agents.oracle.policy import OraclePolicy
+
+import lingjing
+from lingjing.kernel.visibility import Projector
+from lingjing.mission.instance import Vector
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.policy import BodyState, Decision, Envelope, Inbox, Observation, Privileged, Route
+
+MISSION = """ljs 1
+use std.air { quadrotor }
+use std.ground { car }
+use std.messages { assignment, status, trafficJam }
+use std.traffic { congestion, destination }
+target heap { engine = city, on = road, look = congestion, blocks = true }
+
+mission convoy "A route that two may inspect" {
+  goal "Bring the car to its destination."
+  scene commercial { extent = 1000 m, blocks = 5 by 5, height = 9 m..40 m, traffic = 0 }
+  clock { tick = 20 s, sync = 500 ms }
+  budget { ticks <= 40 }
+  mode star in { star, broadcast }
+  param lost = 0 in 0..60
+  target goal_place : destination { position = (330 m, -2 m) }
+  target jam : congestion { hidden position = (177 m, -2 m) }
+  asset uav[1..2] : quadrotor { position = at(i, [(-120 m, -220 m, 1 m)], spread 12 m), band = 40 m..120 m }
+  asset van : car { position = (-120 m, -202 m), heading = 90 deg, actions { setDestination, stop } }
+  agent coordinator as coordinator { observes van.*, events }
+  agent inspector as inspector controls uav[1] { observes uav[1].*, events }
+  agent driver as driver controls van { observes van.*, events }
+  message jammed : trafficJam from coordinator, inspector to all
+  message order : assignment from coordinator to inspector, driver
+  message progress : status from inspector, driver to coordinator
+  comms { hub = coordinator when mode == star, delay = 1 tick, payload <= 4 kB, loss = lost * 1 % }
+  inspection check of van by uav { destination = goal_place, within = 25 m, order = strict, replan = jammed }
+  unlock arrive(d: goal_place) when inspected(check) and clear(check)
+  stage execute { done when emitted(arrive, goal_place) }
+  relation information_handoff inspector -> driver carries jammed
+  success when emitted(arrive, goal_place)
+}
+"""
+
+WAYPOINTS: tuple[Vector, ...] = ((-11.6, -201.7, 0.0), (5.0, -11.6, 0.0), (162.5, -5.0, 0.0), (330.0, -5.0, 0.0))
+FREE: tuple[Vector, ...] = (*WAYPOINTS[:2], (0.0, 200.0, 0.0), (330.0, 200.0, 0.0))
+
+
+class Mind:
+    """One agent's oracle before a truth that is made by hand."""
+
+    def __init__(self, folder: Path, agent: str, mission: str = MISSION, mode: str = "star", lost: float = 0.0) -> None:
+        file = folder / "convoy.ljs"
+        file.write_text(mission)
+        self._instance = instantiate(lingjing.compile(file), seed=1, mode=mode, settings={"lost": lost})
+        spec = next(one for one in self._instance.agents if one.id == agent)
+        self._agent, self._policy = agent, OraclePolicy()
+        asyncio.run(self._policy.reset(Projector(self._instance).brief(spec, ())))
+
+    def act(
+        self, tick: int, route: int = 1, waypoints: tuple[Vector, ...] = WAYPOINTS, seen: int = 0, *heard: Envelope
+    ) -> Decision:
+        """What it decides at a boundary at which so many waypoints of the route were inspected."""
+        truth = Privileged(
+            instance=self._instance,
+            states=tuple(BodyState(id=one.id, position=one.position) for one in self._instance.entities),
+            frames=(), achieved=(),
+            routes=(Route(entity="van", number=route, waypoints=waypoints, length_m=1.0, duration_s=1.0, time_s=0.0),),
+            inspected={"check": tuple(range(seen))},
+        )  # fmt: skip
+        observed = Observation(agent=self._agent, tick=tick, time_s=20.0 * tick, privileged=truth)
+        return asyncio.run(self._policy.act(observed, Inbox(messages=heard)))
+
+    def orders(self, tick: int, route: int = 1, waypoints: tuple[Vector, ...] = WAYPOINTS, seen: int = 0) -> list[str]:
+        """Whom it orders to do what."""
+        said = self.act(tick, route, waypoints, seen).messages
+        return [f"{one.body['assignee']} {one.body['task']}" for one in said if one.kind == "order"]
+
+
+def told(kind: str, **body: str | float | Vector) -> Envelope:
+    return Envelope(
+        id="m1", tick=1, sender="inspector", recipient="coordinator", kind=kind, category="target_status",
+        body=body, bytes=90, deliver_at=2,
+    )  # fmt: skip
+
+
+INSPECTION = ["inspector inspect"] * len(WAYPOINTS)
+
+
+@pytest.mark.parametrize("mode", ["star"])
+def test_whoever_leads_orders_each_inspector_that_somebody_controls(mode: str, tmp_path: Path):
+    hub = Mind(tmp_path, "coordinator", mode=mode)
+    for orders, number in ((hub.orders(2), 4), (hub.orders(3, seen=1), 0), (hub.orders(4, 2, FREE, seen=2), 2)):
+        assert [order for order in orders if "inspect" in order] == ["inspector inspect"] * number
