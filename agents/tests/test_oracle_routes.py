@@ -97,3 +97,9 @@ def test_whoever_leads_orders_each_inspector_that_somebody_controls(mode: str, t
     hub = Mind(tmp_path, "coordinator", mode=mode)
     for orders, number in ((hub.orders(2), 4), (hub.orders(3, seen=1), 0), (hub.orders(4, 2, FREE, seen=2), 2)):
         assert [order for order in orders if "inspect" in order] == ["inspector inspect"] * number
+
+
+def test_a_request_for_another_route_is_not_asked_again_by_passing_it_on(tmp_path: Path) -> None:
+    hub = Mind(tmp_path, "coordinator")
+    asked = told("jammed", waypoint=3.0, position=(177.0, -2.0, 0.0))
+    assert {one.kind for one in hub.act(2, 2, FREE, 4, asked).messages} == {"order"}

@@ -23,6 +23,7 @@ class HubAbility(Ability):
         self._ordered: set[tuple[str, str]] = set()
         self._routes: dict[str, int] = {}
         self._asked: set[tuple[str, tuple[Vector, ...]]] = set()
+        self._replans = {inspection.replan for inspection in plan.instance.inspections}
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
         """Orders and what is passed on."""
@@ -36,7 +37,7 @@ class HubAbility(Ability):
         said: list[Outgoing] = []
         for relation in self._plan.instance.relations:
             kind = relation.carries or relation.by
-            if kind != message.kind or relation.source != self._roles.get(message.sender):
+            if kind in self._replans or kind != message.kind or relation.source != self._roles.get(message.sender):
                 continue
             to = tuple(name for name, role in self._roles.items() if role == relation.target and name != message.sender)
             if not to:
