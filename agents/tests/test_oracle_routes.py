@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from lingjing_agents.oracle.policy import OraclePolicy
+from lingjing_agents.oracle.routes import PATIENCE_S
 
 import lingjing
 from lingjing.kernel.visibility import Projector
@@ -49,6 +50,8 @@ mission convoy "A route that two may inspect" {
 
 WAYPOINTS: tuple[Vector, ...] = ((-11.6, -201.7, 0.0), (5.0, -11.6, 0.0), (162.5, -5.0, 0.0), (330.0, -5.0, 0.0))
 FREE: tuple[Vector, ...] = (*WAYPOINTS[:2], (0.0, 200.0, 0.0), (330.0, 200.0, 0.0))
+TOO_LONG = round(PATIENCE_S / 20.0)
+"""Ticks after which nobody waits any more."""
 
 
 class Mind:
@@ -103,3 +106,31 @@ def test_a_request_for_another_route_is_not_asked_again_by_passing_it_on(tmp_pat
     hub = Mind(tmp_path, "coordinator")
     asked = told("jammed", waypoint=3.0, position=(177.0, -2.0, 0.0))
     assert {one.kind for one in hub.act(2, 2, FREE, 4, asked).messages} == {"order"}
+
+
+def test_nobody_goes_or_is_sent_into_a_jam_that_another_route_may_avoid(tmp_path: Path) -> None:
+    hub, driver = Mind(tmp_path, "coordinator"), Mind(tmp_path, "driver")
+    assert hub.orders(1) == INSPECTION
+    assert driver.act(1).command is None
+    for tick in (2, 3):
+        assert hub.orders(tick, seen=4) == []
+        assert driver.act(tick, seen=4).command is None
+    assert hub.orders(4, 2, FREE) == [*INSPECTION, "driver arrive"]
+    assert driver.act(4, 2, FREE).command is not None
+
+
+def test_a_jam_that_the_next_route_passes_too_or_that_nothing_is_done_about_keeps_nobody(tmp_path: Path) -> None:
+    for later in ((3, 2, WAYPOINTS), (1 + TOO_LONG, 1, WAYPOINTS)):
+        hub, driver = Mind(tmp_path, "coordinator"), Mind(tmp_path, "driver")
+        assert hub.orders(1) == INSPECTION
+        assert driver.act(1).command is None
+        assert "driver arrive" in hub.orders(*later)
+        assert driver.act(*later).command is not None
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_nothing_forbids_to_go_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
+    file = tmp_path / "convoy.ljs"
+    file.write_text(MISSION)
+    played = lingjing.run(file, policy="oracle", seed=1, out=tmp_path / "run", overview=False)
+    assert (played.reason, played.score) == ("success", 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, InspectionSpec, Outgoing, Vector
 from lingjing.plugins.tasks import Task
@@ -11,7 +12,7 @@ from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.routes import another_way, jams, jams_on
+from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on
 
 
 class HubAbility(Ability):
@@ -24,6 +25,7 @@ class HubAbility(Ability):
         self._routes: dict[str, int] = {}
         self._asked: set[tuple[str, tuple[Vector, ...]]] = set()
         self._replans = {inspection.replan for inspection in plan.instance.inspections}
+        self._watches = {one.asset: RouteWatch(one.asset) for one in plan.instance.inspections}
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
         """Orders and what is passed on."""
@@ -103,21 +105,23 @@ class HubAbility(Ability):
     def _tasks(self, truth: PrivilegedState) -> list[Outgoing]:
         """To whoever deals with a target, as soon as that is permitted and, where it must be, reported."""
         said: list[Outgoing] = []
+        waiting = {vehicle for vehicle, watch in self._watches.items() if watch.is_to_wait(truth)}
         for task in truth.left:
             if task.moves_goods or task.target in truth.unreported:
                 continue
-            name = self._performer(truth, task)
+            name = self._performer(truth, task, waiting)
             if name and (name, task.target) not in self._ordered:
                 self._ordered.add((name, task.target))
                 body: dict[str, Datum] = {"position": truth.states[task.target].position}
                 said += self._composer.order(name, task.name, body, (name,))
         return said
 
-    def _performer(self, truth: PrivilegedState, task: Task) -> str:
+    def _performer(self, truth: PrivilegedState, task: Task, waiting: Collection[str]) -> str:
         able = [
             body.id
             for body in self._plan.able(task)
-            if self._plan.owners[body.id].id in self._roles
+            if body.id not in waiting
+            and self._plan.owners[body.id].id in self._roles
             and not any(truth.forbidden(body.id, verb.name) for verb in body.verbs if verb.name != STOP)
         ]
         if not able:

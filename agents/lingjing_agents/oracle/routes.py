@@ -8,6 +8,9 @@ from lingjing.plugins.policy import Datum, Entity, Route
 from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.privileged_state import PrivilegedState
 
+PATIENCE_TICKS, PATIENCE_S = 5, 200.0
+"""How long a vehicle waits for another route while its inspection does not go on: so many ticks, and so long."""
+
 
 def jams(truth: PrivilegedState) -> list[Entity]:
     """What is there and lets nobody pass."""
@@ -38,6 +41,35 @@ def another_way(truth: PrivilegedState, route: Route, jam: Entity) -> dict[str, 
     """What is said of a jam when another route is asked for because of it."""
     number = min(segment(truth, route, jam) + 1, len(route.waypoints))
     return {"waypoint": number, "position": truth.states[jam.id].position, "confidence": 1.0}
+
+
+class RouteWatch:
+    """Whether a vehicle had better wait: its route is not known yet that is to be inspected, or something blocks it
+    that did not block the one before, so that another may still be asked for. What a new route still passes cannot be
+    avoided."""
+
+    def __init__(self, vehicle: str) -> None:
+        self._vehicle = vehicle
+        self._before: frozenset[str] = frozenset()
+        self._now: frozenset[str] = frozenset()
+        self._state, self._since = (0, 0), 0
+
+    def is_to_wait(self, truth: PrivilegedState) -> bool:
+        """Ask at every boundary: it remembers what blocked earlier routes and when the inspection last went on."""
+        checks = [one for one in truth.plan.instance.inspections if one.asset == self._vehicle and one.replan]
+        route = truth.routes.get(self._vehicle)
+        seen = sum(len(truth.known.inspected.get(one.name, ())) for one in checks)
+        state = (0 if route is None else route.number, seen)
+        if state[0] != self._state[0]:
+            self._before |= self._now
+        if state != self._state:
+            self._state, self._since = state, truth.tick
+        if truth.tick - self._since >= max(PATIENCE_TICKS, PATIENCE_S / truth.brief.tick_s):
+            return False
+        if route is None:
+            return any(one.destination for one in checks)
+        self._now = frozenset(jam.id for jam in jams_on(truth, route)) if checks else frozenset()
+        return not self._now <= self._before
 
 
 def _line(truth: PrivilegedState, route: Route) -> list[GroundPoint]:

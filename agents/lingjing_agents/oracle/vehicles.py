@@ -13,6 +13,7 @@ from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.detours import next_place
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
+from lingjing_agents.oracle.routes import RouteWatch
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 SHORT = 0.6
@@ -34,6 +35,7 @@ class TargetApproach:
         self.resource, self.verb, self._plan = resource, mover(resource), plan
         self._straight = bool(straight_to(resource, "x", "y"))
         self._sent: dict[str, int] = {}
+        self._watch = RouteWatch(resource.id)
 
     def next(self, truth: PrivilegedState) -> tuple[Task, Action | None] | None:
         """The task to go to, and the command that brings the body there; None if nothing is left for it."""
@@ -66,7 +68,8 @@ class TargetApproach:
         here, there = truth.place(self.resource.id), truth.place(task.target)
         stop_m = SHORT * task.within_m if self._straight else 0.0
         reach_m = stop_m + NEAR_M if self._straight else task.within_m - 1.0
-        if math.dist(here, there) <= reach_m or truth.forbidden(self.resource.id, self.verb):
+        waits = self._watch.is_to_wait(truth)
+        if math.dist(here, there) <= reach_m or waits or truth.forbidden(self.resource.id, self.verb):
             return None
         if self._straight:
             east, north = truth.drift(task.target)
