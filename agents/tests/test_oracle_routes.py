@@ -128,6 +128,13 @@ def test_a_jam_that_the_next_route_passes_too_or_that_nothing_is_done_about_keep
         assert driver.act(*later).command is not None
 
 
+def test_a_jam_without_a_radius_blocks_as_far_as_the_engine_lets_it(tmp_path: Path) -> None:
+    heap = MISSION.replace("jam : congestion", "jam : heap")
+    driver = Mind(tmp_path, "driver", heap)
+    assert driver.act(1).command is None
+    assert driver.act(2, 2, FREE).command is not None
+
+
 @pytest.mark.slow
 def test_a_vehicle_that_nothing_forbids_to_go_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
     file = tmp_path / "convoy.ljs"

@@ -12,7 +12,7 @@ from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on
+from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on, reach_m
 
 
 class HubAbility(Ability):
@@ -58,7 +58,7 @@ class HubAbility(Ability):
             if route is None or place is None or message.sender not in self._inspectors(inspection):
                 continue
             for jam in jams_on(truth, route):
-                near = math.dist(truth.place(jam.id), place) <= inspection.within_m + jam.number_or("radius_m", 0.0)
+                near = math.dist(truth.place(jam.id), place) <= inspection.within_m + reach_m(jam)
                 if near and (jam.id, route.waypoints) not in self._asked:
                     self._asked.add((jam.id, route.waypoints))
                     said += self._composer.say(inspection.replan, another_way(truth, route, jam))
@@ -131,7 +131,7 @@ class HubAbility(Ability):
 
 def _blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
     """Whether something stands at a place that lets nobody pass: nobody is to go there."""
-    return any(math.dist(truth.place(jam.id), place) <= jam.number_or("radius_m", 0.0) for jam in jams(truth))
+    return any(math.dist(truth.place(jam.id), place) <= reach_m(jam) for jam in jams(truth))
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
