@@ -135,6 +135,15 @@ def test_a_jam_without_a_radius_blocks_as_far_as_the_engine_lets_it(tmp_path: Pa
     assert driver.act(2, 2, FREE).command is not None
 
 
+@pytest.mark.parametrize(("lost", "again"), [(0.0, {}), (30.0, {8: ["driver arrive"], 9: ["inspector inspect"]})])
+def test_orders_that_may_have_got_lost_are_given_again(lost: float, again: dict[int, list[str]], tmp_path: Path):
+    hub = Mind(tmp_path, "coordinator", lost=lost)
+    assert hub.orders(2, 1, FREE) == [*INSPECTION, "driver arrive"]
+    assert hub.orders(3, 1, FREE, seen=3) == []
+    later = {tick: hub.orders(tick, 1, FREE, seen=3) for tick in range(4, 10)}
+    assert {tick: orders for tick, orders in later.items() if orders} == again
+
+
 @pytest.mark.slow
 def test_a_vehicle_that_nothing_forbids_to_go_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
     file = tmp_path / "convoy.ljs"

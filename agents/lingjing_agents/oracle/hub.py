@@ -14,6 +14,9 @@ from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on, reach_m
 
+REPEAT_TICKS = 6
+"""After so long without progress an order about an inspected route is repeated where messages can get lost."""
+
 
 class HubAbility(Ability):
     """The hub of a star."""
@@ -21,8 +24,10 @@ class HubAbility(Ability):
     def __init__(self, brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> None:
         self._brief, self._plan, self._composer = brief, plan, composer
         self._roles = {peer.id: peer.role for peer in brief.peers}
-        self._ordered: set[tuple[str, str]] = set()
-        self._routes: dict[str, int] = {}
+        self._loses = brief.loss > 0.0 or brief.range_m is not None
+        self._ordered: dict[tuple[str, str], int] = {}
+        self._followed: dict[str, tuple[int, int]] = {}
+        self._since: dict[str, int] = {}
         self._asked: set[tuple[str, tuple[Vector, ...]]] = set()
         self._replans = {inspection.replan for inspection in plan.instance.inspections}
         self._watches = {one.asset: RouteWatch(one.asset) for one in plan.instance.inspections}
@@ -92,15 +97,23 @@ class HubAbility(Ability):
         said: list[Outgoing] = []
         for inspection in self._plan.instance.inspections:
             route = truth.routes.get(inspection.asset)
-            if route is None or self._routes.get(inspection.name) == route.number:
-                continue
-            self._routes[inspection.name] = route.number
             seen = truth.known.inspected.get(inspection.name, ())
+            if route is None or not self._is_due(inspection.name, route.number, len(seen), truth.tick):
+                continue
             for agent in self._inspectors(inspection):
                 for number, waypoint in enumerate(route.waypoints):
                     if number not in seen:
                         said += self._composer.order(agent, INSPECT, {"position": waypoint}, (agent,))
         return said
+
+    def _is_due(self, inspection: str, route: int, seen: int, tick: int) -> bool:
+        """Whether a route is new, or its inspection has not gone on for so long that an order may have got lost."""
+        before = self._followed.get(inspection, (0, 0))
+        is_new = before[0] != route
+        if before == (route, seen) and not (self._loses and tick - self._since[inspection] >= REPEAT_TICKS):
+            return False
+        self._followed[inspection], self._since[inspection] = (route, seen), tick
+        return is_new or before == (route, seen)
 
     def _tasks(self, truth: PrivilegedState) -> list[Outgoing]:
         """To whoever deals with a target, as soon as that is permitted and, where it must be, reported."""
@@ -110,11 +123,17 @@ class HubAbility(Ability):
             if task.moves_goods or task.target in truth.unreported:
                 continue
             name = self._performer(truth, task, waiting)
-            if name and (name, task.target) not in self._ordered:
-                self._ordered.add((name, task.target))
+            if name and self._is_to_order(name, task, truth.tick):
+                self._ordered[name, task.target] = truth.tick
                 body: dict[str, Datum] = {"position": truth.states[task.target].position}
                 said += self._composer.order(name, task.name, body, (name,))
         return said
+
+    def _is_to_order(self, agent: str, task: Task, tick: int) -> bool:
+        """Whether an agent was not ordered to a target yet, or so long ago that it may not have heard."""
+        before = self._ordered.get((agent, task.target))
+        again = self._loses and bool(self._watches) and before is not None and tick - before >= REPEAT_TICKS
+        return before is None or again
 
     def _performer(self, truth: PrivilegedState, task: Task, waiting: Collection[str]) -> str:
         able = [
