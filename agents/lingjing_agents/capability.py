@@ -25,6 +25,9 @@ from lingjing_agents.perception.images import ImageBox
 INSPECT = "inspect"
 """What a coordinator calls its order to look at a waypoint; who has looked says `inspect-N` of the Nth."""
 
+CLEAR, JAMMED = "clear", "jammed"
+"""The state of a waypoint, as who has looked says it: whether something stands in the way there."""
+
 
 def has_verb(resource: Resource, verb: str) -> bool:
     """Whether the resource's action schema has that verb."""

@@ -95,7 +95,7 @@ def told(kind: str, **body: str | float | Vector) -> Envelope:
 INSPECTION = ["inspector inspect"] * len(WAYPOINTS)
 
 
-@pytest.mark.parametrize("mode", ["star"])
+@pytest.mark.parametrize("mode", ["star", "broadcast"])
 def test_whoever_leads_orders_each_inspector_that_somebody_controls(mode: str, tmp_path: Path):
     hub = Mind(tmp_path, "coordinator", mode=mode)
     for orders, number in ((hub.orders(2), 4), (hub.orders(3, seen=1), 0), (hub.orders(4, 2, FREE, seen=2), 2)):
@@ -142,6 +142,22 @@ def test_orders_that_may_have_got_lost_are_given_again(lost: float, again: dict[
     assert hub.orders(3, 1, FREE, seen=3) == []
     later = {tick: hub.orders(tick, 1, FREE, seen=3) for tick in range(4, 10)}
     assert {tick: orders for tick, orders in later.items() if orders} == again
+
+
+@pytest.mark.parametrize(("state", "asks"), [("clear", False), ("jammed", True)])
+def test_in_broadcast_only_word_of_a_jam_has_another_route_asked_for(state: str, asks: bool, tmp_path: Path):
+    hub = Mind(tmp_path, "coordinator", mode="broadcast")
+    word = told("progress", task="inspect-3", state=state, position=(162.5, -5.0, 0.0))
+    assert ("jammed" in [one.kind for one in hub.act(2, 1, WAYPOINTS, 3, word).messages]) is asks
+
+
+def test_an_inspector_who_may_not_ask_for_another_route_tells_of_the_jam(tmp_path: Path) -> None:
+    mute = MISSION.replace("from coordinator, inspector to all", "from coordinator to all")
+    there = mute.replace("(-120 m, -220 m, 1 m)", "(177 m, -2 m, 60 m)")
+    inspector = Mind(tmp_path, "inspector", there)
+    inspector.act(2, 1, WAYPOINTS, 3)
+    (said,) = inspector.act(3, 1, WAYPOINTS, 3).messages
+    assert (said.kind, said.body["task"], said.body["state"]) == ("progress", "inspect-4", "jammed")
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
-from lingjing_agents.capability import INSPECT, centimetres, compose, sends
+from lingjing_agents.capability import INSPECT, JAMMED, centimetres, compose, sends
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
 from lingjing_agents.heuristic.route_inspector import LOOK
@@ -118,7 +118,7 @@ class RouteCoordinator:
             return ()
         self._heard_tick = tick
         self._told.add(len(self._told))
-        if name_in(envelope.body, "state") != "jammed" or self._jammed is None or self._replans_left < 1:
+        if name_in(envelope.body, "state") != JAMMED or self._jammed is None or self._replans_left < 1:
             return ()
         if any(math.dist(place, before) < SAME_JAM_M for before in self._asked):
             return ()  # there is no way around it

@@ -21,7 +21,19 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import INSPECT, compose, fly, nadir_camera, photo, rated, sends, sighting, team
+from lingjing_agents.capability import (
+    CLEAR,
+    INSPECT,
+    JAMMED,
+    compose,
+    fly,
+    nadir_camera,
+    photo,
+    rated,
+    sends,
+    sighting,
+    team,
+)
 from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint, between, position_in
 from lingjing_agents.heuristic.events import view_of
@@ -115,9 +127,9 @@ class RouteInspector:
         jams = [find for find in finds if find.confidence >= SURE]
         number, self._next, self._tries = self._next + 1, self._next + 1, 0
         if not jams:
-            return self._say("clear", number, place)
+            return self._say(CLEAR, number, place)
         self._wait_until = tick + WAIT_TICKS
-        messages = self._say("jammed", number, jams[0].place)
+        messages = self._say(JAMMED, number, jams[0].place)
         if self._report is not None:
             where = (*jams[0].place, self._brief.water_level_m)
             messages += (sighting(self._report, picture.frame, self._class, jams[0].box, where, jams[0].confidence),)

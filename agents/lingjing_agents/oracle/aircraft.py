@@ -19,7 +19,7 @@ from lingjing.plugins.policy import (
     Route,
     Vector,
 )
-from lingjing_agents.capability import INSPECT, has_verb, nadir_camera, photo, rated, straight_to
+from lingjing_agents.capability import CLEAR, INSPECT, JAMMED, has_verb, nadir_camera, photo, rated, straight_to
 from lingjing_agents.flight_levels import FlightLevels, crowded, overhead
 from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.ability import Ability
@@ -190,7 +190,7 @@ class InspectionAbility(Ability):
             if (route.number, number) not in self._cleared:
                 self._cleared.add((route.number, number))
                 place: dict[str, Datum] = {"position": route.waypoints[number]}
-                said += self._composer.status(f"{INSPECT}-{number + 1}", "clear", place)
+                said += self._composer.status(f"{INSPECT}-{number + 1}", CLEAR, place)
         return said
 
     def _found(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
@@ -265,7 +265,10 @@ class InspectionAbility(Ability):
         return message.kind if message is not None else ""
 
     def _ask_anew(self, truth: PrivilegedState, route: Route, jam: Entity) -> list[Outgoing]:
-        return self._composer.say(self._inspection.replan, another_way(truth, route, jam))
+        """A request for another route; who may not send one says that the waypoint is jammed."""
+        known = another_way(truth, route, jam)
+        asked = self._composer.say(self._inspection.replan, known)
+        return asked or self._composer.status(f"{INSPECT}-{known['waypoint']}", JAMMED, known)
 
     def _jam(self, truth: PrivilegedState, route: Route) -> Entity | None:
         """The first thing that blocks the route and has not been told of yet."""

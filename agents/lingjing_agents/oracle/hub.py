@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, InspectionSpec, Outgoing, Vector
 from lingjing.plugins.tasks import Task
-from lingjing_agents.capability import INSPECT
+from lingjing_agents.capability import CLEAR, INSPECT
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
@@ -19,7 +19,7 @@ REPEAT_TICKS = 6
 
 
 class HubAbility(Ability):
-    """The hub of a star."""
+    """The hub of a star; without one, whoever has no body: it leads, and others hear for themselves."""
 
     def __init__(self, brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> None:
         self._brief, self._plan, self._composer = brief, plan, composer
@@ -42,6 +42,8 @@ class HubAbility(Ability):
     def _pass_on(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
         """To those whom a relation says it is for: as it is, or as an order to its place."""
         said: list[Outgoing] = []
+        if self._brief.hub is None:
+            return said
         for relation in self._plan.instance.relations:
             kind = relation.carries or relation.by
             if kind in self._replans or kind != message.kind or relation.source != self._roles.get(message.sender):
@@ -58,6 +60,8 @@ class HubAbility(Ability):
     def _another_way(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
         """A request for another route, where an inspector tells of what blocks this one and has not asked itself."""
         said: list[Outgoing] = []
+        if self._brief.hub is None and message.body.get("state") == CLEAR:
+            return said  # an inspector who may ask for another route itself says more at the next boundary
         for inspection in self._plan.instance.inspections:
             route, place = truth.routes.get(inspection.asset), position_in(message.body)
             if route is None or place is None or message.sender not in self._inspectors(inspection):
@@ -154,5 +158,6 @@ def _blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
-    """The hub alone leads."""
-    return [HubAbility(brief, plan, composer)] if brief.hub == brief.agent else []
+    """The hub alone leads; without one, who has peers and no body."""
+    bodiless = brief.hub is None and bool(brief.peers) and not any(one.embodied for one in brief.resources)
+    return [HubAbility(brief, plan, composer)] if brief.hub == brief.agent or bodiless else []
