@@ -160,6 +160,24 @@ def test_an_inspector_who_may_not_ask_for_another_route_tells_of_the_jam(tmp_pat
     assert (said.kind, said.body["task"], said.body["state"]) == ("progress", "inspect-4", "jammed")
 
 
+def test_each_vehicle_goes_to_the_destination_of_its_own_inspected_route(tmp_path: Path) -> None:
+    """The lorry is nearer to the van's destination, and the van to the lorry's."""
+    lorry = "asset lorry : car { position = (300 m, -202 m), heading = 90 deg, actions { setDestination, stop } }"
+    end = "target yard : destination { position = (-120 m, -402 m) }"
+    check = "inspection second of lorry by uav { destination = yard, within = 25 m, order = any, replan = jammed }"
+    two = MISSION.replace("  agent coordinator", f"  {lorry}\n  {end}\n  {check}\n  agent coordinator")
+    two = two.replace(
+        "  message jammed", "  agent hauler as driver controls lorry { observes lorry.*, events }\n  message jammed"
+    )
+    two = two.replace("unlock arrive(d: goal_place) when inspected(check) and clear(check)", "")
+    two = two.replace("  success when ", "  success when emitted(arrive, yard) and ")
+    goals = {}
+    for agent in ("driver", "hauler"):
+        command = Mind(tmp_path, agent, two).act(TOO_LONG, 1, FREE).command
+        goals[agent] = command and (command.arguments["x"], command.arguments["y"])
+    assert goals == {"driver": (330.0, -2.0), "hauler": (-120.0, -402.0)}
+
+
 @pytest.mark.slow
 def test_a_vehicle_that_nothing_forbids_to_go_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
     file = tmp_path / "convoy.ljs"

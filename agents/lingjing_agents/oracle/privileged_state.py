@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
+from msgspec.structs import replace
+
 from lingjing.plugins.policy import (
     CLEARED,
     DORMANT,
@@ -32,7 +34,7 @@ class InstanceIndex:
     def __init__(self, instance: Instance) -> None:
         self.instance = instance
         self.entities = {entity.id: entity for entity in instance.entities}
-        self.tasks = asked(instance)
+        self.tasks = tuple(_of_inspected(task, instance) for task in asked(instance))
         self.kinds = reported(instance)
         self.supplies = tuple(task for entity in instance.entities for task in possible(entity, instance) if task.gives)
         self.owners = {name: agent for agent in instance.agents for name in agent.controls}
@@ -131,6 +133,13 @@ class PrivilegedState:
             for entity in self.plan.instance.entities
             if entity.group in self.plan.kinds and self.present(entity.id) and entity.id not in self.matched
         )
+
+
+def _of_inspected(task: Task, instance: Instance) -> Task:
+    """The task; where its target is the destination of inspected routes, for those alone whose routes they are."""
+    inspected = {one.asset for one in instance.inspections if one.destination == task.target}
+    actors = tuple(name for name in task.actors if name in inspected)
+    return replace(task, actors=actors) if actors else task
 
 
 def privileged(observation: Observation) -> Privileged:
