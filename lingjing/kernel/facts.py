@@ -68,8 +68,8 @@ def _clear(at: RuntimeContext, inspection: Value) -> Value:
 
 
 def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeContext) -> bool:
-    radius, here = entity.properties.get("radius_m"), at.place(entity)
-    if entity.properties.get("blocks") is not True or here is None or not isinstance(radius, int | float):
+    radius, here = entity.blocked_m, at.place(entity)
+    if radius is None or here is None:
         return False
     if at.states[entity.id].status in (DORMANT, CLEARED):
         return False

@@ -165,6 +165,10 @@ class InteractionSpec(Exchange, frozen=True, kw_only=True):
     aboard: bool = False
 
 
+LEAST_BLOCKED_M = 15.0
+"""A queue of vehicles is not shorter: so far around its place at least a target that `blocks` blocks the lanes."""
+
+
 class Entity(Record, frozen=True, kw_only=True):
     """An asset or a target with one owning engine.
 
@@ -218,6 +222,14 @@ class Entity(Record, frozen=True, kw_only=True):
         """A declared property that is a number, by its name with the unit, else the default."""
         value = self.number(name)
         return default if value is None else value
+
+    @property
+    def blocked_m(self) -> float | None:
+        """How far around its place a target that `blocks` lets nobody pass, in metres: its `radius`, `LEAST_BLOCKED_M`
+        at least; None for what does not block."""
+        if self.properties.get("blocks") is not True:
+            return None
+        return max(self.number_or("radius_m", 0.0), LEAST_BLOCKED_M)
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 import tests.missions.stage_kit as kit
@@ -167,6 +168,27 @@ def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
         look_at(play, OTHER, goal)
         play.wait(2)
         assert (arrived, GOALS[name]) in play.kinds()
+
+
+@pytest.mark.parametrize(("radius", "beside", "verified"), [
+    (None, 14.9, False), (None, 15.1, True), (4.0, 14.9, False), (20.0, 19.9, False), (20.0, 20.1, True),
+])  # fmt: skip
+def test_a_jam_without_a_radius_blocks_what_its_queue_does(radius, beside, verified):
+    """As far as the road engine has vehicles queue: its radius, 15 m at least."""
+    with opened("cr") as play:
+        jam, goal = play.target("jam[1]"), play.target(GOALS["cr"]).position
+    others = {key: value for key, value in jam.properties.items() if key != "radius_m"}
+    narrow = msgspec.structs.replace(jam, properties=others | ({} if radius is None else {"radius_m": radius}))
+    instance = kit.still(kit.staged("cr", None, 0, ())[0])
+    entities = tuple(narrow if one.id == jam.id else one for one in instance.entities)
+    place = (jam.position[0] + beside, jam.position[1], 0.0)
+    strings = kit.Strings(routes=[(FIRST, place, goal)])
+    with kit.playing("cr", strings=strings, instance=msgspec.structs.replace(instance, entities=entities)) as play:
+        play.do()
+        look_at(play, FIRST, place, goal)
+        play.put("van", GOALS["cr"])
+        play.wait(2)
+        assert (("arrived", GOALS["cr"]) in play.kinds()) is verified
 
 
 @pytest.mark.parametrize("most", [0.0, 3.0, 6.0])

@@ -11,7 +11,7 @@ import math
 from lingjing.plugins.roads import RoadMap, RoadSegment, read_road_map
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.privileged_state import PrivilegedState
-from lingjing_agents.oracle.routes import jams, reach_m
+from lingjing_agents.oracle.routes import jams
 
 CLEAR_M = 3.0
 """How far from the rim of a jam a way passes it at least: half a lane, and a little."""
@@ -22,7 +22,7 @@ def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> Groun
 
     The goal as well where the mission has a route of the vehicle inspected, or no way is open.
     """
-    blocked = [(truth.place(jam.id), reach_m(jam)) for jam in jams(truth)]
+    blocked = [(truth.place(jam.id), jam.blocked_m or 0.0) for jam in jams(truth)]
     inspected = any(one.asset == vehicle for one in truth.plan.instance.inspections)
     if not blocked or inspected or not truth.brief.road_network:
         return goal

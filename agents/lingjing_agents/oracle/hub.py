@@ -12,7 +12,7 @@ from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on, reach_m
+from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on
 
 REPEAT_TICKS = 6
 """After so long without progress an order about an inspected route is repeated where messages can get lost."""
@@ -67,7 +67,7 @@ class HubAbility(Ability):
             if route is None or place is None or message.sender not in self._inspectors(inspection):
                 continue
             for jam in jams_on(truth, route):
-                near = math.dist(truth.place(jam.id), place) <= inspection.within_m + reach_m(jam)
+                near = math.dist(truth.place(jam.id), place) <= inspection.within_m + (jam.blocked_m or 0.0)
                 if near and (jam.id, route.waypoints) not in self._asked:
                     self._asked.add((jam.id, route.waypoints))
                     said += self._composer.say(inspection.replan, another_way(truth, route, jam))
@@ -154,7 +154,7 @@ class HubAbility(Ability):
 
 def _blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
     """Whether something stands at a place that lets nobody pass: nobody is to go there."""
-    return any(math.dist(truth.place(jam.id), place) <= reach_m(jam) for jam in jams(truth))
+    return any(math.dist(truth.place(jam.id), place) <= (jam.blocked_m or 0.0) for jam in jams(truth))
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:

@@ -8,9 +8,6 @@ from lingjing.plugins.policy import Datum, Entity, Route
 from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.oracle.privileged_state import PrivilegedState
 
-LEAST_JAM_M = 15.0
-"""The road engine blocks the lanes so far around what lets nobody pass where its `radius` is smaller or not said."""
-
 PATIENCE_TICKS, PATIENCE_S = 5, 200.0
 """How long a vehicle waits for another route while its inspection does not go on: so many ticks, and so long."""
 
@@ -18,17 +15,12 @@ PATIENCE_TICKS, PATIENCE_S = 5, 200.0
 def jams(truth: PrivilegedState) -> list[Entity]:
     """What is there and lets nobody pass."""
     entities = truth.plan.instance.entities
-    return [entity for entity in entities if entity.properties.get("blocks") is True and truth.present(entity.id)]
-
-
-def reach_m(jam: Entity) -> float:
-    """How far around its place a jam blocks the lanes, in metres."""
-    return max(jam.number_or("radius_m", 0.0), LEAST_JAM_M)
+    return [entity for entity in entities if entity.blocked_m is not None and truth.present(entity.id)]
 
 
 def jams_on(truth: PrivilegedState, route: Route) -> list[Entity]:
     """What blocks a route, in the order in which it comes to it."""
-    found = [jam for jam in jams(truth) if off_route(truth, route, jam) <= reach_m(jam)]
+    found = [jam for jam in jams(truth) if off_route(truth, route, jam) <= (jam.blocked_m or 0.0)]
     return sorted(found, key=lambda entity: segment(truth, route, entity))
 
 

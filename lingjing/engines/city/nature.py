@@ -57,7 +57,7 @@ def _nature(entity: Entity) -> TargetNature:
     for levelled in (FIRE, LEAK):
         if entity.state_of(levelled.level) is not None:
             return levelled
-    if properties.get("blocks") is True:
+    if entity.blocked_m is not None:
         return BLOCKAGE
     if "drift_mps" in properties:
         return ADRIFT

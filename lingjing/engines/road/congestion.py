@@ -24,7 +24,6 @@ QUEUE_M = 45.0
 
 MOST = 20
 MOST_A_LANE = 9
-LEAST_RADIUS_M = 15.0
 _GAPS_M = (1.2, 2.4)
 _BRAKING_MPS2 = 4.0
 _MIX = ("car", "car", "car", "car", "delivery_van", "car", "truck")
@@ -48,9 +47,7 @@ class Jam:
 def jam_of(entity: Entity, seed: int) -> Jam:
     """The jam that a target makes; its vehicles come from a stream of its own."""
     x, y, _ = entity.position
-    return Jam(
-        entity.id, x, y, max(entity.number_or("radius_m", 0.0), LEAST_RADIUS_M), Stream(seed, f"road/jam/{entity.id}")
-    )
+    return Jam(entity.id, x, y, entity.blocked_m or 0.0, Stream(seed, f"road/jam/{entity.id}"))
 
 
 class Congestion:

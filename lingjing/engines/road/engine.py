@@ -64,7 +64,7 @@ class RoadEngine(FleetEngine):
         strangers = [entity for entity in instance.entities if entity.id not in spec.owns]
         self._foreign = ForeignBodies(sim, graph, strangers, highest)
         self._contacts = Contacts(sim, self._collided)
-        blockers = (entity for entity in instance.entities if entity.properties.get("blocks") is True)
+        blockers = (entity for entity in instance.entities if entity.blocked_m is not None)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
         self._planner = Planner(sim, graph, self._congestion, self.publish)
         self._graph = graph
