@@ -144,11 +144,54 @@ def test_orders_that_may_have_got_lost_are_given_again(lost: float, again: dict[
     assert {tick: orders for tick, orders in later.items() if orders} == again
 
 
-@pytest.mark.parametrize(("state", "asks"), [("clear", False), ("jammed", True)])
-def test_in_broadcast_only_word_of_a_jam_has_another_route_asked_for(state: str, asks: bool, tmp_path: Path):
-    hub = Mind(tmp_path, "coordinator", mode="broadcast")
-    word = told("progress", task="inspect-3", state=state, position=(162.5, -5.0, 0.0))
-    assert ("jammed" in [one.kind for one in hub.act(2, 1, WAYPOINTS, 3, word).messages]) is asks
+JAM: Vector = (177.0, -2.0, 0.0)
+CLEAR, JAMMED = (
+    told("progress", task="inspect-3", state=state, position=WAYPOINTS[2]) for state in ("clear", "jammed")
+)
+SEEN = told("sighting", **{"class": "congestion"}, position=JAM)
+SEEN_ELSE = told("sighting", **{"class": "destination"}, position=JAM)
+ASKED = told("jammed", waypoint=3.0, position=JAM)
+
+
+@pytest.mark.parametrize("mode", ["star", "broadcast"])
+@pytest.mark.parametrize(
+    ("heard", "asks"),
+    [
+        ([[CLEAR], [JAMMED], [JAMMED]], [0, 1, 0]),
+        ([[SEEN_ELSE], [SEEN], [JAMMED]], [0, 1, 0]),
+        ([[SEEN, ASKED], [JAMMED]], [0, 0]),
+        ([[ASKED], [SEEN]], [0, 0]),
+    ],
+)
+def test_the_hub_asks_for_another_route_once_because_of_a_jam_and_not_after_who_found_it(
+    mode: str, heard: list[list[Envelope]], asks: list[int], tmp_path: Path
+) -> None:
+    """On the first route and on later ones alike: what those pass all the same cannot be avoided."""
+    hub = Mind(tmp_path, "coordinator", mode=mode)
+    for tick, (messages, number) in enumerate(zip(heard, asks, strict=True), 2):
+        said = hub.act(tick, tick, WAYPOINTS, 3, *messages).messages
+        assert [one.kind for one in said].count("jammed") == number
+
+
+def test_nobody_is_sent_where_a_jam_is_reported_who_can_do_nothing_about_it(tmp_path: Path) -> None:
+    """However far from the jam the report places it."""
+    reports = MISSION.replace("assignment, status", "assignment, report, status").replace(
+        "carries jammed", "carries sighting"
+    )
+    reports = reports.replace(
+        "  message jammed", "  message sighting : report from inspector to coordinator\n  message jammed"
+    )
+    hub = Mind(tmp_path, "coordinator", reports)
+    hub.act(1, 2, FREE, 4)
+    for cls, orders in (("congestion", []), ("destination", ["driver destination"])):
+        said = hub.act(2, 2, FREE, 4, told("sighting", **{"class": cls}, position=(-22.7, -47.6, 0.0))).messages
+        assert [f"{one.body['assignee']} {one.body['task']}" for one in said] == orders
+
+
+def test_an_inspector_calls_no_waypoint_clear_that_lies_in_a_jam(tmp_path: Path) -> None:
+    inspector = Mind(tmp_path, "inspector")
+    said = inspector.act(2, 1, WAYPOINTS, 4).messages
+    assert [one.body["task"] for one in said if one.body["state"] == "clear"] == ["inspect-1", "inspect-2", "inspect-4"]
 
 
 def test_an_inspector_who_may_not_ask_for_another_route_tells_of_the_jam(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.reporting import ReportAbility
-from lingjing_agents.oracle.routes import another_way, jams_on, segment
+from lingjing_agents.oracle.routes import another_way, is_blocked, jams_on, segment
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 ABOVE_M = 40.0
@@ -187,7 +187,8 @@ class InspectionAbility(Ability):
     def _clear(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
         said: list[Outgoing] = []
         for number in truth.known.inspected.get(self._inspection.name, ()):
-            if (route.number, number) not in self._cleared:
+            x, y, _ = route.waypoints[number]
+            if (route.number, number) not in self._cleared and not is_blocked(truth, (x, y)):
                 self._cleared.add((route.number, number))
                 place: dict[str, Datum] = {"position": route.waypoints[number]}
                 said += self._composer.status(f"{INSPECT}-{number + 1}", CLEAR, place)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
-from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, InspectionSpec, Outgoing, Vector
+from lingjing.plugins.policy import STOP, Brief, Datum, Envelope, InspectionSpec, Outgoing
 from lingjing.plugins.tasks import Task
 from lingjing_agents.capability import CLEAR, INSPECT
-from lingjing_agents.ground_plane import GroundPoint, position_in
+from lingjing_agents.ground_plane import position_in
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
-from lingjing_agents.oracle.routes import RouteWatch, another_way, jams, jams_on
+from lingjing_agents.oracle.routes import RouteWatch, another_way, is_blocked, jams, jams_on
 
 REPEAT_TICKS = 6
 """After so long without progress an order about an inspected route is repeated where messages can get lost."""
@@ -28,7 +28,7 @@ class HubAbility(Ability):
         self._ordered: dict[tuple[str, str], int] = {}
         self._followed: dict[str, tuple[int, int]] = {}
         self._since: dict[str, int] = {}
-        self._asked: set[tuple[str, tuple[Vector, ...]]] = set()
+        self._asked: set[tuple[str, str]] = set()
         self._replans = {inspection.replan for inspection in plan.instance.inspections}
         self._watches = {one.asset: RouteWatch(one.asset) for one in plan.instance.inspections}
 
@@ -36,7 +36,10 @@ class HubAbility(Ability):
         """Orders and what is passed on."""
         messages: list[Outgoing] = []
         for message in truth.inbox.messages:
-            messages += self._pass_on(message, truth) + self._another_way(message, truth)
+            messages += self._pass_on(message, truth)
+        # who asked for another route itself is heard before who only tells of a jam
+        for message in sorted(truth.inbox.messages, key=lambda one: one.kind not in self._replans):
+            messages += self._another_way(message, truth)
         return messages + self._cells(truth) + self._inspections(truth) + self._tasks(truth)
 
     def _pass_on(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
@@ -53,31 +56,43 @@ class HubAbility(Ability):
                 continue
             if self._composer.kind(message.kind) is not None:
                 said += self._composer.say(message.kind, message.body, to)
-            elif (place := position_in(message.body)) is not None and not _blocked(truth, place):
-                said += self._order_there(message, to)
+            elif (place := position_in(message.body)) is not None and not is_blocked(truth, place):
+                said += self._order_there(message, [name for name in to if self._may_go(name, message, truth)])
         return said
 
+    def _may_go(self, agent: str, message: Envelope, truth: PrivilegedState) -> bool:
+        """Whether an agent is to go where a message says: to what lets nobody pass, or is taken for it, only who can do
+        something about it."""
+        reported = message.body.get("class")
+        blocking = {jam.id for jam in jams(truth) if jam.type == reported}
+        dealt = (task for task in truth.left if task.target in blocking)
+        return not blocking or any(self._plan.owners[body.id].id == agent for body in self._plan.able(*dealt))
+
     def _another_way(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
-        """A request for another route, where an inspector tells of what blocks this one and has not asked itself."""
+        """A request for another route, where an inspector tells of what blocks this one and nobody asked because of it
+        yet: a route that passes it all the same has no way around it."""
         said: list[Outgoing] = []
-        if self._brief.hub is None and message.body.get("state") == CLEAR:
-            return said  # an inspector who may ask for another route itself says more at the next boundary
+        place = position_in(message.body)
+        if place is None or message.body.get("state") == CLEAR:
+            return said
         for inspection in self._plan.instance.inspections:
-            route, place = truth.routes.get(inspection.asset), position_in(message.body)
-            if route is None or place is None or message.sender not in self._inspectors(inspection):
+            route = truth.routes.get(inspection.asset)
+            if route is None or message.sender not in self._inspectors(inspection):
                 continue
             for jam in jams_on(truth, route):
                 near = math.dist(truth.place(jam.id), place) <= inspection.within_m + (jam.blocked_m or 0.0)
-                if near and (jam.id, route.waypoints) not in self._asked:
-                    self._asked.add((jam.id, route.waypoints))
-                    said += self._composer.say(inspection.replan, another_way(truth, route, jam))
+                told = near and message.body.get("class", jam.type) == jam.type
+                if told and (inspection.name, jam.id) not in self._asked:
+                    self._asked.add((inspection.name, jam.id))
+                    if message.kind != inspection.replan:
+                        said += self._composer.say(inspection.replan, another_way(truth, route, jam))
         return said
 
     def _inspectors(self, inspection: InspectionSpec) -> list[str]:
         owners = [self._plan.owners[name].id for name in inspection.by if name in self._plan.owners]
         return [agent for agent in dict.fromkeys(owners) if agent in self._roles]
 
-    def _order_there(self, message: Envelope, to: tuple[str, ...]) -> list[Outgoing]:
+    def _order_there(self, message: Envelope, to: Sequence[str]) -> list[Outgoing]:
         body: dict[str, Datum] = {"position": message.body["position"]}
         said: list[Outgoing] = []
         for name in to:
@@ -150,11 +165,6 @@ class HubAbility(Ability):
         if not able:
             return ""
         return self._plan.owners[min(able, key=lambda name: truth.distance(name, task.target))].id
-
-
-def _blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
-    """Whether something stands at a place that lets nobody pass: nobody is to go there."""
-    return any(math.dist(truth.place(jam.id), place) <= (jam.blocked_m or 0.0) for jam in jams(truth))
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:

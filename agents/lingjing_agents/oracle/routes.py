@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 from lingjing.plugins.policy import Datum, Entity, Route
@@ -16,6 +17,11 @@ def jams(truth: PrivilegedState) -> list[Entity]:
     """What is there and lets nobody pass."""
     entities = truth.plan.instance.entities
     return [entity for entity in entities if entity.blocked_m is not None and truth.present(entity.id)]
+
+
+def is_blocked(truth: PrivilegedState, place: GroundPoint) -> bool:
+    """Whether something stands at a place that lets nobody pass."""
+    return any(math.dist(truth.place(jam.id), place) <= (jam.blocked_m or 0.0) for jam in jams(truth))
 
 
 def jams_on(truth: PrivilegedState, route: Route) -> list[Entity]:
