@@ -74,12 +74,15 @@ def check_trace(trace: Trace) -> None:
 
 
 def check(plan: BranchPlan, trace: Trace) -> None:
-    """Raise `UsageError` for a boundary, an agent, a faculty or a message that the trace does not have."""
-    last = len(trace.boundaries) - 1
-    for boundary in (plan.at, *(one.first for one in plan.substitutions)):
-        if not 0 <= boundary <= last:
-            raise UsageError(f"there is no boundary {boundary}", hint=f"{trace.path} has those of 0 to {last}")
-    ended = trace.boundaries[plan.at].done or plan.at >= trace.header.instance.budget.ticks
+    """Raise `UsageError` for a boundary, an agent, a faculty or a message that the trace does not have. What is
+    replaced may begin after the trace ends: a branch may last longer, as long as the budget lets it."""
+    last, most = len(trace.boundaries) - 1, trace.header.instance.budget.ticks
+    if not 0 <= plan.at <= last:
+        raise UsageError(f"there is no boundary {plan.at}", hint=f"{trace.path} has those of 0 to {last}")
+    for one in plan.substitutions:
+        if not 0 <= one.first <= max(last, most):
+            raise UsageError(f"no branch has a boundary {one.first}", hint=f"the budget is {most} ticks")
+    ended = trace.boundaries[plan.at].done or plan.at >= most
     if ended and (plan.substitutions or plan.messages):
         raise UsageError(
             f"the episode is over at boundary {plan.at}", hint=f"change something at one of 0 to {last - 1}"

@@ -260,6 +260,17 @@ def test_a_message_is_changed_in_one_way(lost: Trace) -> None:
         check(BranchPlan(at=0, messages=changes), lost)
 
 
+def test_what_shows_only_after_the_trace_ends_can_be_replaced_in_a_branch_that_lasts_longer(lost: Trace) -> None:
+    budget = lost.header.instance.budget.ticks
+    short = Trace(lost.path, lost.header, lost.boundaries[:11], lost.outcome, True, lost.places)
+    for first in (11, budget):
+        check(
+            BranchPlan(at=3, substitutions=(of("waypoint", "skipper", 3, 9), of("execution", "skipper", first))), short
+        )
+    with pytest.raises(UsageError, match=f"no branch has a boundary {budget + 1}"):
+        check(BranchPlan(at=3, substitutions=(of("execution", "skipper", budget + 1),)), short)
+
+
 def test_nobody_but_the_reference_sees_the_truth(idle: Trace, tmp_path: Path) -> None:
     trace = idle
     options = BranchOptions(trace=str(trace.path), files=(f"{ERRING}:Unseeing",))
@@ -336,7 +347,7 @@ def members(group: int) -> list[int]:
         (["--substitute", "waypoint@9-3"], "--substitute waypoint@9-3: no boundaries are `9-3`"),
         (["--substitute", "waypoint@"], "--substitute waypoint@: no boundaries are ``"),
         (["--at", "4", "--substitute", "waypoint@3-"], "--substitute waypoint@3-: the branch leaves at boundary 4"),
-        (["--at", "3", "--substitute", "waypoint@99"], "there is no boundary 99"),
+        (["--at", "3", "--substitute", "waypoint@99"], "no branch has a boundary 99"),
         (["--at", "3", "--policy", "none.py:Astray"], "--policy none.py:Astray: there is no file `none.py`"),
         (["--at", "3", "-o", "."], "`.` is not empty"),
         (["--at", "3", "-o", "trace.mcap"], "`trace.mcap` is a file, not a folder"),
