@@ -58,8 +58,8 @@ def _inspected(at: RuntimeContext, inspection: Value) -> Value:
 
 
 def _clear(at: RuntimeContext, inspection: Value) -> Value:
-    """No target that blocks, and is there, stands within its radius of a waypoint of the route as it is now: waypoints
-    are what is inspected, so a jam between two of them is nobody's to find."""
+    """No target that is there blocks a waypoint of the route as it is now (`Entity.blocked_m`): waypoints are what is
+    inspected, so a jam between two of them is nobody's to find."""
     declared = next((one for one in at.instance.inspections if one.name == inspection), None)
     route = at.registry.routes.get(declared.asset) if declared is not None else None
     if route is None:
