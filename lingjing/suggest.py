@@ -55,6 +55,12 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "") -> str:
     return ""
 
 
+def nearest_or(word: str, known: Iterable[str], otherwise: str) -> str:
+    """A hint: the nearest known word, or `otherwise` if none is near."""
+    close = nearest(word, known)
+    return f"did you mean `{close}`?" if close else otherwise
+
+
 def _worth_a_look(word: str, known: Iterable[str]) -> Iterable[str]:
     """Of very many words only those that begin alike: a slip is seldom in the first letter, and time is short."""
     words = known if isinstance(known, Collection) else tuple(known)

@@ -30,6 +30,7 @@ from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.python_files import function_of
 from lingjing.play.report import EpisodeReport
+from lingjing.suggest import nearest_or
 from lingjing.trace.copying import copy_trace
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT
@@ -126,9 +127,8 @@ def find_method(name: str) -> AttributionMethod:
     if name in METHODS:
         return METHODS[name]
     if not Path(name.partition(":")[0]).is_file():
-        raise UsageError(
-            f"there is no method of attribution `{name}`", hint=f"known are {', '.join(METHODS)}, and FILE.py:FUNCTION"
-        )
+        hint = nearest_or(name, METHODS, f"known are {', '.join(METHODS)}, and FILE.py:FUNCTION")
+        raise UsageError(f"there is no method of attribution `{name}`", hint=hint)
     method = function_of(name, "method")
     return AttributionMethod(
         lambda trace: tuple(map(_named, method(trace))), redrives=bool(getattr(method, "redrives", False))

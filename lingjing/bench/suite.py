@@ -203,7 +203,8 @@ def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:
     """What is wrong with the form of a suite's values, each with its path."""
     version = document.get("suite")
     if isinstance(version, int) and version != FORMAT:
-        return (Fault("suite", f"is {version}; this version of lingjing reads suites of form {FORMAT}"),)
+        fault = Fault("suite", f"is {version}; this version of lingjing reads suites of form {FORMAT}")
+        return (fault, *form_faults({**document, "suite": FORMAT}))
     try:
         Suite.model_validate(document)
     except ValidationError as error:

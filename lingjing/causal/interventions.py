@@ -22,7 +22,7 @@ from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.step import Kernel, Published, Transit
 from lingjing.mission.instance import Instance
 from lingjing.mission.kinds import engine_kind
-from lingjing.suggest import nearest
+from lingjing.suggest import nearest, nearest_or
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Decision, DecisionRecord, Envelope, MessageChange, Substitution
 from lingjing.trace.request_ids import request_id
@@ -113,7 +113,8 @@ def boundary_of(trace: Trace, message: str) -> int:
 def _check_substitution(one: Substitution, instance: Instance) -> None:
     agents = {agent.id: agent for agent in instance.agents}
     if one.agent not in agents:
-        raise UsageError(f"there is no agent `{one.agent}`", hint=f"there are: {', '.join(agents)}")
+        hint = nearest_or(one.agent, agents, f"there are: {', '.join(agents)}")
+        raise UsageError(f"there is no agent `{one.agent}`", hint=hint)
     has = faculties_of(instance, agents[one.agent])
     if one.faculty not in has:
         raise UsageError(

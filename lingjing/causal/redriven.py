@@ -31,6 +31,7 @@ from lingjing.plugins.calls import AbandonedCallError, MissingCallError
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Policy, PolicyPlugin
+from lingjing.suggest import nearest_or
 from lingjing.trace.calls import CallRequest, CallResult
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Decision, DecisionRecord
@@ -242,7 +243,8 @@ def _plugins(trace: Trace, options: BranchOptions, host: PluginHost) -> dict[str
             ) from error
     unknown = [name for name in options.policies if not _names(name, trace)]
     if unknown:
-        raise UsageError(f"no role or agent is called `{unknown[0]}`", hint=f"there are: {', '.join(agents)}")
+        hint = nearest_or(unknown[0], agents, f"there are: {', '.join(agents)}")
+        raise UsageError(f"no role or agent is called `{unknown[0]}`", hint=hint)
     return found
 
 

@@ -11,7 +11,7 @@ from lingjing.causal.redriven import BranchOptions
 from lingjing.cli.arguments import parse_amount, parse_pairs
 from lingjing.errors import UsageError
 from lingjing.mission.instance import Instance
-from lingjing.suggest import nearest
+from lingjing.suggest import nearest_or
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Faculty
 
@@ -66,8 +66,7 @@ def parse_faculty(text: str, instance: Instance) -> tuple[tuple[Faculty, str], .
     name, colon, agent = text.partition(":")
     faculty = next((one for one in FACULTY_NAMES if one == name), None)
     if faculty is None:
-        close = nearest(name, FACULTY_NAMES)
-        known = f"did you mean `{close}`?" if close else f"there are: {', '.join(FACULTY_NAMES)}"
+        known = nearest_or(name, FACULTY_NAMES, f"there are: {', '.join(FACULTY_NAMES)}")
         raise UsageError(f"--substitute {text}: no faculty is called `{name}`", hint=known)
     if colon:
         return ((faculty, agent),)

@@ -13,6 +13,7 @@ from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
+from lingjing.suggest import nearest_or
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
@@ -67,7 +68,8 @@ def _show(args: argparse.Namespace) -> int:
 
     every = {name: text for plugin in PluginHost().prompts.values() for name, text in plugin.shipped().items()}
     if args.prompt not in every:
-        raise UsageError(f"there is no prompt `{args.prompt}`", hint=f"there are: {', '.join(every) or 'none'}")
+        hint = nearest_or(args.prompt, every, f"there are: {', '.join(every) or 'none'}")
+        raise UsageError(f"there is no prompt `{args.prompt}`", hint=hint)
     sys.stdout.write(every[args.prompt])
     return ExitCode.OK
 

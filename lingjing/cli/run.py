@@ -182,7 +182,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "settings": parse_settings(pairs, mission, errors),
     }
     single = {
-        "mission": path,
+        "mission": path or "",  # one that cannot be found has been reported: it is not missing as well
         "seed": errors.attempt(lambda: parse_seed(args.seed), None) if args.seed is not None else None,
         "policy_seed": errors.attempt(lambda: parse_seed(args.policy_seed), None)
         if args.policy_seed is not None

@@ -20,6 +20,7 @@ from lingjing.kernel.step import Published
 from lingjing.kernel.world import WorldKind
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
+from lingjing.suggest import nearest_or
 from lingjing.trace.records import Decision
 
 LARGEST_SEED = 2**31 - 1
@@ -93,9 +94,8 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
             raise UsageError("the environment has no episode going on", hint="call `reset` first")
         strangers = [name for name in actions if name not in self._codecs]
         if strangers:
-            raise UsageError(
-                f"no agent is called `{strangers[0]}`", hint=f"there are: {', '.join(self.possible_agents)}"
-            )
+            hint = nearest_or(strangers[0], self.possible_agents, f"there are: {', '.join(self.possible_agents)}")
+            raise UsageError(f"no agent is called `{strangers[0]}`", hint=hint)
         made = {
             name: self._codecs[name].decide(actions[name], before.observations[name]) if name in actions else Decision()
             for name in self.agents
@@ -159,7 +159,8 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
         each = codecs(instance, picture_width)
         self.agent = agent if agent is not None else next(iter(each))
         if self.agent not in each:
-            raise UsageError(f"no agent is called `{self.agent}`", hint=f"there are: {', '.join(each)}")
+            hint = nearest_or(self.agent, each, f"there are: {', '.join(each)}")
+            raise UsageError(f"no agent is called `{self.agent}`", hint=hint)
         self._codec = each[self.agent]
         self.observation_space = self._codec.observation_space
         self.action_space = self._codec.action_space

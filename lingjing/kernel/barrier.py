@@ -25,6 +25,7 @@ from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
 from lingjing.trace.records import Decision, DecisionRecord, Usage
+from lingjing.trace.signals import deferring_signals
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 
@@ -46,8 +47,9 @@ class AgentThread:
 
     def submit(self, call: Callable[[], Awaitable[Any]]) -> concurrent.futures.Future[Any]:
         """Run `call()` on the agent's loop; the future belongs to the caller's thread."""
-        loop = self._ready()  # first: an interrupt while the thread starts must not find a coroutine nobody awaits
-        return asyncio.run_coroutine_threadsafe(timed(call), loop)
+        loop = self._ready()
+        with deferring_signals():  # an interrupt between the two would leave a coroutine that is never awaited
+            return asyncio.run_coroutine_threadsafe(timed(call), loop)
 
     def abandon(self) -> None:
         """Stop waiting for this thread: its loop ends when its current call lets go of it."""

@@ -8,6 +8,7 @@ main one. The event loop belongs to one process: a forked copy makes its own, an
 from __future__ import annotations
 
 import asyncio
+import inspect
 import os
 import signal
 import time
@@ -38,10 +39,10 @@ class SequentialPolicies(PolicyBarrier):
         return {name: self._ask(call) for name, call in calls.items()}
 
     def _ask(self, call: Callable[[], Awaitable[Any]]) -> PolicyAnswer:
-        started = time.monotonic()
+        started, coroutine = time.monotonic(), timed(call)
         try:
             with _alarm(self._limit_s):
-                value, wall_s = self._loop().run_until_complete(timed(call))
+                value, wall_s = self._loop().run_until_complete(coroutine)
         except LateCallError:
             self._loops.append((_NOBODY, self._loops[-1][1]))  # the one that was interrupted is of no more use
             return self._late()
@@ -51,6 +52,9 @@ class SequentialPolicies(PolicyBarrier):
             raise
         except POLICY_ERRORS as error:
             return failure(error, started)
+        finally:
+            if inspect.getcoroutinestate(coroutine) == inspect.CORO_CREATED:  # interrupted before its first step
+                coroutine.close()
         return PolicyAnswer(value=value, wall_s=wall_s)
 
     def _loop(self) -> asyncio.AbstractEventLoop:

@@ -14,6 +14,7 @@ from lingjing.play.options import PlayOptions
 from lingjing.play.policy_files import load_policy
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.suggest import nearest_or
 
 Assigned = tuple[PolicyPlugin, dict[str, GivenOption]]
 """A policy, and the arguments that it is built with."""
@@ -64,7 +65,9 @@ def _check_roles(chosen: Mapping[str, str], instance: Instance | None, mission: 
     unknown = [name for name in chosen if name not in names]
     if unknown:
         called = " or ".join(f"`{name}`" for name in unknown)
-        raise UsageError(f"no role or agent is called {called} {played}", hint=f"there are: {', '.join(names)}")
+        listed = f"there are: {', '.join(names)}"
+        hint = nearest_or(unknown[0], names, listed) if len(unknown) == 1 else listed
+        raise UsageError(f"no role or agent is called {called} {played}", hint=hint)
 
 
 def _named_for(agent: AgentSpec, options: PlayOptions) -> str:

@@ -17,6 +17,7 @@ from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
+from lingjing.suggest import nearest_or
 
 
 class _Named(Protocol):
@@ -119,8 +120,8 @@ class PluginHost:
     def _get(self, kind: str, table: dict[str, NamedT], name: str) -> NamedT:
         if name in table:
             return table[name]
-        known = ", ".join(table) or "none"
-        raise UsageError(f"no {kind} is called `{name}`", hint=f"known: {known}; see `lingjing plugins`")
+        proposal = nearest_or(name, table, f"known: {', '.join(table) or 'none'};")
+        raise UsageError(f"no {kind} is called `{name}`", hint=f"{proposal} see `lingjing plugins`")
 
 
 def _check(item: object, hook: str, source: str) -> None:

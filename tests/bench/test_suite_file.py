@@ -193,6 +193,13 @@ def test_a_wrong_head_is_told(old: str, new: str, said: str, tmp_path: Path, hos
     assert told[0].startswith(said)
 
 
+def test_another_form_hides_no_other_fault(tmp_path: Path, host: PluginHost) -> None:
+    text = SMALL.replace("suite = 1", "suite = 2").replace("seeds = 2", "seeds = 0").replace('"random"', '"randam"')
+    told = faults(text.replace('["bi", "cd"]', '["bi", "cdd"]'), tmp_path, host)
+    assert [line.partition(":")[0] for line in told] == ["suite", "seeds", "missions[1]", "entrants[1].policy"]
+    assert "did you mean `random`?" in told[3]
+
+
 @pytest.mark.parametrize(("written", "seeds"), [('" 3 "', (0, 1, 2)), ('"3 - 4"', (3, 4)), ("[4, 4, 1]", (4, 1))])
 def test_seeds_are_a_number_a_range_or_a_list(
     written: str, seeds: tuple[int, ...], tmp_path: Path, host: PluginHost

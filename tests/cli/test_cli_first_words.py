@@ -10,6 +10,7 @@ import pytest
 
 import lingjing
 from lingjing.cli.main import main
+from lingjing.dsl.loading.shipped import shipped_missions
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.instantiate import instantiate
 
@@ -35,6 +36,36 @@ def test_a_slip_in_a_word_is_met_with_the_word(
         main(arguments)
     assert ended.value.code == ExitCode.USAGE
     assert capsys.readouterr().err.rstrip().endswith(f"did you mean {meant}?")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "srr"], "error: there is no mission `srr`\nhint: did you mean `ssr`?\n"),
+        (["validate", "srr.ljs"], "error: there is no mission `srr.ljs`\nhint: did you mean `ssr`?\n"),
+        (
+            ["run", "zzzzzz"],
+            f"error: there is no mission `zzzzzz`\nhint: shipped missions: {', '.join(shipped_missions())}\n",
+        ),
+        (
+            ["run", "ssr", "--policy", "heuristc"],
+            "error: no policy is called `heuristc`\nhint: did you mean `heuristic`? see `lingjing plugins`\n",
+        ),
+        (
+            ["run", "ssr", "--evaluator", "mision"],
+            "error: no evaluator is called `mision`\nhint: did you mean `mission`? see `lingjing plugins`\n",
+        ),
+        (
+            ["run", "ssr", "--policy-for", "searchr=random"],
+            "error: no role or agent is called `searchr` in broadcast mode\nhint: did you mean `searcher`?\n",
+        ),
+    ],
+)
+def test_a_slip_in_a_name_is_met_with_the_name_and_nothing_else(
+    arguments: list[str], said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == ExitCode.USAGE
+    assert capfd.readouterr().err == said
 
 
 def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture[str]) -> None:

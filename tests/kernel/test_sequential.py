@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import time
+import warnings
 from typing import Any
 
 import pytest
@@ -53,3 +55,16 @@ def test_late_answers_take_a_loop_each_and_no_more(monkeypatch: pytest.MonkeyPat
     for count in (1, 2, 3):
         assert reasons(policies) == ["policy_timeout"]
         assert len(made) == count
+
+
+def test_an_interrupt_before_the_first_step_leaves_no_coroutine_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(self: SequentialPolicies) -> asyncio.AbstractEventLoop:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(SequentialPolicies, "_loop", interrupted)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with pytest.raises(KeyboardInterrupt):
+            reasons(SequentialPolicies({"a": Slow()}, 600.0))
+        gc.collect()
+    assert not [one for one in told if one.category is RuntimeWarning]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from lingjing.data import data_path
 from lingjing.errors import UsageError
+from lingjing.suggest import nearest_or
 
 LONGEST_SHOWN = 300
 """Characters of a name in a message."""
@@ -22,7 +23,9 @@ def find_mission(word: str) -> Path:
     shipped = _shipped(path)
     if shipped is None:
         shown = word if len(word) <= LONGEST_SHOWN else f"{word[:LONGEST_SHOWN]}…"
-        raise UsageError(f"there is no mission `{shown}`", hint=f"shipped missions: {', '.join(shipped_missions())}")
+        names = shipped_missions()
+        hint = nearest_or(path.stem, names, f"shipped missions: {', '.join(names)}")
+        raise UsageError(f"there is no mission `{shown}`", hint=hint)
     return shipped
 
 
