@@ -6,9 +6,10 @@ an episode in a browser or as a film. `play` plays one episode, `bench` many, `r
 `causal` runs traces again, `envs` makes learning environments of missions; `cli` is the command line, `lsp` the
 language server. Shared by all: `errors` (the exceptions), `validation` (what pydantic found, in words),
 `option_reading` (options read by their models), `suggest` (did-you-mean), `collector` (the garbage collector at rest),
-`data` (where shipped files are), `kept_files` (files of the cache folder), `whole_files` (files written whole or not at
-all), `numerics` (what fixes the last bits of numbers), `signals` (signals held back for a while), `terminal` (text made
-safe to print). `docs/architecture.md` walks through them. The public surface is this module, `lingjing.plugins` and the
+`data` (where shipped files are), `installation` (the distributions' names, and what their
+extras bring), `kept_files` (files of the cache folder), `whole_files` (files written whole or not at all), `numerics`
+(what fixes the last bits of numbers), `signals` (signals held back for a while), `terminal` (text made safe to print).
+`docs/architecture.md` walks through them. The public surface is this module, `lingjing.plugins` and the
 command `lingjing`; the rest may change.
 
 Exports are lazy: importing this package loads nothing but itself.
@@ -59,6 +60,6 @@ def __dir__() -> list[str]:
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    from lingjing.installation import CORE, version_of
 
-    return version("lingjing")
+    return version_of(CORE)

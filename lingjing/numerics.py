@@ -21,8 +21,10 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from lingjing import installation
+
 PACKAGES = (
-    "lingjing", "lingjing-agents", "numpy", "scipy", "jsbsim", "mujoco", "libsumo", "sgp4", "shapely", "moderngl",
+    "numpy", "scipy", "jsbsim", "mujoco", "libsumo", "sgp4", "shapely", "moderngl",
     "pillow", "opencv-python-headless", "msgspec",
 )  # fmt: skip
 
@@ -138,7 +140,11 @@ def versions() -> Mapping[str, str]:
     """Versions of what computes: Python, the C library and the packages; the same on every call in one environment."""
     table = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
     table["libc"] = " ".join(platform.libc_ver()).strip() or "unknown"
-    return table | {name: _version(name) for name in PACKAGES}
+    own = {  # names in traces, whatever the distributions are called
+        "lingjing": installation.version_of(installation.CORE),
+        "lingjing-agents": installation.version_of(installation.AGENTS),
+    }
+    return table | own | {name: _version(name) for name in PACKAGES}
 
 
 def processor_flags() -> frozenset[str]:

@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from lingjing.cli.libraries import missing_libraries  # noqa: E402 - found through the line above
+from lingjing.installation import OWN  # noqa: E402 - the same
 
 BY_HAND, FAILED, INTERRUPTED = 2, 3, 130
 
@@ -31,13 +32,15 @@ BY_HAND, FAILED, INTERRUPTED = 2, 3, 130
 @dataclass(frozen=True)
 class VirtualEnvironment:
     """A virtual environment: where it is, what decides its contents, the pip steps that fill it, the packages that are
-    installed in place, whose bytecode pip does not make, and the lists of those whose requirements are left out."""
+    installed in place, whose bytecode pip does not make, the lists of those whose requirements are left out, and the
+    distributions that are removed first."""
 
     folder: Path
     inputs: tuple[Path, ...]
     steps: tuple[tuple[str, ...], ...]
     sources: tuple[Path, ...] = ()
     without_dependencies: tuple[Path, ...] = ()
+    replaced: tuple[str, ...] = ()
 
     @property
     def python(self) -> Path:
@@ -82,6 +85,7 @@ MAIN_ENVIRONMENT = VirtualEnvironment(
     ),
     sources=(ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"),
     without_dependencies=WITHOUT_DEPENDENCIES,
+    replaced=tuple(own.earlier for own in OWN),  # of another name, pip would leave them beside the present ones
 )
 MODEL = ROOT / "requirements-model.txt"
 MODEL_ENVIRONMENT = VirtualEnvironment(
@@ -158,6 +162,7 @@ def ensure(environment: VirtualEnvironment) -> None:
         raise SetupError(BY_HAND, f"needs Python 3.11 or newer, this is {platform.python_version()}")
     environment.stamp.unlink(missing_ok=True)
     create(environment)
+    remove(environment)
     for step in environment.steps:
         print(f"setup: installing into {environment.folder.name}", file=sys.stderr)
         pip(environment, step)
@@ -206,6 +211,13 @@ def pip(environment: VirtualEnvironment, arguments: tuple[str, ...]) -> None:
     command = [str(environment.python), "-m", "pip", "install", *options, *arguments]
     if subprocess.run(command, check=False).returncode != 0:
         raise SetupError(FAILED, "pip could not install the packages; its message is above. Run the same again")
+
+
+def remove(environment: VirtualEnvironment) -> None:
+    """Uninstall the distributions that the environment's own replace; those that are not there are no fault."""
+    if environment.replaced:
+        command = [str(environment.python), "-m", "pip", "uninstall", "-qq", "-y", "--disable-pip-version-check"]
+        subprocess.run([*command, *environment.replaced], check=False, stderr=subprocess.DEVNULL)
 
 
 def ensure_libraries() -> None:

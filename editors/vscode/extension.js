@@ -22,7 +22,7 @@ async function start() {
     client = undefined;
     const choice = await vscode.window.showErrorMessage(
       `Lingjing: \`${[command, ...args].join(" ")}\` did not start: ${error.message}. ` +
-        "Install it with `pip install 'lingjing[lsp]'`, or set lingjing.command.",
+        "Install Lingjing and `pip install lsprotocol 'pygls>=2.0,<3'`, or set lingjing.command.",
       "Open settings",
     );
     if (choice) {

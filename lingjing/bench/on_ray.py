@@ -20,6 +20,7 @@ import msgspec
 from lingjing.bench.rows import code_sha256
 from lingjing.data import data_path
 from lingjing.errors import InfrastructureError, LingjingError, UsageError
+from lingjing.installation import AGENTS, CORE, install_line, name_of
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart, without_result
 from lingjing.play.report import EpisodeReport
@@ -119,7 +120,7 @@ def _played(task: RayTask) -> RayAnswer:
         return RayAnswer(
             error="UsageError",
             message=f"the node {node} has other code ({_code_here()[:12]}, here it is {task.code[:12]})",
-            hint="install the same version of lingjing and lingjing-agents on every node",
+            hint=f"install the same version of {name_of(CORE)} and {name_of(AGENTS)} on every node",
         )
     try:
         ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder))], 1)
@@ -137,7 +138,7 @@ def _connected(address: str) -> Any:
     try:
         import ray
     except ImportError as error:
-        raise UsageError("suites on a cluster need Ray", hint="pip install 'lingjing[ray]'") from error
+        raise UsageError("suites on a cluster need Ray", hint=install_line("ray")) from error
     if not ray.is_initialized():
         ending = signal.getsignal(signal.SIGTERM)
         try:

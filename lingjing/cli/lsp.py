@@ -17,7 +17,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def handler(_args: argparse.Namespace) -> int:
     """Serve until the client leaves. `UsageError` if the packages are missing or a person is at the other end."""
     if find_spec("pygls") is None or find_spec("lsprotocol") is None:
-        raise UsageError("the language server needs pygls", hint="install it: pip install 'lingjing[lsp]'")
+        from lingjing.installation import install_line
+
+        raise UsageError("the language server needs pygls", hint=f"install it: {install_line('lsp')}")
     if sys.stdin.isatty():
         raise UsageError(
             "the language server speaks to an editor", hint="editors/vscode has an extension; see its README"

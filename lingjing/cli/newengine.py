@@ -6,6 +6,7 @@ import keyword
 from pathlib import Path
 
 from lingjing.errors import UsageError
+from lingjing.installation import CORE, name_of
 
 _TEMPLATE = Path(__file__).parent / "templates" / "engine"
 _SUFFIX = ".txt"
@@ -64,4 +65,7 @@ def _write(source: Path, folder: Path, word: str) -> None:
     camel = "".join(part.capitalize() for part in word.split("_"))
     title = word.replace("_", " ").strip().capitalize()
     text = source.read_text(encoding="utf-8")
-    target.write_text(text.replace("NAME0", word).replace("Name0", camel).replace("Title0", title), encoding="utf-8")
+    words = {"NAME0": word, "Name0": camel, "Title0": title, "CORE0": name_of(CORE)}
+    for placeholder, value in words.items():
+        text = text.replace(placeholder, value)
+    target.write_text(text, encoding="utf-8")

@@ -70,6 +70,7 @@ def handler(args: argparse.Namespace) -> int:
         print_columns([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
     else:
         _print_options(found)
+    _report_earlier_requirements()
     if faults:
         sys.stdout.flush()
         raise faults[0]
@@ -175,6 +176,14 @@ def _price(model: ModelPlugin) -> str:
 def _policy_offer(policy: PolicyPlugin, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:
     notes = "privileged" if policy.privileged else ""
     return Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
+
+
+def _report_earlier_requirements() -> None:
+    from lingjing.installation import earlier_requirements
+
+    for one in earlier_requirements():
+        say(f"warning: plug-in `{one.plugin}` ({one.owner}) requires `{one.required}`, another party's package")
+        say(f"hint: {one.advice}")
 
 
 def _print_entry_points() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from lingjing.engines.road.options import traffic
 from lingjing.errors import InfrastructureError
+from lingjing.installation import install_line
 from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.mission.kinds import builtin_scenes
 from lingjing.plugins.engine import Engine, EnginePlugin
@@ -61,8 +62,7 @@ def _extra(name: str, package: str) -> Iterator[None]:
     except ModuleNotFoundError as error:
         if error.name != package:
             raise
-        command = f"pip install 'lingjing[{name}]'"
-        raise InfrastructureError(f"the package `{package}` is not installed", hint=f"`{command}`") from error
+        raise InfrastructureError(f"the package `{package}` is not installed", hint=install_line(name)) from error
 
 
 @hookimpl

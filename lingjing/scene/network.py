@@ -27,6 +27,7 @@ import msgspec
 
 from lingjing.data import cache_folder
 from lingjing.errors import InfrastructureError, UsageError
+from lingjing.installation import install_line
 from lingjing.mission.geometry2d import signed_area
 from lingjing.mission.instance import Vector
 from lingjing.scene.atomic_folder import folder_beside
@@ -44,7 +45,6 @@ LAYER_M = 6.0
 
 SECONDS_MOST = 600.0
 _Arguments = Callable[[Path], list[str]]
-_HINT = "install it with: pip install eclipse-sumo"
 _STREET_OPTIONS = (
     "--junctions.corner-detail",
     "5",
@@ -195,10 +195,14 @@ def netconvert() -> Path:
         for name in ("netconvert", "netconvert.exe"):
             if (folder / name).is_file():
                 return folder / name
-    raise InfrastructureError("netconvert, which makes road networks, is not installed", hint=_HINT)
+    raise InfrastructureError("netconvert, which makes road networks, is not installed", hint=_install_hint())
 
 
 # -- private
+
+
+def _install_hint() -> str:
+    return f"install it with: {install_line('road')}"
 
 
 def _home() -> Path:
@@ -267,7 +271,7 @@ def _run(arguments: list[str], what: str) -> None:
     except subprocess.TimeoutExpired as error:
         raise InfrastructureError(f"netconvert took longer than {SECONDS_MOST:g} s over {what}") from error
     except OSError as error:
-        raise InfrastructureError(f"netconvert cannot be run: {error}", hint=_HINT) from error
+        raise InfrastructureError(f"netconvert cannot be run: {error}", hint=_install_hint()) from error
     if run.returncode == 0:
         return
     said = [line.removeprefix("Error: ") for line in run.stderr.splitlines() if line.strip()]

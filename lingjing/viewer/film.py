@@ -11,6 +11,7 @@ from PIL import Image
 
 from lingjing.analysis.fonts import note_of_boxes
 from lingjing.errors import UsageError
+from lingjing.installation import install_line
 from lingjing.trace.reader import Trace
 from lingjing.viewer.frames import HEIGHT, WIDTH, FilmFrames, frames_of
 from lingjing.viewer.moments import moments, schedule
@@ -68,7 +69,7 @@ def _needs_av() -> None:
     try:
         import av  # noqa: F401
     except ImportError:
-        raise UsageError("an MP4 needs PyAV", hint="pip install 'lingjing[film]', or name a .gif") from None
+        raise UsageError("an MP4 needs PyAV", hint=f"{install_line('film')}, or name a .gif") from None
 
 
 def _write_mp4(frames: Iterator[Image.Image], path: Path, rate: int) -> None:

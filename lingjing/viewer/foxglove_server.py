@@ -27,6 +27,7 @@ from urllib.parse import quote
 
 from lingjing.analysis.played_city import surroundings_of
 from lingjing.errors import UsageError
+from lingjing.installation import install_line
 from lingjing.signals import unheard
 from lingjing.trace import foxglove
 from lingjing.trace.container import ContainerSchema
@@ -184,8 +185,8 @@ class FoxgloveServer:
         try:
             from websockets.sync.server import serve
         except ImportError as error:
-            hint = "pip install 'lingjing[foxglove]'"
-            raise UsageError("Foxglove's live view needs websockets, which is not installed", hint=hint) from error
+            message = "Foxglove's live view needs websockets, which is not installed"
+            raise UsageError(message, hint=install_line("foxglove")) from error
         with taking(port):
             return serve(
                 self._talk,

@@ -14,6 +14,7 @@ from typing import Any
 
 from lingjing.analysis.played_city import surroundings_of
 from lingjing.errors import UsageError
+from lingjing.installation import install_line
 from lingjing.mission.instance import Entity
 from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.surroundings import OVERHEAD_M
@@ -55,8 +56,8 @@ def _rerun() -> Any:
         import rerun
         import rerun.blueprint
     except ImportError as error:
-        hint = "pip install 'lingjing[rerun]'"
-        raise UsageError("a Rerun recording needs rerun-sdk, which is not installed", hint=hint) from error
+        message = "a Rerun recording needs rerun-sdk, which is not installed"
+        raise UsageError(message, hint=install_line("rerun")) from error
     return rerun
 
 

@@ -78,7 +78,7 @@ def test_a_broken_plugin_is_found_among_the_others(capsys, monkeypatch) -> None:
     monkeypatch.setattr(hosts.PluginHost, "_load_entry_points", broken)
     assert main(["plugins"]) == 2
     said = capsys.readouterr().err
-    assert "builtin  lingjing.engines.builtin  lingjing 0." in said
+    assert "builtin  lingjing.engines.builtin  lingjing" in said
     assert "error: a plug-in could not be loaded: boom" in said
 
 
@@ -122,6 +122,7 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
     assert {finding["name"]: finding["ok"] for finding in findings} == dict.fromkeys(
         (
             "python",
+            "installation",
             "system",
             "numbers",
             "libraries",
@@ -145,7 +146,7 @@ def test_doctor_names_the_extras_that_are_not_here(monkeypatch) -> None:
     monkeypatch.setattr(doctor, "find_spec", lambda name: None if name in ("rerun", "websockets") else name)
     told = doctor.check_extras()
     assert told.ok and told.found.endswith("; not installed: foxglove, rerun")
-    assert told.advice.startswith("pip install 'lingjing[foxglove,rerun]', or")
+    assert told.advice.startswith("pip install 'rerun-sdk>=0.41' 'websockets>=14', or")
 
 
 def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:

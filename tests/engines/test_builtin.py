@@ -21,7 +21,7 @@ def test_a_missing_extra_is_named_with_the_command() -> None:
         _extra("road", "nosuchpackage"),
     ):
         import nosuchpackage  # noqa: F401
-    assert caught.value.hint == "`pip install 'lingjing[road]'`"
+    assert caught.value.hint == "pip install 'eclipse-sumo>=1.24' 'libsumo>=1.24'"
 
 
 def test_a_fault_in_an_engine_is_not_taken_for_a_missing_extra() -> None:

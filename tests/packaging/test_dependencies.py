@@ -64,7 +64,7 @@ def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
 
 
 def test_the_agents_declare_what_they_import_and_nothing_else() -> None:
-    needed = declared(ROOT / "agents" / "pyproject.toml", "litellm") - {"lingjing"}
+    needed = declared(ROOT / "agents" / "pyproject.toml", "litellm") - {"lingjing-sim"}
     assert distributions(set(foreign(AGENTS))) == needed
 
 
@@ -97,4 +97,4 @@ def test_pins_are_names_and_versions_and_no_hosts(name: str) -> None:
 def test_every_dependency_is_pinned() -> None:
     pins = {canonical(line.partition("==")[0]) for line in (ROOT / "constraints.txt").read_text().splitlines()}
     asked = declared(ROOT / "pyproject.toml", "dev") | declared(ROOT / "agents" / "pyproject.toml", "litellm")
-    assert asked - {"lingjing"} <= pins
+    assert asked - {"lingjing-sim"} <= pins

@@ -88,6 +88,22 @@ def test_the_second_run_does_nothing(environment, created, pips) -> None:
     assert environment.stamp.stat().st_mtime_ns == before
 
 
+def test_distributions_of_an_earlier_name_are_removed_first(environment, pips, monkeypatch) -> None:
+    seen: list[str] = []
+    monkeypatch.setattr(setup, "create", lambda environment: seen.append("create"))
+    monkeypatch.setattr(setup, "remove", lambda environment: seen.extend(environment.replaced))
+    monkeypatch.setattr(setup, "pip", lambda environment, arguments: seen.append("install"))
+    setup.ensure(replace(environment, replaced=("lingjing", "lingjing-agents")))
+    assert seen == ["create", "lingjing", "lingjing-agents", "install"]
+    assert setup.MAIN_ENVIRONMENT.replaced == ("lingjing", "lingjing-agents")
+
+
+def test_removing_what_is_not_there_is_no_fault(environment, capfd) -> None:
+    setup.create(environment)
+    setup.remove(replace(environment, replaced=("lingjing-no-such-package",)))
+    assert capfd.readouterr() == ("", "setup: creating env\n")
+
+
 def test_a_changed_input_is_installed_again(environment, created, pips) -> None:
     setup.ensure(environment)
     environment.inputs[0].write_text("# something\n")

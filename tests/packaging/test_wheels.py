@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import subprocess
 import sys
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -12,6 +15,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "-c", ROOT / "constraints.txt")
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
@@ -28,8 +33,8 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     build = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", folder)
     call(*build, ROOT, cwd=folder)
     call(*build, ROOT / "agents", cwd=folder)
-    (core,) = folder.glob("lingjing-*.whl")
-    (agents,) = folder.glob("lingjing_agents-*.whl")
+    (core,) = folder.glob("lingjing_sim-*.whl")
+    (agents,) = folder.glob("lingjing_sim_agents-*.whl")
     return core, agents
 
 
@@ -38,9 +43,7 @@ def bare(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) ->
     """The `bin` folder of an environment that holds the wheels and what they ask for."""
     folder = tmp_path_factory.mktemp("bare")
     venv.create(folder, with_pip=True)
-    constraints = ROOT / "constraints.txt"
-    pip = (folder / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "install", "-q", "-c", constraints)
-    call(*pip, *wheels, cwd=folder)
+    call(folder / "bin" / "python", *PIP, *wheels, cwd=folder)
     return folder / "bin"
 
 
@@ -83,3 +86,78 @@ def test_a_shipped_mission_is_found_by_its_name(bare: Path, tmp_path: Path) -> N
     done = call(bare / "lingjing", "run", "ssr", "--set", "victims=99", "--json", cwd=tmp_path, code=2)
     assert "victims" in done.stderr
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("extra", sorted(EXTRAS.keys() - {"dev"}))
+def test_every_extra_can_be_installed_from_the_two_wheels(
+    extra: str, wheels: tuple[Path, Path], bare: Path, tmp_path: Path
+) -> None:
+    """As pip resolves it, in a bare environment that has the wheels: what is added, and nothing of another party's."""
+    resolve = (
+        bare / "python",
+        *PIP,
+        "--dry-run",
+        "--report",
+        tmp_path / "report.json",
+        "--find-links",
+        wheels[0].parent,
+    )
+    call(*resolve, f"{wheels[0]}[{extra}]", cwd=tmp_path)
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    added = {canonical(item["metadata"]["name"]) for item in report["install"]}
+    here = json.loads(call(bare / "python", "-m", "pip", "list", "--format", "json", cwd=tmp_path).stdout)
+    present = {canonical(item["name"]) for item in here}
+    assert not {"lingjing", "lingjing-agents"} & (added | present)
+    asked = {canonical(re.split(r"[^\w.-]", line)[0]) for line in EXTRAS[extra]} - {"lingjing-sim"}
+    assert asked <= added | present
+
+
+def test_the_line_of_a_hint_installs_what_is_missing(bare: Path, tmp_path: Path) -> None:
+    refused = call(bare / "lingjing", "lsp", cwd=tmp_path, code=2).stderr
+    assert "the language server needs pygls" in refused
+    (line,) = re.findall(r"install it: pip install (.+)", refused)
+    assert "lingjing" not in line
+    call(bare / "python", *PIP, *shlex.split(line), cwd=tmp_path)
+    assert call(bare / "lingjing", "lsp", "--stdio", cwd=tmp_path).returncode == 0
+
+
+def test_a_foreign_package_installed_over_the_wheel_is_named(wheels: tuple[Path, Path], tmp_path: Path) -> None:
+    venv.create(tmp_path / "env", with_pip=True)
+    environment = tmp_path / "env" / "bin"
+    install = (
+        environment / "python",
+        "-m",
+        "pip",
+        "--disable-pip-version-check",
+        "install",
+        "-q",
+        "--no-index",
+        "--no-deps",
+    )
+    call(*install, wheels[0], foreign_wheel(tmp_path), cwd=tmp_path)
+    refused = call(environment / "lingjing", "--version", cwd=tmp_path, code=2).stderr
+    assert "another package `lingjing` was installed over this project's" in refused
+    (hint,) = re.findall(r"hint: (.+)", refused)
+    assert hint == f"pip uninstall -y lingjing && pip install --force-reinstall --no-deps {wheels[0]}"
+    for line in hint.split(" && "):
+        call(environment / "python", "-m", *shlex.split(line), cwd=tmp_path)
+    assert call(environment / "lingjing", "--version", cwd=tmp_path).stdout.startswith("lingjing ")
+
+
+def foreign_wheel(folder: Path) -> Path:
+    """A wheel with the earlier name of the core, of another party: one module that says nothing of missions."""
+    path, info = folder / "lingjing-1.0.0-py3-none-any.whl", "lingjing-1.0.0.dist-info"
+    files = {
+        "lingjing/__init__.py": "name = 'another'\n",
+        f"{info}/METADATA": "Metadata-Version: 2.1\nName: lingjing\nVersion: 1.0.0\n",
+        f"{info}/WHEEL": "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+    }
+    record = "".join(f"{name},,\n" for name in (*files, f"{info}/RECORD"))
+    with zipfile.ZipFile(path, "w") as wheel:
+        for name, text in (*files.items(), (f"{info}/RECORD", record)):
+            wheel.writestr(name, text)
+    return path
+
+
+def canonical(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import InfrastructureError, UsageError
+from lingjing.installation import install_line
 from lingjing.scene import network
 from lingjing.scene.network import StreetEdge, StreetNode, build_network, network_from_osm, read_roads
 
@@ -110,7 +111,7 @@ def test_a_missing_netconvert_is_named_with_its_remedy(monkeypatch, tmp_path):
     monkeypatch.delenv("SUMO_HOME", raising=False)
     with pytest.raises(InfrastructureError, match="netconvert") as caught:
         build_network(*cross(lanes=1))
-    assert "pip install eclipse-sumo" in caught.value.hint
+    assert install_line("road") in caught.value.hint
     network.netconvert.cache_clear()
 
 

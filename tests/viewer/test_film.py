@@ -110,7 +110,7 @@ def test_films_made_of_one_name_at_once_share_no_file(
 
 
 def test_an_mp4_is_h264_and_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
-    av = pytest.importorskip("av", reason="PyAV is not installed: pip install 'lingjing[film]'")
+    av = pytest.importorskip("av", reason="PyAV is not installed: pip install av")
     short = Trace(trace.path, trace.header, trace.boundaries[:2], None, False, trace.places)
     make_film(short, tmp_path / "episode.mp4", truth=False)
     with av.open(str(tmp_path / "episode.mp4")) as made:

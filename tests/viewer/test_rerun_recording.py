@@ -57,7 +57,7 @@ def test_what_cannot_be_written_is_told(trace: Trace, tmp_path: Path, monkeypatc
         patch.setitem(sys.modules, "rerun", None)
         with pytest.raises(UsageError, match="needs rerun-sdk") as caught:
             write_rerun(trace, tmp_path / "episode.rrd", truth=False)
-        assert caught.value.hint == "pip install 'lingjing[rerun]'"
+        assert caught.value.hint == "pip install 'rerun-sdk>=0.41'"
     pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
     with pytest.raises(UsageError, match=r"an \.rrd file"):
         write_rerun(trace, tmp_path / "episode.mcap", truth=False)

@@ -201,7 +201,7 @@ def _read(path: Path, below: ModelTable) -> ModelTable:
     faults = (*option_faults(ModelTable, given), *_unknown_services(given, below))
     if faults:
         lines = "\n".join(f"{path}: {one.where}: {one.message}" for one in faults)
-        hint = f"{SHIPPED.name} of lingjing-agents is an example; its head explains each entry"
+        hint = f"{SHIPPED.name} of the agents' package is an example; its head explains each entry"
         raise UsageError(lines, hint=hint, faults=faults)
     return ModelTable.model_validate(given)
 

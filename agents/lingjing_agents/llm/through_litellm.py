@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import msgspec
 
+from lingjing.installation import AGENTS, install_line
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.chat import (
     ChatRequest,
@@ -25,8 +26,6 @@ from lingjing_agents.llm.chat import (
 )
 from lingjing_agents.llm.direct import MOST_TOKENS, TRANSIENT_STATUS, basic, filtered
 from lingjing_agents.llm.wire import BoundedTransport, pause_s
-
-_INSTALL = "pip install 'lingjing-agents[litellm]', or use client=direct"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +66,16 @@ def load_litellm() -> Any:
     except ImportError as error:
         raise UsageError(
             f"client=litellm cannot import litellm: {error}",
-            hint=_INSTALL,
+            hint=_install_hint(),
         ) from error
     litellm.suppress_debug_info = True
     litellm.telemetry = False
     _bound(litellm)
     return litellm
+
+
+def _install_hint() -> str:
+    return f"{install_line('litellm', of=AGENTS)}, or use client=direct"
 
 
 def _bound(litellm: Any) -> None:
@@ -83,7 +86,8 @@ def _bound(litellm: Any) -> None:
         return
     handler: Any = AsyncHTTPHandler
     if not callable(getattr(handler, "_create_async_transport", None)):
-        raise UsageError("this version of litellm makes its connections in a way that cannot be bounded", hint=_INSTALL)
+        message = "this version of litellm makes its connections in a way that cannot be bounded"
+        raise UsageError(message, hint=_install_hint())
     handler._create_async_transport = staticmethod(lambda *_, **__: BoundedTransport())
     handler._create_httpx_proxy_mounts = staticmethod(lambda *_, **__: {})  # `wire` reads the proxies' variables itself
     litellm.aclient_session = httpx.AsyncClient(transport=BoundedTransport())

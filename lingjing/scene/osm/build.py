@@ -19,6 +19,7 @@ import msgspec
 
 from lingjing.data import CACHE_OFF, cache_is_off
 from lingjing.errors import UsageError
+from lingjing.installation import CORE, version_of
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
@@ -202,7 +203,7 @@ def _versions() -> dict[str, str]:
     except metadata.PackageNotFoundError:
         sumo = "none"
     return {
-        "lingjing": metadata.version("lingjing"),
+        "lingjing": version_of(CORE),
         **read.versions(),
         "numpy": np.__version__,
         "shapely": shapely.__version__,

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lingjing.errors import UsageError
+from lingjing.installation import install_line
 
 SUFFIXES = (".osm", ".osm.gz", ".osm.bz2", ".osm.pbf", ".pbf", ".osm.xml")
 STRETCH = 100
@@ -172,7 +173,7 @@ def _length(item: Any) -> int:
 
 
 def _missing() -> UsageError:
-    return UsageError("reading maps needs the package `osmium`", hint="pip install osmium")
+    return UsageError("reading maps needs the package `osmium`", hint=install_line("maps"))
 
 
 def _tags(item: Any) -> dict[str, str]:

@@ -1,0 +1,54 @@
+"""The command `lingjing`: start the command line, or name the package that stands in its place.
+
+This module is outside of the package `lingjing`, because public indexes have another party's package of that name.
+Installed beside this project, that package hides the whole of it or overwrites its `__init__.py`.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+
+_OWN = Path(__file__).resolve().with_name("lingjing")
+_USAGE = 2
+
+
+def main() -> int:
+    """Run the command line; 2 if the package `lingjing` is another party's, or is not whole."""
+    stranger = _stranger()
+    if stranger:
+        print(f"error: {stranger}\nhint: {_advice(is_hidden='hides' in stranger)}", file=sys.stderr)
+        return _USAGE
+    from lingjing.cli.main import main as command
+
+    return command()
+
+
+def _stranger() -> str:
+    """The fault of the package that `import lingjing` finds; "" for this project's own."""
+    spec = find_spec("lingjing")
+    if spec is None or spec.origin is None:
+        return f"the package `lingjing` has lost its `__init__.py`: {_OWN}"
+    if Path(spec.origin).resolve() != _OWN / "__init__.py":
+        return f"another package `lingjing` hides this project's: {spec.origin}"
+    import lingjing
+
+    if "EpisodeReport" not in getattr(lingjing, "__all__", ()):
+        return f"another package `lingjing` was installed over this project's: {spec.origin}"
+    return ""
+
+
+def _advice(is_hidden: bool) -> str:
+    """The lines that mend it, by the metadata; read from a file, since the package itself cannot be imported."""
+    spec = spec_from_file_location("lingjing_installation", _OWN / "installation.py")
+    if spec is None or spec.loader is None or not (_OWN / "installation.py").is_file():
+        return "install this project again"
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return str(module.repair_advice(is_hidden))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
