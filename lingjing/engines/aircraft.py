@@ -21,6 +21,7 @@ from lingjing.engines.gust import Gust
 from lingjing.engines.neighbours import Neighbour, Neighbours
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.mission.kinds_format import EngineKind
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
@@ -30,6 +31,7 @@ from lingjing.plugins.requests import Refusal
 from lingjing.plugins.stock import Accounts, booked
 from lingjing.scene.blocks import Block
 from lingjing.scene.city import City
+from lingjing.scene.flight_floor import FlightFloor
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DEAD, BodyState, Command
@@ -80,6 +82,8 @@ class Aircraft(ABC):
     """What its speed may grow by in the next seconds."""
     energy: ClassVar[str]
     """What it runs out of: the reason of refusals."""
+    kind: ClassVar[EngineKind]
+    """The kind of its engine: its lowest point and the bounds of its commands."""
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
@@ -99,6 +103,8 @@ class Aircraft(ABC):
         self.cruise_mps = 0.0
         self._attitude: Vector = (0.0, 0.0, math.radians(entity.heading_deg % 360.0))
         self._terrain = terrain
+        assert self.kind.floor is not None  # that of every aircraft declares one
+        self._floor = FlightFloor(terrain, entity, self.kind.floor)
         self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", PERIOD_S)
         self._legs: tuple[Vector, ...] = ()
         self._length = 0.0

@@ -20,7 +20,6 @@ from lingjing.envs.vocabulary import STATUSES, Vocabulary
 from lingjing.errors import UsageError
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec, Weather
 from lingjing.mission.model import Field
-from lingjing.mission.spec_schema import ELEVATIONS
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
 from lingjing.trace.request_ids import is_request_of
@@ -32,6 +31,9 @@ INBOX = 8
 
 _BODY = 11
 """Numbers of an entity before its stocks: seen, place (3), velocity (3), heading as sine and cosine, busy, battery."""
+
+_IN_BAND = ("z", "altitude")
+"""Arguments whose numbers are stretched over the altitude band."""
 
 _FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "names": 1, "frame": 1, "text": 0}
 """Numbers that each type of a message's fields takes. A text has none, a frame says whether there is one."""
@@ -213,7 +215,7 @@ class Codec:
             cameras = entity.cameras
             return cameras[min(int((value + 1.0) / 2.0 * len(cameras)), len(cameras) - 1)].name if cameras else None
         low, high = spec.minimum, spec.maximum
-        if spec.name in ELEVATIONS:
+        if spec.name in _IN_BAND:
             low, high = entity.properties.get("band_low_m", 0.0), entity.properties.get("band_high_m", 120.0)  # type: ignore[assignment]
         if low is None:
             low = -self._reach_m

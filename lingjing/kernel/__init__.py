@@ -7,7 +7,8 @@ In the order of control:
   does so without threads, in a process that is going to be forked;
 - `candidates` turns what policies returned into plain values; `admission` compiles the checks of arguments and bodies;
 - `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the `links` between agents;
-- `commands` validates and resolves physical commands (ValidateAndResolve); `budgets` counts what both use up;
+- `commands` validates and resolves physical commands (ValidateAndResolve) within their `command_limits`; `budgets`
+  counts what both use up;
 - `world` hosts and couples the engines (`contract` is all that the kernel knows of it);
 - `registry` is G, the shared state: an immutable value, which `registry_update` replaces (Update); `progress` is the
   part of it that budgets, inspections, stages and constraints keep; `append_only` is the mapping that its growing parts

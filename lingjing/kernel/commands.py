@@ -2,9 +2,11 @@
 
 In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema, a
 place outside the world, busy resource, conflict, permit, counted budget. Arguments beyond their bounds are clipped,
-and the admission receipt says so. `stop` pre-empts what a resource is doing and needs no permit; everything else waits
-until the pending request has completed. Engines refuse what a dead entity is told; pictures are no engine's business,
-so a dead entity's are refused here.
+and the admission receipt says so. Bounds are those that the mission declares, the altitude band, and the limits of the
+resource's engine: the least values of its `kinds.json`, and the lowest point that it lets a flying body be sent to.
+`stop` pre-empts what a resource is doing and needs no permit; everything else waits until the pending request has
+completed. Engines refuse what a dead entity is told; pictures are no engine's business, so a dead entity's are refused
+here.
 """
 
 from __future__ import annotations
@@ -16,12 +18,13 @@ from msgspec import field
 
 from lingjing.kernel.admission import arguments_check
 from lingjing.kernel.budgets import LIMIT, Tally
+from lingjing.kernel.command_limits import CommandLimits
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
-from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
+from lingjing.mission.instance import AgentSpec, Datum, Entity, Instance
 from lingjing.mission.vocabulary import PHOTO, STOP
-from lingjing.plugins.decisions import altitude_band, argument_bounds
+from lingjing.scene.city import City
 from lingjing.trace.records import DEAD, Action, Command, Receipt
 from lingjing.trace.request_ids import request_id
 
@@ -48,17 +51,18 @@ class Resolution(msgspec.Struct, frozen=True):
 
 
 class CommandValidator:
-    """ValidateAndResolve for one instance. `bounds` are the city's: west, south, east, north in metres."""
+    """ValidateAndResolve for one instance in one city; without a city, no place and no elevation is out of bounds."""
 
-    def __init__(self, instance: Instance, bounds: tuple[float, float, float, float] | None = None) -> None:
+    def __init__(self, instance: Instance, city: City | None = None) -> None:
         self._instance = instance
-        self._bounds = bounds
+        self._bounds = None if city is None else city.bounds
         self._agents = {agent.id: agent for agent in instance.agents}
         self._entities = {entity.id: entity for entity in instance.entities}
         self._verbs = {entity.id: {verb.name: verb for verb in entity.verbs} for entity in instance.entities}
         self._arguments = {
             (entity.id, verb.name): arguments_check(verb) for entity in instance.entities for verb in entity.verbs
         }
+        self._limits = CommandLimits(instance, city)
 
     def resolve(
         self,
@@ -101,7 +105,7 @@ class CommandValidator:
         """The command of a valid candidate, and what was clipped."""
         entity = self._entities[resource]
         verb = self._verbs[resource][action.verb]
-        arguments, note = _clip(verb, action.arguments, entity, registry)
+        arguments, note = self._limits.clipped(verb, action.arguments, entity, registry)
         command = Command(id=name, tick=tick, sender=sender, resource=resource, verb=action.verb, arguments=arguments)
         return command, note
 
@@ -243,41 +247,3 @@ def _camera_fault(entity: Entity, action: Action) -> str:
     name = camera_of(entity, action.arguments)
     mounts = [camera.name for camera in entity.cameras]
     return "" if name in mounts else f"`{entity.id}` has no camera `{name}`: {', '.join(mounts) or 'none'}"
-
-
-def _clip(
-    verb: VerbSpec, arguments: Mapping[str, Datum], entity: Entity, registry: Registry
-) -> tuple[dict[str, Datum], str]:
-    """Arguments within their declared bounds and the entity's altitude band, with a sentence where that changed
-    something."""
-    values: dict[str, Datum] = {}
-    notes: list[str] = []
-    for spec in verb.arguments:
-        value = arguments.get(spec.name)
-        if value is None:
-            value = spec.default
-        if value is None:
-            continue
-        if isinstance(value, int | float):
-            low, high = _limits(verb, spec, entity, registry)
-            inside = min(max(float(value), low), high)
-            if inside != value:
-                notes.append(f"`{spec.name}` {value:g} → {inside:g}")
-            value = inside
-        values[spec.name] = value
-    return values, ", ".join(notes)
-
-
-def _limits(verb: VerbSpec, spec: ArgumentSpec, entity: Entity, registry: Registry) -> tuple[float, float]:
-    """Bounds of one argument at its entity's present elevation: what goes up or down ends at the altitude band. How
-    fast it does so, an argument of another dimension, has nothing to do with the band."""
-    low, high = argument_bounds(spec, entity.properties)
-    band = altitude_band(entity.properties)
-    if band is None or spec.unit != "m":
-        return low, high
-    height = registry.states[entity.id].position[2]
-    if verb.motion == "up":
-        return low, max(0.0, min(high, band[1] - height))
-    if verb.motion == "down":
-        return low, max(0.0, min(high, height - band[0]))
-    return low, high

@@ -134,7 +134,7 @@ class Kernel:
         self.unsaid: frozenset[str] = frozenset()
         self._blank = blank_pictures
         self._router = MessageRouter(instance)
-        self._validator = CommandValidator(instance, city.bounds)
+        self._validator = CommandValidator(instance, city)
         self._adjudicator = Adjudicator(instance)
         self._projector = Projector(instance, policy_seed, city)
         self._subtasks = Subtasks(instance, self._adjudicator)

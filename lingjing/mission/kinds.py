@@ -67,6 +67,12 @@ def engine_kind(name: str) -> EngineKind:
     return found or next((f.by_engine[name] for f in _plugins() if name in f.by_engine), EngineKind(name=name))
 
 
+def least_value(kind: EngineKind, verb: str, argument: str) -> float:
+    """The smallest value of an argument that an engine admits; minus infinity where its kind names none."""
+    told = kind.verbs.get(verb)
+    return -math.inf if told is None else told.least.get(argument, -math.inf)
+
+
 def is_described(kind: Literal["scene", "engine"], name: str) -> bool:
     """Whether a file describes a scene or an engine of that name. `PluginError` for a file that cannot be read."""
     if kind == "scene":

@@ -84,20 +84,48 @@ class SceneKind(_Record, frozen=True, kw_only=True):
 
 
 class VerbKind(_Record, frozen=True, kw_only=True):
-    """What an engine does with a verb: how it moves the body, and in words, for whoever chooses among verbs."""
+    """The effect of a verb.
+
+    `motion`: how it moves the body. `doc`: the same in words, for those that choose among verbs. `least`: by argument,
+    the smallest value that the engine admits. `above_start`: arguments that are heights over the body's place, and not
+    elevations. The kernel clips to both, and the engine checks the same values.
+    """
 
     motion: VerbMotion = ""
     doc: str = ""
+    least: dict[str, float] = {}
+    above_start: tuple[str, ...] = ()
+
+
+class FlightFloorKind(_Record, frozen=True, kw_only=True):
+    """The lowest point to which a flying body may be sent.
+
+    `clearance_m`: metres over what lies below. `over`: `surface`, the ground or the water at a destination (what stands
+    there is flown around or refused), or `everything`, the highest thing there.
+    """
+
+    clearance_m: Annotated[float, msgspec.Meta(ge=0)]
+    over: Literal["surface", "everything"] = "surface"
 
 
 class TopSpeed(_Record, frozen=True, kw_only=True):
     """What no body of an engine exceeds over ground: the property of that name, m/s, times `factor`, and these shares
-    of the strongest wind and current of the mission. Proofs rest on it, so it is generous."""
+    of the strongest wind and current of the mission. Proofs rest on it, so it is generous.
+
+    `least` and `most`: the slowest and the fastest cruise that the engine's bodies hold, m/s; a declared speed beyond
+    them is flown or walked as the nearer one. The engine reads them here too.
+    """
 
     property: str
+    least: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    most: Annotated[float, msgspec.Meta(gt=0)] | None = None
     factor: Annotated[float, msgspec.Meta(ge=1)] = 1.0
     wind: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+
+    def held(self, declared_mps: float) -> float:
+        """The cruise speed of a body that declares this one, m/s."""
+        return max(declared_mps if self.most is None else min(declared_mps, self.most), self.least)
 
 
 class EngineKind(_Record, frozen=True, kw_only=True):
@@ -106,6 +134,7 @@ class EngineKind(_Record, frozen=True, kw_only=True):
     `verbs` are those that it understands beside `stop` and `takePhoto`. `acts`: its entities can perform interactions.
     `landbound`: its bodies are never under the ground or the sea. `stands_on` is the surface that they are always on.
     `anywhere`: they may begin outside of the scene, which they cross at once. `orbits`: elements place them.
+    `floor`: the lowest point that the engine lets its bodies be sent to; the kernel clips commands to it.
     `standard_properties`: speeds, endurances and loads mean what the language says.
 
     The rest is for proofs, and where it is not said nothing is proved. `top_speed` bounds how fast a body is.
@@ -123,12 +152,18 @@ class EngineKind(_Record, frozen=True, kw_only=True):
     anywhere: bool = False
     orbits: bool = False
     standard_properties: bool = False
+    floor: FlightFloorKind | None = None
     top_speed: TopSpeed | None = None
     stays: bool = False
     drift_factor: Annotated[float, msgspec.Meta(ge=1)] | None = None
     in_band: bool = False
     overshoot: Annotated[float, msgspec.Meta(ge=1)] | None = None
     least_power: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
+
+    def is_above_start(self, verb: str, argument: str) -> bool:
+        """True if an argument is a height over the body's place."""
+        told = self.verbs.get(verb)
+        return told is not None and argument in told.above_start
 
 
 class KindsFile(_Record, frozen=True, kw_only=True):

@@ -12,8 +12,8 @@ REACH_M = 1.0e7
 """No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
 what passes stays finite, so a policy cannot bring an engine down with a number."""
 
-ELEVATIONS = ("z", "altitude")
-"""Arguments that are an elevation, which the altitude band bounds."""
+ELEVATION = "z"
+"""The argument that is an elevation, which the altitude band bounds."""
 
 JsonSchema = dict[str, object]
 
@@ -33,7 +33,7 @@ def argument_bounds(spec: ArgumentSpec, properties: Mapping[str, Datum]) -> tupl
     """
     low = -math.inf if spec.minimum is None else spec.minimum
     high = math.inf if spec.maximum is None else spec.maximum
-    band = altitude_band(properties) if spec.name in ELEVATIONS else None
+    band = altitude_band(properties) if spec.name == ELEVATION else None
     return (low, high) if band is None else (max(low, band[0]), min(high, band[1]))
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from lingjing.mission.kinds import least_value
+from lingjing.mission.kinds_format import EngineKind
 from lingjing.mission.values import is_finite
 from lingjing.mission.vocabulary import STOP
 from lingjing.trace.records import Command, Receipt
@@ -39,6 +41,15 @@ def optional_number(command: Command, name: str) -> float | None:
     if not is_finite(value):
         raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must be a finite number, not {value!r}")
     return float(value)
+
+
+def number_at_least(command: Command, name: str, kind: EngineKind) -> float:
+    """A finite numeric argument that is not under the `least` of its verb in the engine's kind, or
+    `Refusal(bad_argument)`."""
+    value, least = number(command, name), least_value(kind, command.verb, name)
+    if value < least:
+        raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must be at least {least:g}, not {value:g}")
+    return value
 
 
 class Requests:
@@ -112,4 +123,4 @@ class Requests:
         return self._pending.pop(resource, None)
 
 
-__all__ = ["STOP", "Refusal", "Requests", "number", "optional_number"]
+__all__ = ["STOP", "Refusal", "Requests", "number", "number_at_least", "optional_number"]

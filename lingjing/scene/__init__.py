@@ -13,6 +13,7 @@ In the order in which an episode meets them:
 - `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`
 - `displacement`   how far `anchor` has moved what a document places
 - `terrain`     what a place is to a body: water, ground, what stands there and how high ← `outlines`, `blocks`
+- `flight_floor`   the lowest points that flying bodies may be sent to
 - `obstacles`   where legs can go; `shapes`, `props`, `sizes` what can be touched, and how large it is
 - `roofs`       how high a city can be at many places at once
 - `regions`     regions that only the city knows, such as those along a road

@@ -55,9 +55,10 @@ class Terrain:
         cell = self._cell(math.floor(x / _EVEN_CELL_M), math.floor(y / _EVEN_CELL_M))
         return _surface(self._waters, self._lands, self.datum_m, x, y) if cell is None else cell.surface_m
 
-    def support(self, x: float, y: float, below_m: float) -> float:
-        """Elevation of what something falling from `below_m` comes to rest on: ground, water, roof, deck or slope."""
-        tops = [block.top_at(x, y) for block in self._near(x, y) if block.covers(x, y)]
+    def support(self, x: float, y: float, below_m: float, margin_m: float = 0.0) -> float:
+        """Elevation of what something of radius `margin_m` (at most `REACH_M`) that falls from `below_m` comes to rest
+        on: ground, water, roof, deck or slope."""
+        tops = [block.top_at(x, y) for block in self._near(x, y) if block.covers(x, y, margin_m)]
         return max([self.surface(x, y), *(top for top in tops if top <= below_m)])
 
     def solids_at(self, x: float, y: float, low_m: float, high_m: float, margin_m: float = 0.0) -> tuple[Block, ...]:

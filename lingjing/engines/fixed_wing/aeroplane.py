@@ -15,6 +15,8 @@ from lingjing.engines.fixed_wing.airframe import PlaneAirframe
 from lingjing.engines.fixed_wing.control import Autopilot
 from lingjing.engines.sea import wind_velocity
 from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.mission.kinds import builtin_engines
+from lingjing.mission.kinds_format import TopSpeed
 from lingjing.mission.vocabulary import FUEL_EMPTY
 from lingjing.plugins.requests import STOP, Refusal, number
 from lingjing.scene.blocks import Block
@@ -25,15 +27,13 @@ CRUISE_MPS = 40.0
 ENDURANCE_S = 4.0 * 3600.0
 """What an entity without these properties gets."""
 
-SLOWEST_MPS, FASTEST_MPS = 33.0, 60.0
-"""Airspeeds that the airframe can hold."""
-
 CRUISE_FLOW = 12.2 / 3600.0
 """Fuel flow in level flight at 40 m/s, kg/s, as JSBSim burns it: what a tank is sized with."""
 
+KIND = builtin_engines()["plane"]
+_SPEED = KIND.top_speed or TopSpeed(property="cruise_mps")
 _AIRBORNE_M = 30.0
 _OVER_M, _LEVEL_M = 60.0, 15.0
-_CLEARANCE_M = 30.0
 _LEAST_FLOW_SHARE = 0.5
 
 
@@ -42,13 +42,13 @@ class Aeroplane(Aircraft):
 
     launch_m, launch_drop_m = 60.0, 1.0
     terminal_mps, spurt_mps = 60.0, 20.0
-    energy = "fuel"
+    energy, kind = "fuel", KIND
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
     ) -> None:
         super().__init__(entity, terrain, weather, origin, seed)
-        self.cruise_mps = min(max(entity.number_or("cruise_mps", CRUISE_MPS), SLOWEST_MPS), FASTEST_MPS)
+        self.cruise_mps = _SPEED.held(entity.number_or("cruise_mps", CRUISE_MPS))
         self._capacity_kg = self._fuel_kg = CRUISE_FLOW * entity.number_or("endurance_s", ENDURANCE_S)
         wind = (*wind_velocity(weather), 0.0)
         self._airframe = PlaneAirframe(origin, entity.position[2], entity.heading_deg, self.cruise_mps, wind)
@@ -183,11 +183,11 @@ class Aeroplane(Aircraft):
 
     def _check(self, goal: Vector) -> None:
         x, y, z = goal
-        lowest = self._terrain.support(x, y, math.inf) + _CLEARANCE_M
+        lowest = self._floor.at(x, y)
         if z < lowest:
             raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is too low: at least z = {lowest:.1f} m")
         # A lower bound (fastest, on half the usual flow), so that nothing possible is refused.
-        least = math.dist(self.position, goal) / FASTEST_MPS * CRUISE_FLOW * _LEAST_FLOW_SHARE
+        least = math.dist(self.position, goal) / _SPEED.held(math.inf) * CRUISE_FLOW * _LEAST_FLOW_SHARE
         if least > self._fuel_kg:
             raise Refusal("fuel", f"that needs at least {least:.1f} kg of fuel, {self._fuel_kg:.1f} kg are left")
 

@@ -16,7 +16,7 @@ from lingjing.engines.battery import Battery
 from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
 from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
 from lingjing.engines.multirotor.power import RotorPower, hover_power
-from lingjing.engines.multirotor.verbs import Situation, plan
+from lingjing.engines.multirotor.verbs import KIND, Situation, plan
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Entity, Weather
 from lingjing.mission.vocabulary import BATTERY_EMPTY
@@ -45,7 +45,7 @@ class Drone(Aircraft):
 
     launch_m, launch_drop_m = 1.5, 0.3
     terminal_mps, spurt_mps = 20.0, 5.0
-    energy = "battery"
+    energy, kind = "battery", KIND
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
@@ -92,7 +92,7 @@ class Drone(Aircraft):
             return
         grounded = self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP)
         here = Situation(self.position, self._attitude[2], grounded, self._battery.left_wh)
-        task = plan(command, here, self._terrain)
+        task = plan(command, here, self._terrain, self._floor)
         if (MASS_KG + self._load_kg) * GRAVITY * _RESERVE > LIFT_N:
             raise Refusal("overloaded", f"`{self.id}` cannot lift {self._load_kg:g} kg")
         self._begin(*task.legs, arrives=task.arrives)

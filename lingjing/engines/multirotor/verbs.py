@@ -7,20 +7,23 @@ climbs first. Whether a path is free is not promised: flying into a wall is the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lingjing.engines.aircraft import path_length
 from lingjing.engines.multirotor.power import hover_power
 from lingjing.mission.instance import Vector
-from lingjing.plugins.requests import Refusal, number, optional_number
+from lingjing.mission.kinds import builtin_engines
+from lingjing.plugins.requests import Refusal, number, number_at_least, optional_number
+from lingjing.scene.flight_floor import SWING_M, FlightFloor
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import GROUNDED, Command
 
 TAKEOFF_M = 10.0
 """Height above the take-off point that `takeoff` reaches by default and a destination from the ground passes."""
 
-_CLEARANCE_M = 0.5
 _FACING_M = 3.0
+_ROUNDING_M = 1e-6
+"""A body at the lowest point over a roof is in touch with it by no more than this."""
 _BEST_MPS = 21.0
 _BEST_POWER_SHARE = 0.6
 _DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
@@ -46,7 +49,10 @@ class Situation:
     left_wh: float
 
 
-def plan(command: Command, here: Situation, terrain: Terrain) -> FlightTask:
+KIND = builtin_engines()["multirotor"]
+
+
+def plan(command: Command, here: Situation, terrain: Terrain, floor: FlightFloor) -> FlightTask:
     """The task of a command other than `stop`, or `Refusal`: `unknown_verb`, `bad_argument`, `grounded`, `airborne`,
     `unreachable`, `battery`."""
     if command.verb == "takeoff":
@@ -57,7 +63,8 @@ def plan(command: Command, here: Situation, terrain: Terrain) -> FlightTask:
         task = _move(command, here)
     else:
         raise Refusal("unknown_verb", f"a multirotor has no verb `{command.verb}`")
-    _check_free(task.legs[-1], terrain)
+    task = _over_floor(command, task, here, floor)
+    _check_free(task.legs[-1], terrain, floor)
     _check_range(task, here)
     return task
 
@@ -65,10 +72,9 @@ def plan(command: Command, here: Situation, terrain: Terrain) -> FlightTask:
 def _takeoff(command: Command, here: Situation) -> FlightTask:
     if not here.grounded:
         raise Refusal("airborne", f"`{command.resource}` is flying already")
-    altitude = optional_number(command, "altitude")
-    if altitude is not None and altitude < 1.0:
-        raise Refusal("bad_argument", f"`altitude` of `takeoff` must be at least 1 m, not {altitude:g}")
-    return FlightTask(legs=(_raised(here.position, altitude or TAKEOFF_M),), arrives=False)
+    is_given = optional_number(command, "altitude") is not None
+    altitude = number_at_least(command, "altitude", KIND) if is_given else TAKEOFF_M
+    return FlightTask(legs=(_raised(here.position, altitude),), arrives=False)
 
 
 def _destination(command: Command, here: Situation) -> FlightTask:
@@ -82,9 +88,7 @@ def _destination(command: Command, here: Situation) -> FlightTask:
 
 
 def _move(command: Command, here: Situation) -> FlightTask:
-    distance = number(command, "distance")
-    if distance < 0.0:
-        raise Refusal("bad_argument", f"`distance` of `{command.verb}` must not be negative")
+    distance = number_at_least(command, "distance", KIND)
     if here.grounded and command.verb != "up":
         raise Refusal(GROUNDED, f"`{command.resource}` is on the ground: `takeoff` or `setDestination` first")
     if command.verb in ("up", "down"):
@@ -98,13 +102,25 @@ def _raised(position: Vector, height: float) -> Vector:
     return position[0], position[1], position[2] + height
 
 
-def _check_free(goal: Vector, terrain: Terrain) -> None:
+def _over_floor(command: Command, task: FlightTask, here: Situation, floor: FlightFloor) -> FlightTask:
+    """The task with its end at the floor where it lies less than the swing of a hovering body below that; `Refusal`
+    where it lies deeper."""
+    x, y, z = task.legs[-1]
+    lowest = floor.beneath(x, y, here.position[2] if command.verb == "down" else z)
+    if z >= lowest:
+        return task
+    if z < lowest - SWING_M:
+        place = f"({x:.1f}, {y:.1f}, {z:.1f})"
+        raise Refusal("unreachable", f"{place} is under the surface or too close to it: at least z = {lowest:.1f} m")
+    return replace(task, legs=(*task.legs[:-1], (x, y, lowest)))
+
+
+def _check_free(goal: Vector, terrain: Terrain, floor: FlightFloor) -> None:
     x, y, z = goal
-    lowest = terrain.surface(x, y) + _CLEARANCE_M
-    if z < lowest:
-        raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is under the surface: at least z = {lowest:.1f} m")
-    for solid in terrain.solids_at(x, y, z - _CLEARANCE_M, z + _CLEARANCE_M, _CLEARANCE_M):
-        raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is inside `{solid.id}`")
+    free = floor.clearance_m - _ROUNDING_M
+    for solid in terrain.solids_at(x, y, z - free, z + free, floor.margin_m):
+        place, top = f"({x:.1f}, {y:.1f}, {z:.1f})", solid.top_at(x, y)
+        raise Refusal("unreachable", f"{place} is inside `{solid.id}`, or too close to it; its top is at {top:.1f} m")
 
 
 def _check_range(task: FlightTask, here: Situation) -> None:

@@ -18,16 +18,20 @@ from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.physics import Touch
 from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.mission.instance import Entity, Vector
+from lingjing.mission.kinds import builtin_engines
+from lingjing.mission.kinds_format import TopSpeed
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DROWNED, FELL
-from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.plugins.requests import STOP, Refusal, number_at_least
 from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
 from lingjing.trace.records import DEAD, FALLEN, BodyState, Command
 
 SPEED_MPS = 1.5
-TOP_MPS = 1.7
 ENDURANCE_S = 5400.0
-"""What an entity without these properties gets, and the fastest that the legs keep up with."""
+"""What an entity without these properties gets."""
+
+KIND = builtin_engines()["quadruped"]
+_SPEED = KIND.top_speed or TopSpeed(property="speed_mps")
 
 ELECTRONICS_W = 25.0
 """What computers and sensors draw all the time; the motors' power is computed from torques and speeds."""
@@ -98,7 +102,7 @@ class Dog:
         self.battery = Battery.lasting(WALKING_W, entity.number_or("endurance_s", ENDURANCE_S))
         self.stock = Stock(entity)
         self._payload_kg = entity.number_or("payload_kg", PAYLOAD_KG)
-        self._speed_mps = min(entity.number_or("speed_mps", SPEED_MPS), TOP_MPS)
+        self._speed_mps = _SPEED.held(entity.number_or("speed_mps", SPEED_MPS))
         self._ending: HaltTask | None = None
         self._careful_m = -math.inf
         self._before: Vector = (0.0, 0.0, 0.0)
@@ -151,9 +155,9 @@ class Dog:
             self.task = stopping(here)
             model.ease(self.row)
         elif command.verb == "forward":
-            self.task = self._walk(number(command, "distance"), here, ground)
+            self.task = self._walk(number_at_least(command, "distance", KIND), here, ground)
         elif command.verb in ("left", "right"):
-            angle = math.radians(_positive(command, "angle"))
+            angle = math.radians(number_at_least(command, "angle", KIND))
             self.task = TurnTask(here.position[0], here.position[1], angle if command.verb == "left" else -angle)
         else:
             raise Refusal("unknown_verb", f"a robot dog has no verb `{command.verb}`")
@@ -218,8 +222,6 @@ class Dog:
         )
 
     def _walk(self, distance: float, here: DogState, ground: GroundAhead) -> WalkTask:
-        if distance < 0.0:
-            raise Refusal("bad_argument", "`distance` of `forward` must not be negative")
         hazard = ground.look(here, here.yaw, distance).hazard if distance > 0.0 else ""
         if hazard:
             raise Refusal("unreachable", f"`{self.id}` does not go on: {_HAZARDS[hazard]}")
@@ -334,10 +336,3 @@ def _closing(mine: Vector, other: Vector, touch: Touch) -> float:
 
 
 _HAZARDS = {"water": "there is water ahead", "drop": "the ground ends ahead"}
-
-
-def _positive(command: Command, name: str) -> float:
-    value = number(command, name)
-    if value < 0.0:
-        raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must not be negative")
-    return value

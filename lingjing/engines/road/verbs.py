@@ -17,8 +17,11 @@ from lingjing.engines.road.simulation import Simulation
 from lingjing.engines.road.vehicle import DrivingPlan, RouteStart, Vehicle
 from lingjing.engines.road.waypoints import waypoints
 from lingjing.mission.instance import Vector
-from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.mission.kinds import builtin_engines
+from lingjing.plugins.requests import STOP, Refusal, number, number_at_least
 from lingjing.trace.records import Command, Route
+
+KIND = builtin_engines()["road"]
 
 PLANNING = ("route", "replan")
 """Verbs that only plan: they need nobody to stand still, and end at once."""
@@ -155,9 +158,7 @@ class Planner:
         )
 
     def _forward(self, vehicle: Vehicle, command: Command) -> None:
-        distance = number(command, "distance")
-        if distance <= 0.0:
-            raise Refusal("bad_argument", f"`distance` of `forward` must be positive, not {distance:g}")
+        distance = number_at_least(command, "distance", KIND)
         start = vehicle.route_start()
         edges, ahead = [start.edge], self._graph.edges[start.edge].length_m - start.at_m
         while ahead < distance:

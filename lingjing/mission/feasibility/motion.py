@@ -54,7 +54,7 @@ def ceiling(entity: Entity, drawn: dict[str, Bounds], air: Air, *, driven: bool)
     pushed = top.wind * air.wind_mps + top.current * air.current_mps
     if not driven:
         return pushed if kind.stays else math.inf
-    return top.factor * bounds(entity, drawn, top.property)[1] + pushed
+    return top.factor * top.held(bounds(entity, drawn, top.property)[1]) + pushed
 
 
 def flight_s(entity: Entity, drawn: dict[str, Bounds]) -> float:
