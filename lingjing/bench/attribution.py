@@ -26,14 +26,15 @@ from lingjing.bench.executors import Executor
 from lingjing.bench.planted import FACULTIES, PlantedEpisode, PlantedKind, read_planted
 from lingjing.bench.suite import ATTRIBUTION, NameOrFile, ShortText, SuitePart, read_document
 from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, ResultTable
-from lingjing.errors import UsageError
+from lingjing.errors import LingjingError, UsageError
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.python_files import function_of
 from lingjing.play.report import EpisodeReport
 from lingjing.suggest import nearest_or
 from lingjing.trace.copying import copy_trace
+from lingjing.trace.digest import last_digest
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import CUT_SHORT
+from lingjing.trace.records import CUT_SHORT, DIGEST_VERSION, DigestVersion
 
 BRANCHES = 60
 """Branches that `blame` may play for an episode here; shares and placebos, which name nobody, are left to `lingjing
@@ -222,7 +223,7 @@ class AttributionRun:
         """A row for an episode that was played; kept, unless it was cut short: then it is played again another time."""
         if report.reason in CUT_SHORT:
             row = AttributionRow(method=name, episode=episode, standing="cut short", detail=report.reason)
-        elif report.digest != episode.digest:
+        elif _played_digest(report, episode.digest_version) != episode.digest:
             row = AttributionRow(
                 method=name, episode=episode, standing="differs", detail="its digest is another one here"
             )
@@ -259,6 +260,16 @@ class AttributionRun:
     @property
     def _file(self) -> Path:
         return self.folder / "answers.jsonl"
+
+
+def _played_digest(report: EpisodeReport, version: DigestVersion) -> str:
+    """The digest of the played episode in the version of the planted one; "" if its trace cannot be read."""
+    if version == DIGEST_VERSION:
+        return report.digest
+    try:
+        return last_digest(read_trace(report.trace), version)
+    except LingjingError:
+        return ""
 
 
 def without_labels(trace: Trace, path: Path) -> Trace:

@@ -13,6 +13,7 @@ import msgspec
 
 from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
+from lingjing.trace.records import DigestVersion
 
 FORMAT = "lingjing-planted/1"
 
@@ -40,7 +41,7 @@ class FaultLabel(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 class PlantedEpisode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """An episode with its faults. `base` is the policy that they are planted in, `without` the digest of the won
     episode without them, `digest`, `reason` and `ticks` are those with them. `settings` are values of the mission's
-    parameters (SI) in place of its own."""
+    parameters (SI) in place of its own. `digest_version` is that of both digests."""
 
     kind: PlantedKind
     mission: str
@@ -53,6 +54,7 @@ class PlantedEpisode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tr
     reason: str
     ticks: int
     settings: tuple[tuple[str, float], ...] = ()
+    digest_version: DigestVersion = 1
 
     @property
     def name(self) -> str:

@@ -24,7 +24,7 @@ from lingjing.mission.seeding import integer
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import CUT_SHORT, DecisionRecord
+from lingjing.trace.records import CUT_SHORT, DIGEST_VERSION, DecisionRecord
 
 OFF_M = {"localisation": 400.0, "waypoint": 200.0, "routing": 200.0}
 """How far to the north places are that a fault displaces."""
@@ -226,7 +226,8 @@ class _Search:
         found.append(PlantedEpisode(kind=kind, mission=self.column.mission, mode=self.column.mode, seed=play.seed,
                                     base=play.base, faults=play.faults, without=base.digest, digest=play.digest,
                                     reason=play.reason, ticks=play.ticks,
-                                    settings=tuple(self.column.settings.items())))  # fmt: skip
+                                    settings=tuple(self.column.settings.items()),
+                                    digest_version=DIGEST_VERSION))  # fmt: skip
 
 
 def occasions(trace: Trace) -> tuple[FaultLabel, ...]:

@@ -19,8 +19,18 @@ from lingjing.kernel.world.contract import StoredFrame
 from lingjing.scene.city import City
 from lingjing.scene.surroundings import surroundings
 from lingjing.trace.copying import picture_parts
+from lingjing.trace.digest import current_digests
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import CUT_SHORT, FORMAT, BoundaryRecord, BranchOrigin, Header, Outcome, Reason
+from lingjing.trace.records import (
+    CUT_SHORT,
+    DIGEST_VERSION,
+    FORMAT,
+    BoundaryRecord,
+    BranchOrigin,
+    Header,
+    Outcome,
+    Reason,
+)
 from lingjing.trace.writer import PictureParts, TraceWriter
 
 TRACE_NAME = "trace.mcap"
@@ -136,7 +146,7 @@ def _record(
 
 def _differs(trace: Trace, at: int, digests: Sequence[str], outcome: Outcome) -> int | None:
     """The first boundary from `at` on where the digests differ, or where one of the two has ended."""
-    recorded = [record.digest for record in trace.boundaries[at:]]
+    recorded = current_digests(trace)[at:]
     for number, (one, other) in enumerate(zip(recorded, digests, strict=False)):
         if one != other:
             return at + number
@@ -187,6 +197,7 @@ def _header(trace: Trace, plan: BranchPlan, reference: str) -> Header:
     return replace(
         trace.header,
         format=FORMAT,
+        digest_version=DIGEST_VERSION,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         branch=BranchOrigin(
             trace=trace.path.name,

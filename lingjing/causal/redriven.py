@@ -33,6 +33,7 @@ from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.suggest import nearest_or
 from lingjing.trace.calls import CallRequest, CallResult
+from lingjing.trace.digest import current_digests
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Decision, DecisionRecord
 
@@ -64,6 +65,7 @@ class RedrivenEpisode:
     def __init__(self, options: BranchOptions) -> None:
         self.options = options
         self.trace = read_trace(options.trace)
+        self._digests = current_digests(self.trace)
         self.host = PluginHost()
         self._refuse_remote()
         instance = self.trace.header.instance
@@ -169,7 +171,7 @@ class RedrivenEpisode:
 
     def _check_digest(self) -> None:
         recorded, record = self.trace.boundaries[self.tick], self.published.record
-        if recorded.digest != record.digest:
+        if self._digests[self.tick] != record.digest:
             other = first_difference(self.trace, recorded, record)
             raise UsageError(
                 f"{self.trace.path} cannot be branched: run again it differs at boundary {self.tick} "

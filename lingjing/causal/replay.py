@@ -13,7 +13,8 @@ from lingjing.kernel.episode import ended_because
 from lingjing.kernel.world import WorldKind
 from lingjing.numerics import versions
 from lingjing.plugins.host import PluginHost
-from lingjing.trace.digest import timeless
+from lingjing.trace.digest import current_digests
+from lingjing.trace.digest_form import full_form
 from lingjing.trace.encoding import settled
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord
@@ -70,7 +71,7 @@ def replay(
     """
     difference, confirmed, pixels = None, 0, ""
     with RecordedRun(trace, world=world, draw=draw, host=host) as run:
-        for recorded in trace.boundaries:
+        for recorded, digest in zip(trace.boundaries, current_digests(trace), strict=True):
             try:
                 record = run.advance().record
             except InfrastructureError as error:
@@ -79,7 +80,7 @@ def replay(
                 )
                 break
             difference = _other_deciders(trace, recorded)
-            if difference is None and record.digest != recorded.digest:
+            if difference is None and record.digest != digest:
                 difference = first_difference(trace, recorded, record)
             if difference is not None:
                 break
@@ -117,8 +118,8 @@ def _other_deciders(trace: Trace, recorded: BoundaryRecord) -> Difference | None
 
 def first_difference(trace: Trace, recorded: BoundaryRecord, replayed: BoundaryRecord) -> Difference:
     """Where two records of one boundary differ first, in the order of the record's fields."""
-    pair = [msgspec.to_builtins(timeless(settled(record))) for record in (recorded, replayed)]
-    for field in BoundaryRecord.__struct_fields__:
+    pair = [full_form(settled(record)) for record in (recorded, replayed)]
+    for field in pair[0]:
         for path, here, there in _differences(pair[0].get(field), pair[1].get(field), field):
             engine = _engine(trace, path, pair)
             return Difference(

@@ -8,6 +8,7 @@ In the order in which an episode meets them:
 - `encoding`   records as JSON, the same bytes for the same record
 - `digest`     what two runs are compared by: the chain over boundaries, the one over pictures, the digest of one policy
                input; `verify`: whether records agree
+- `digest_form` which fields of a boundary a digest covers, under frozen names, in each version of the digest
 - `schemas`    JSON Schemas of the records, generated; `python -m lingjing.trace.schemas` writes them
 - `topics`     the names of the file's topics
 - `admitted`   what agents said at a boundary and the bus admitted

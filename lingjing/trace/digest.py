@@ -1,21 +1,33 @@
-"""What two episodes are compared by: a hash chain over boundaries, one over pictures, one value per policy input.
+"""The digests that episodes are compared by: a hash chain over boundaries, one over pictures, one per policy input.
 
-`next_digest` covers decisions, states, receipts, messages and events, but no wall clock, no pixels and nothing that is
-derived from the rest: fields whose name ends in `_wall_s`, `wall_s`, `digest` itself, what `FrameInfo` says of pixels
-and renderer, `ObservationRecord.sha256` and the occurrences of coordination relations are blanked.
+`next_digest` covers decisions, states, receipts, messages and events in the form of `lingjing.trace.digest_form`: no
+wall clock, no pixels, no free text, nothing that is derived from the rest. `Header.digest_version` names the form; a
+trace of version 1 is verified in its own form, and compared with new records in the current one (`current_digests`).
 `next_frames_digest` covers the pixels. Both chains start from `START`.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from lingjing.trace.digest_form import current_form, first_form
 from lingjing.trace.encoding import settled, to_json
-from lingjing.trace.records import CUT_SHORT, BoundaryRecord, Envelope, FrameInfo, ObservationRecord, Outcome, Receipt
+from lingjing.trace.records import (
+    CUT_SHORT,
+    DIGEST_VERSION,
+    BoundaryRecord,
+    DigestVersion,
+    Envelope,
+    FrameInfo,
+    ObservationRecord,
+    Outcome,
+    Receipt,
+)
 
 if TYPE_CHECKING:
     from lingjing.trace.reader import Trace
@@ -24,12 +36,43 @@ START = ""
 """What both chains start from."""
 
 
-def next_digest(previous: str, record: BoundaryRecord) -> str:
-    """SHA-256 (hex) over the digest before and this record without wall clock, pixels and relations.
+_FIRST, _CURRENT = msgspec.json.Encoder(), msgspec.json.Encoder(order="deterministic")
+"""Version 1 keeps the order of the fields and of mappings, which a normalised record has sorted already."""
+
+
+def next_digest(previous: str, record: BoundaryRecord, version: DigestVersion = DIGEST_VERSION) -> str:
+    """SHA-256 (hex) over the digest before and this record in the form of that version.
 
     Raises `InfrastructureError` if the record holds a number that is not finite.
     """
-    return hashlib.sha256(previous.encode() + b"\n" + to_json(timeless(settled(record)))).hexdigest()
+    plain = settled(record)
+    encoded = _FIRST.encode(first_form(plain)) if version == 1 else _CURRENT.encode(current_form(plain))
+    return hashlib.sha256(previous.encode() + b"\n" + encoded).hexdigest()
+
+
+def digest_chain(records: Iterable[BoundaryRecord], version: DigestVersion) -> Iterator[str]:
+    """The digest of each boundary from 0 on, computed from the records."""
+    digest = START
+    for record in records:
+        digest = next_digest(digest, record, version)
+        yield digest
+
+
+def current_digests(trace: Trace) -> tuple[str, ...]:
+    """The digest of each boundary of a trace in the current version: the stored ones, or computed for an older trace.
+
+    What is played again has digests of the current version, whatever the version of its trace.
+    """
+    if trace.header.digest_version == DIGEST_VERSION:
+        return tuple(record.digest for record in trace.boundaries)
+    return tuple(digest_chain(trace.boundaries, DIGEST_VERSION))
+
+
+def last_digest(trace: Trace, version: DigestVersion) -> str:
+    """The digest of the last boundary in that version; `START` if there is none."""
+    if trace.header.digest_version == version:
+        return trace.boundaries[-1].digest if trace.boundaries else START
+    return deque(digest_chain(trace.boundaries, version), maxlen=1)[0] if trace.boundaries else START
 
 
 def next_frames_digest(previous: str, frames: Iterable[FrameInfo]) -> str:
@@ -67,11 +110,10 @@ def verify(trace: Trace, *, pixels: bool = False) -> str | None:
 
 
 def _chain_fault(trace: Trace) -> str | None:
-    digest = START
-    for place, record in enumerate(trace.boundaries):
+    digests = digest_chain(trace.boundaries, trace.header.digest_version)
+    for place, (record, digest) in enumerate(zip(trace.boundaries, digests, strict=True)):
         if record.tick != place:
             return f"boundary {place} says that it is boundary {record.tick}"
-        digest = next_digest(digest, record)
         if digest != record.digest:
             return f"boundary {record.tick} does not follow from the one before: its digest is not that of its content"
     return None
@@ -114,18 +156,3 @@ def _pixel_fault(trace: Trace) -> str | None:
             if hashlib.sha256(trace.jpeg(frame.id)).hexdigest() != frame.sha256:
                 return f"the picture {frame.id} is not the one that was hashed"
     return None
-
-
-def timeless(record: BoundaryRecord) -> BoundaryRecord:
-    """The record as its digest covers it: without wall clock, pixels, relations and the digest itself."""
-    replace = msgspec.structs.replace
-    return replace(
-        record,
-        engines=tuple(replace(engine, wait_wall_s=0.0) for engine in record.engines),
-        frames=tuple(replace(frame, sha256="", channels_sha256="", renderer="") for frame in record.frames),
-        observations=tuple(replace(seen, sha256="") for seen in record.observations),
-        decisions=tuple(replace(made, policy_wall_s=0.0) for made in record.decisions),
-        relations=(),
-        digest="",
-        wall_s=0.0,
-    )

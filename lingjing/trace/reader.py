@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 import msgspec
 import numpy as np
@@ -21,7 +21,16 @@ from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
-from lingjing.trace.records import CUT_SHORT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
+from lingjing.trace.records import (
+    CUT_SHORT,
+    DIGEST_VERSION,
+    FORMAT,
+    BoundaryRecord,
+    DigestVersion,
+    FrameInfo,
+    Header,
+    Outcome,
+)
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
 TOPICS_READ = (CAMERAS, RECORDS)
@@ -132,6 +141,7 @@ class _AnyHeader(msgspec.Struct):
     """What every version's header has."""
 
     format: str = ""
+    digest_version: int = 1
 
 
 class FoundRecords:
@@ -188,14 +198,20 @@ class FoundRecords:
         return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
 
     def _header(self, stored: Stored) -> Header:
-        """The header, after a look at the format that it names: another version's is told by its name."""
-        named = self._decoded(stored, _AnyHeader).format
-        if named != FORMAT:
+        """The header, after a look at the versions that it names: an unknown one is an error that names it."""
+        named = self._decoded(stored, _AnyHeader)
+        if named.format != FORMAT:
             raise UnknownFormatError(
-                f"{self.path} is of the format `{named[:40]}`; this version reads {FORMAT}",
+                f"{self.path} is of the format `{named.format[:40]}`; this version reads {FORMAT}",
                 hint="read it with the version that wrote it",
             )
-        return self._decoded(stored, Header)
+        if named.digest_version not in get_args(DigestVersion):
+            raise UnknownFormatError(
+                f"{self.path} has digests of version {named.digest_version}; this version reads 1 to {DIGEST_VERSION}",
+                hint="read it with the version that wrote it",
+            )
+        header = self._decoded(stored, Header)
+        return msgspec.structs.replace(header, digest_version=named.digest_version)
 
     def _decoded(self, stored: Stored, kind: type[RecordT]) -> RecordT:
         self._taken += len(stored.data)

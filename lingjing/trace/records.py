@@ -9,7 +9,7 @@ Symbols in brackets are those of the paper's table of run-time symbols.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
@@ -409,7 +409,7 @@ class BoundaryRecord(TraceRecord, frozen=True, kw_only=True):
     `snapshots` are the macro-steps since the boundary before, the last one is this boundary's state [T];
     `frames` are the pictures captured at this boundary (pixels in their own topics); `relations` are found by whoever
     writes the trace (`lingjing.analysis.relations`), the kernel leaves them empty; `digest` chains: SHA-256 over the
-    digest before and this record without wall-clock fields.
+    digest before and this record in the form of `lingjing.trace.digest_form`.
     """
 
     tick: int
@@ -512,12 +512,20 @@ class BranchOrigin(TraceRecord, frozen=True, kw_only=True):
 FORMAT = "lingjing-trace/2"
 """What `Header.format` is; the first had no seals (ADR 0017)."""
 
+DigestVersion = Literal[1, 2]
+"""The versions of the form in which boundaries are hashed (`lingjing.trace.digest_form`)."""
+
+DIGEST_VERSION: Final[DigestVersion] = 2
+"""The version of every digest that is computed now, unless a stored one is verified."""
+
 
 class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
-    `evaluators` scored it, told `evaluator_options`; `branch` says what it is a branch of, if it is one."""
+    `evaluators` scored it, told `evaluator_options`; `branch` says what it is a branch of, if it is one.
+    `digest_version` is that of the boundaries' digests; a header in a file without it is of version 1."""
 
     format: str = FORMAT
+    digest_version: DigestVersion = DIGEST_VERSION
     instance: Instance
     bindings: tuple[AgentBinding, ...]
     fingerprint: dict[str, str]

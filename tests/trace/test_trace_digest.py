@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import typing
+from pathlib import Path
 from types import ModuleType
 
 import msgspec
@@ -12,9 +13,18 @@ import pytest
 
 from lingjing.errors import InfrastructureError
 from lingjing.trace import records
-from lingjing.trace.digest import START, input_digest, next_digest, next_frames_digest, timeless, verify
+from lingjing.trace.digest import (
+    START,
+    current_digests,
+    digest_chain,
+    input_digest,
+    next_digest,
+    next_frames_digest,
+    verify,
+)
+from lingjing.trace.digest_form import FORMS, REQUIRED, current_form, full_form
 from lingjing.trace.encoding import from_json, to_json
-from lingjing.trace.reader import Trace
+from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import (
     BodyState,
     BoundaryRecord,
@@ -27,6 +37,7 @@ from lingjing.trace.records import (
     Receipt,
     Snapshot,
 )
+from lingjing.trace.verification import verify_file
 
 replace = msgspec.structs.replace
 
@@ -50,24 +61,90 @@ def test_wall_clock_and_pixels_do_not_count(rich: BoundaryRecord) -> None:
     assert next_digest("p", other) == next_digest("p", rich)
 
 
-def test_every_wall_clock_field_is_blanked() -> None:
-    """A field added to the records later must be blanked too."""
-    names = {"wall_s", "digest", "sha256"}
-    found = set()
-    for record in vars(records).values():
-        if isinstance(record, type) and issubclass(record, records.TraceRecord):
-            for field in msgspec.structs.fields(record):
-                if field.encode_name in names or field.encode_name.endswith("_wall_s"):
-                    found.add((record.__name__, field.encode_name))
-    found -= {("Outcome", "digest"), ("Outcome", "wall_s"), ("BranchOrigin", "digest")}  # none is in a boundary
-    assert found == {
-        ("BoundaryRecord", "wall_s"),
-        ("BoundaryRecord", "digest"),
-        ("EngineStatus", "wait_wall_s"),
-        ("FrameInfo", "sha256"),
-        ("ObservationRecord", "sha256"),
-        ("DecisionRecord", "policy_wall_s"),
+def test_free_text_does_not_count(rich: BoundaryRecord) -> None:
+    """A message that is worded better, a thought and a price change no digest."""
+    other = replace(
+        rich,
+        receipts=(replace(RECEIPT, detail="another wording"),),
+        decisions=tuple(
+            replace(
+                made,
+                detail="another wording",
+                decision=replace(made.decision, thought="hm", usage=records.Usage(calls=1, cost_usd=9.0)),
+            )
+            for made in rich.decisions
+        ),
+    )
+    plain = replace(
+        rich,
+        receipts=(RECEIPT,),
+        decisions=tuple(
+            replace(made, decision=replace(made.decision, thought="", usage=records.Usage(calls=1)))
+            for made in rich.decisions
+        ),
+    )
+    assert next_digest("p", other) == next_digest("p", plain)
+    assert next_digest("p", other, 1) != next_digest("p", plain, 1)
+
+
+def test_default_values_do_not_count(rich: BoundaryRecord) -> None:
+    """A field that is added with a default alters no digest: what equals its default is not written."""
+    state = BodyState(id="a", position=(1.0, 2.0, 3.0))
+    assert current_form(state) == {"id": "a", "position": (1.0, 2.0, 3.0)}
+    assert current_form(replace(state, heading_deg=90.0))["heading_deg"] == 90.0
+    assert full_form(state)["heading_deg"] == 0.0
+
+
+def test_the_form_covers_every_field() -> None:
+    """A field that is added to a record needs a row: covered, or left out because it is derived."""
+    reachable, frontier = set(), {BoundaryRecord}
+    while frontier:
+        kind = frontier.pop()
+        reachable.add(kind)
+        fields = msgspec.structs.fields(kind)
+        assert {one.name for one in FORMS[kind]} == {field.name for field in fields}, kind
+        derived = {one.name for one in FORMS[kind] if one.derived}
+        nested = {part for field in fields if field.name not in derived for part in _structs(field.type)}
+        assert nested == {one.nested for one in FORMS[kind]} - {None}, kind
+        frontier |= nested - reachable
+    assert reachable == set(FORMS)
+
+
+def test_the_defaults_of_the_form_are_those_of_the_records() -> None:
+    """The form's defaults are frozen. A record whose default becomes another one needs a new version of the digest."""
+    for kind, rows in FORMS.items():
+        fields = {field.name: field for field in msgspec.structs.fields(kind)}
+        for row, field in [(row, fields[row.name]) for row in rows]:
+            default = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+            if row.derived or default is msgspec.NODEFAULT:
+                continue
+            assert row.default is not REQUIRED and row.default == default, (kind, row.key)
+
+
+def test_wall_clocks_hashes_and_free_text_alone_are_left_out() -> None:
+    left_out = {f"{kind.__name__}.{row.key}" for kind, rows in FORMS.items() for row in rows if row.derived}
+    assert left_out == {
+        "BoundaryRecord.digest",
+        "BoundaryRecord.relations",
+        "BoundaryRecord.wall_s",
+        "Decision.thought",
+        "DecisionRecord.detail",
+        "DecisionRecord.policy_wall_s",
+        "EngineStatus.wait_wall_s",
+        "FrameInfo.channels_sha256",
+        "FrameInfo.renderer",
+        "FrameInfo.sha256",
+        "ObservationRecord.sha256",
+        "Receipt.detail",
+        "Usage.cost_usd",
     }
+
+
+def _structs(annotation: object) -> set[type]:
+    """The record types in an annotation such as `tuple[Receipt, ...]`."""
+    if isinstance(annotation, type) and issubclass(annotation, msgspec.Struct):
+        return {annotation}
+    return {kind for part in typing.get_args(annotation) for kind in _structs(part)}
 
 
 def test_every_other_field_counts(rich: BoundaryRecord) -> None:
@@ -199,8 +276,32 @@ def test_the_chain_is_the_same_under_another_hash_seed(synthetic: ModuleType) ->
     assert len(said) == 1
 
 
-def testtimeless_keeps_the_rest(rich: BoundaryRecord) -> None:
-    assert timeless(rich).snapshots == rich.snapshots and timeless(rich).messages == rich.messages
+FIRST_VERSION = Path(__file__).parent / "data" / "digest-version-1.mcap"
+"""A trace that was written before digests had a version: a UAV, a dog, a van, traffic and two pictures."""
+
+
+def test_a_trace_of_the_first_version_still_verifies() -> None:
+    trace = read_trace(FIRST_VERSION)
+    assert trace.header.digest_version == 1
+    assert verify(trace, pixels=True) is None
+    assert verify_file(FIRST_VERSION).state == "ok"
+    forged = replace(trace.boundaries[3], receipts=(RECEIPT,))
+    assert "boundary 3" in (verify(_with(trace, (*trace.boundaries[:3], forged, *trace.boundaries[4:]))) or "")
+
+
+def test_an_older_trace_is_compared_in_the_current_version() -> None:
+    trace = read_trace(FIRST_VERSION)
+    digests = current_digests(trace)
+    assert digests == tuple(digest_chain(trace.boundaries, 2))
+    assert not set(digests) & {record.digest for record in trace.boundaries}
+    assert digests[-1] == "c22a5e26b24ead196b84782f9f25d33f11029da4d0c0e2f469f69cae87a693d1"
+
+
+def test_a_header_says_which_version_its_digests_have(trace: Trace) -> None:
+    assert trace.header.digest_version == 2
+    assert current_digests(trace) == tuple(record.digest for record in trace.boundaries)
+    lied = Trace(trace.path, replace(trace.header, digest_version=1), trace.boundaries, trace.outcome, True, {})
+    assert "boundary 0" in (verify(lied) or "")
 
 
 def _with(trace: Trace, boundaries: tuple[BoundaryRecord, ...]) -> Trace:

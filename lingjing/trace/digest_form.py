@@ -1,0 +1,318 @@
+"""The form in which a boundary record is hashed: which fields count, under which frozen names, in which version.
+
+A digest must change when a result changes, and only then. So the form is declared here and is not derived from the
+record types: a field that is renamed keeps its `key`, a new field with a default leaves every stored digest as it is,
+and a message that is worded better changes nothing. The test `test_the_form_covers_every_field` fails for a field
+without a row here.
+
+Version 1 (traces without `Header.digest_version`) is the JSON of the whole record, defaults and free text included,
+with derived fields blanked. Version 2 leaves out derived fields, free text and whatever equals its default.
+A row, once released, is never changed or removed: a new meaning is a new version (ADR 0029).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from lingjing.mission.instance import Weather
+from lingjing.trace import records
+from lingjing.trace.records import DigestVersion
+
+REQUIRED: Final = object()
+"""The default of a field that is always written."""
+
+RecordForm = dict[str, object]
+"""A record in its form: plain values under frozen names."""
+
+
+@dataclass(frozen=True, slots=True)
+class FormField:
+    """One field of a record type.
+
+    `key`: its frozen name. `attribute`: the name that it has in the code now ("" if the same). `default`: the value
+    that version 2 leaves out. `derived`: the value is computed from other fields, or is wall clock, pixels or free
+    text; version 1 writes `blank` in its place, or the value itself where `blank` is `REQUIRED`, version 2 writes
+    nothing. `nested`: the record type of the value or of its elements. `since`: the first version that has it.
+    """
+
+    key: str
+    default: object = REQUIRED
+    attribute: str = ""
+    derived: bool = False
+    blank: object = REQUIRED
+    nested: type[msgspec.Struct] | None = None
+    since: DigestVersion = 1
+
+    @property
+    def name(self) -> str:
+        """The attribute of the record."""
+        return self.attribute or self.key
+
+
+def _free_text(key: str) -> FormField:
+    """A sentence for people: version 1 covers it, version 2 does not."""
+    return FormField(key, derived=True)
+
+
+def _blanked(key: str, blank: object) -> FormField:
+    """A derived value, which version 1 writes as `blank`."""
+    return FormField(key, derived=True, blank=blank)
+
+
+FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
+    records.BodyState: (
+        FormField("id"),
+        FormField("position"),
+        FormField("velocity", (0.0, 0.0, 0.0)),
+        FormField("heading_deg", 0.0),
+        FormField("pitch_deg", 0.0),
+        FormField("roll_deg", 0.0),
+        FormField("status", ""),
+        FormField("resources", {}),
+        FormField("kind", ""),
+        FormField("joints", ()),
+    ),
+    records.Action: (
+        FormField("verb"),
+        FormField("arguments", {}),
+        FormField("resource", None),
+        FormField("tick", None),
+    ),
+    records.Outgoing: (FormField("kind"), FormField("body", {}), FormField("to", ())),
+    records.Usage: (
+        FormField("calls", 0),
+        FormField("prompt_tokens", 0),
+        FormField("completion_tokens", 0),
+        FormField("cost_usd", derived=True),  # follows from the tokens and from a table of prices
+        FormField("answers", 0),
+        FormField("valid_answers", 0),
+    ),
+    records.Decision: (
+        FormField("command", None, nested=records.Action),
+        FormField("messages", (), nested=records.Outgoing),
+        _free_text("thought"),
+        FormField("usage", None, nested=records.Usage),
+    ),
+    records.Command: (
+        FormField("id"),
+        FormField("tick"),
+        FormField("sender"),
+        FormField("resource"),
+        FormField("verb"),
+        FormField("arguments", {}),
+        FormField("origin", "agent"),
+    ),
+    records.Receipt: (
+        FormField("request"),
+        FormField("tick"),
+        FormField("sender"),
+        FormField("resource"),
+        FormField("status"),
+        FormField("reason", ""),
+        _free_text("detail"),
+        FormField("by", "kernel"),
+        FormField("time_s", 0.0),
+        FormField("progress", None),
+    ),
+    records.TaskEvent: (
+        FormField("kind"),
+        FormField("entities"),
+        FormField("time_s"),
+        FormField("values", {}),
+        FormField("name", ""),
+    ),
+    records.Route: (
+        FormField("entity"),
+        FormField("number"),
+        FormField("waypoints"),
+        FormField("length_m"),
+        FormField("duration_s"),
+        FormField("time_s"),
+        FormField("request", ""),
+    ),
+    records.Snapshot: (
+        FormField("time_s"),
+        FormField("states", nested=records.BodyState),
+        FormField("ambient", (), nested=records.BodyState),
+    ),
+    records.Box: (
+        FormField("entity"),
+        FormField("cls"),
+        FormField("box"),
+        FormField("pixels"),
+        FormField("contrast", None),
+    ),
+    records.CameraPose: (
+        FormField("position"),
+        FormField("heading_deg"),
+        FormField("tilt_deg"),
+        FormField("roll_deg", 0.0),
+        FormField("hfov_deg", 84.0),
+        FormField("width", 1920),
+        FormField("height", 1080),
+    ),
+    records.FrameInfo: (
+        FormField("id"),
+        FormField("entity"),
+        FormField("camera"),
+        FormField("tick"),
+        FormField("time_s"),
+        FormField("pose", nested=records.CameraPose),
+        FormField("channels"),
+        FormField("boxes", (), nested=records.Box),
+        FormField("faint", (), nested=records.Box),
+        _blanked("sha256", ""),
+        _blanked("channels_sha256", ""),
+        _blanked("renderer", ""),
+    ),
+    records.Absent: (FormField("entity"), FormField("camera"), FormField("tick"), FormField("reason")),
+    records.Envelope: (
+        FormField("id"),
+        FormField("tick"),
+        FormField("sender"),
+        FormField("recipient"),
+        FormField("kind"),
+        FormField("category"),
+        FormField("body"),
+        FormField("bytes"),
+        FormField("deliver_at"),
+    ),
+    records.AdjudicatedEvent: (
+        FormField("id"),
+        FormField("kind"),
+        FormField("tick"),
+        FormField("time_s"),
+        FormField("bindings"),
+        FormField("evidence", {}),
+    ),
+    records.StageChange: (FormField("stage"), FormField("subject"), FormField("tick"), FormField("time_s")),
+    records.EntityView: (
+        FormField("id"),
+        FormField("type"),
+        FormField("position", None),
+        FormField("velocity", None),
+        FormField("heading_deg", None),
+        FormField("status", None),
+        FormField("resources", None),
+        FormField("busy", None),
+        FormField("route", None),
+    ),
+    records.CellView: (FormField("name"), FormField("visited_tick", None), FormField("visited_by", None)),
+    records.EventView: (FormField("id"), FormField("kind"), FormField("tick"), FormField("entities")),
+    Weather: (
+        FormField("wind_mps", 0.0),
+        FormField("wind_from_deg", 0.0),
+        FormField("turbulence", 0.0),
+        FormField("visibility_m", 10_000.0),
+        FormField("wave_height_m", 0.0),
+        FormField("wave_period_s", 5.0),
+        FormField("current_mps", 0.0),
+        FormField("current_to_deg", 0.0),
+        FormField("cloud", 0.2),
+        FormField("rain", 0.0),
+        FormField("sun_azimuth_deg", 150.0),
+        FormField("sun_elevation_deg", 45.0),
+    ),
+    records.ObservationRecord: (
+        FormField("agent"),
+        FormField("entities", (), nested=records.EntityView),
+        FormField("cells", (), nested=records.CellView),
+        FormField("events", (), nested=records.EventView),
+        FormField("frames", ()),
+        FormField("absent", (), nested=records.Absent),
+        FormField("privileged", False),
+        _blanked("sha256", ""),
+        FormField("weather", None, nested=Weather),
+    ),
+    records.InboxRecord: (
+        FormField("agent"),
+        FormField("messages", ()),
+        FormField("receipts", (), nested=records.Receipt),
+    ),
+    records.DecisionRecord: (
+        FormField("agent"),
+        FormField("decision", nested=records.Decision),
+        FormField("substituted", ""),
+        _free_text("detail"),
+        _blanked("policy_wall_s", 0.0),
+    ),
+    records.EngineStatus: (
+        FormField("engine"),
+        FormField("time_s"),
+        FormField("frame"),
+        _blanked("wait_wall_s", 0.0),
+    ),
+    records.BoundaryRecord: (
+        FormField("tick"),
+        FormField("time_s"),
+        FormField("snapshots", nested=records.Snapshot),
+        FormField("engines", nested=records.EngineStatus),
+        FormField("task_events", (), nested=records.TaskEvent),
+        FormField("frames", (), nested=records.FrameInfo),
+        FormField("observations", (), nested=records.ObservationRecord),
+        FormField("inboxes", (), nested=records.InboxRecord),
+        FormField("decisions", (), nested=records.DecisionRecord),
+        FormField("commands", (), nested=records.Command),
+        FormField("messages", (), nested=records.Envelope),
+        FormField("receipts", (), nested=records.Receipt),
+        FormField("events", (), nested=records.AdjudicatedEvent),
+        FormField("stages", (), nested=records.StageChange),
+        _blanked("relations", ()),
+        FormField("reward"),
+        FormField("done"),
+        FormField("scr", 0.0),
+        _blanked("digest", ""),
+        _blanked("wall_s", 0.0),
+        FormField("routes", (), nested=records.Route),
+        FormField("unheard", ()),
+    ),
+}
+"""The fields of every record type in a boundary, in the order in which version 1 writes them."""
+
+_CURRENT: Final = {
+    kind: tuple((one.name, one.key, one.default, one.nested is not None) for one in fields if not one.derived)
+    for kind, fields in FORMS.items()
+}
+"""What `current_form` walks: attribute, key, the value that is left out, whether records are nested in it."""
+
+
+def current_form(record: msgspec.Struct) -> RecordForm:
+    """The record as version 2 covers it: `record` must be normalised (`lingjing.trace.encoding.settled`)."""
+    plain: RecordForm = {}
+    for name, key, default, nested in _CURRENT[type(record)]:
+        value = getattr(record, name)
+        if value == default:
+            continue
+        plain[key] = _nested(value, type(value), current_form) if nested else value
+    return plain
+
+
+def full_form(record: msgspec.Struct) -> RecordForm:
+    """All fields that version 2 covers, those with default values included: for comparing two records in words."""
+    return {
+        one.key: _nested(getattr(record, one.name), one.nested, full_form)
+        for one in FORMS[type(record)]
+        if not one.derived
+    }
+
+
+def first_form(record: msgspec.Struct) -> RecordForm:
+    """The record as version 1 covers it, keys in its order: `record` must be normalised."""
+    return {
+        one.key: _nested(getattr(record, one.name), one.nested, first_form) if one.blank is REQUIRED else one.blank
+        for one in FORMS[type(record)]
+        if one.since == 1
+    }
+
+
+def _nested(value: object, kind: type[msgspec.Struct] | None, form: Callable[[msgspec.Struct], RecordForm]) -> object:
+    if kind is None or value is None:
+        return value
+    if isinstance(value, tuple):
+        return [form(item) for item in value]
+    assert isinstance(value, msgspec.Struct)
+    return form(value)
