@@ -101,7 +101,7 @@ class Lane(msgspec.Struct, frozen=True, kw_only=True):
     shape: tuple[Vector, ...]
     width_m: float
     kind: str = "car"
-    """`car`, `bus`, `bicycle` or `foot`."""
+    """`car`, `bus`, `bicycle`, `foot`, or `closed`: a street that the public may not drive on."""
 
 
 class Road(msgspec.Struct, frozen=True, kw_only=True):

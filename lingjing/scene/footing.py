@@ -135,5 +135,5 @@ def _on_road(roads: Sequence[Road], x: float, y: float, margin: float) -> bool:
         for road in roads
         if not road.tunnel
         for lane in road.lanes
-        if lane.kind in ("car", "bus")
+        if lane.kind in ("car", "bus", "closed")
     )

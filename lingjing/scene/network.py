@@ -1,8 +1,9 @@
 """Road networks: SUMO nets made by netconvert from plain streets or from OpenStreetMap, and read back as roads.
 
-In: nodes and edges in world metres, or an `.osm` file. Out: a `Network` (a `.net.xml` in the project's cache folder,
-named by the content of what it was made from) whose XY are the world frame's, and `read_roads`, which turns any such
-file into `Road`s and `Junction`s with lanes in world metres.
+In: nodes and edges in world metres, or a document of streets in OpenStreetMap's XML (`scene.osm.streets` writes it).
+Out: a `Network` (a `.net.xml` in the project's cache folder, named by the content of what it was made from) whose XY
+are the world frame's, and `read_roads`, which turns any such file into `Road`s and `Junction`s with lanes in world
+metres.
 
 netconvert comes with the package `eclipse-sumo`; it is run as a program, so nothing of SUMO is loaded here. What it
 writes is made independent of the day and the folder (its header is dropped), put beside and renamed: builders that
@@ -55,7 +56,7 @@ _STREET_OPTIONS = (
 _OSM_OPTIONS = (
     "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals", "--tls.discard-simple",
     "--tls.join", "--no-turnarounds.except-deadend", "--junctions.corner-detail", "5",
-    "--keep-edges.by-vclass", "passenger,bus,delivery",
+    "--keep-edges.by-vclass", "passenger,bus,delivery,private", "--osm.elevation",
     "--output.street-names", "--osm.all-attributes", "--osm.extra-attributes", "bridge,tunnel,layer",
 )  # fmt: skip
 
@@ -123,29 +124,29 @@ def build_network(
 
 
 def network_from_osm(
-    path: str | Path, origin: tuple[float, float], bbox: tuple[float, float, float, float] | None = None, *,
-    elevations: bool = False,
+    document: str, origin: tuple[float, float], bbox: tuple[float, float, float, float] | None = None,
+    variants: Mapping[str, str] | None = None, what: str = "the map",
 ) -> Network:  # fmt: skip
-    """The net of the roads in an `.osm` or `.osm.gz` file, in metres about `origin` (latitude, longitude).
+    """The net of the streets in an OpenStreetMap document, in metres about `origin` (latitude, longitude).
 
-    `bbox` (west, south, east, north, degrees) keeps what lies in it. Heights come from the ways' layers, or with
-    `elevations` from the nodes' tag `ele`. Raises `UsageError` for a file without roads or
-    one that netconvert cannot read.
+    `bbox` (west, south, east, north, degrees) keeps what lies in it. Heights come from the nodes' tag `ele`. `variants`
+    are kinds of streets beside SUMO's (`residential|closed`: otherwise as `residential`) and the classes of vehicles
+    that each permits. Raises `UsageError` for a document without streets or one that netconvert cannot read.
     """
-    source = Path(path)
-    if not source.name.endswith((".osm", ".osm.gz", ".osm.xml")):
-        raise UsageError(f"{source}: roads are read from .osm or .osm.gz", hint="convert other formats first")
-    options = [*_OSM_OPTIONS, *(("--osm.elevation",) if elevations else ("--osm.layer-elevation", f"{LAYER_M:g}"))]
+    options = list(_OSM_OPTIONS)
     if bbox is not None:
         options += ["--keep-edges.in-geo-boundary", ",".join(f"{value:.7f}" for value in bbox)]
-    key = _digest("osm", repr(origin), file_sha256(source), *options)
+    types = _variant_types(variants or {})
+    key = _digest("osm", repr(origin), document, types, *options)
 
     def arguments(folder: Path) -> list[str]:
-        typemap = _home() / "data" / "typemap" / "osmNetconvert.typ.xml"
-        given = ["--osm-files", str(source), "--proj", projection(origin), *options]
-        return [*given, *(("--type-files", str(typemap)) if typemap.is_file() else ())]
+        (folder / "streets.osm").write_text(document, encoding="utf-8")
+        (folder / "variants.typ.xml").write_text(types, encoding="utf-8")
+        files = [str(file) for file in (_typemap(), folder / "variants.typ.xml") if file.is_file()]
+        given = ["--osm-files", str(folder / "streets.osm"), "--proj", projection(origin)]
+        return [*given, *options, "--type-files", ",".join(files)]
 
-    return _cached(key, origin, arguments, str(source))
+    return _cached(key, origin, arguments, what)
 
 
 def read_roads(path: str | Path) -> tuple[tuple[Road, ...], tuple[Junction, ...]]:
@@ -212,6 +213,26 @@ def _home() -> Path:
     if places:
         return Path(places[0])
     return Path(os.environ.get("SUMO_HOME", "/nonexistent"))
+
+
+def _typemap() -> Path:
+    """SUMO's kinds of streets in OpenStreetMap."""
+    return _home() / "data" / "typemap" / "osmNetconvert.typ.xml"
+
+
+def _variant_types(variants: Mapping[str, str]) -> str:
+    """A file of types: those of SUMO that variants are of, each with the permissions of the variant."""
+    try:
+        known = {element.get("id", ""): dict(element.attrib) for _, element in iterparse(_typemap())}  # noqa: S314 - SUMO's
+    except (OSError, ParseError):
+        known = {}
+    lines = ["<types>"]
+    for name, allowed in sorted(variants.items()):
+        attributes = known.get(f"highway.{name.partition('|')[0]}", {})
+        attributes.pop("disallow", "")
+        attributes |= {"id": f"highway.{name}", "allow": allowed}
+        lines.append(f"<type {' '.join(f'{key}={quoteattr(value)}' for key, value in attributes.items())}/>")
+    return "\n".join((*lines, "</types>\n"))
 
 
 @cache
@@ -369,12 +390,10 @@ def _lane_kind(allow: str | None, disallow: str) -> str:
     if allow is None:
         return "foot" if disallow == "all" else "car"
     allowed = set(allow.split())
-    if allowed & {"passenger", "private", "all", "delivery", "truck"}:
+    if allowed & {"passenger", "all", "delivery", "truck"}:
         return "car"
-    for kind in ("bus", "bicycle"):
-        if kind in allowed:
-            return kind
-    return "foot"
+    kinds = {"bus": "bus", "private": "closed", "bicycle": "bicycle"}
+    return next((kind for name, kind in kinds.items() if name in allowed), "foot")
 
 
 def _junction(element: Element) -> Iterator[Junction]:

@@ -126,7 +126,8 @@ def test_a_file_that_is_no_net_is_refused(tmp_path):
 
 
 OSM = """<osm version="0.6"><bounds minlat="30.99" minlon="121.49" maxlat="31.01" maxlon="121.51"/>
-<node id="1" lat="31.0" lon="121.5"/><node id="2" lat="31.0" lon="121.503"/><node id="3" lat="31.0" lon="121.506"/>
+<node id="1" lat="31.0" lon="121.5"/><node id="2" lat="31.0" lon="121.503"/>
+<node id="3" lat="31.0" lon="121.506"><tag k="ele" v="6"/></node>
 <node id="4" lat="31.0" lon="121.495"/><node id="5" lat="31.005" lon="121.495"/><node id="6" lat="31.002" lon="121.5"/>
 <way id="7"><nd ref="1"/><nd ref="2"/>
 <tag k="highway" v="primary"/><tag k="name" v="Quay"/><tag k="lanes" v="4"/></way>
@@ -137,24 +138,25 @@ OSM = """<osm version="0.6"><bounds minlat="30.99" minlon="121.49" maxlat="31.01
 <way id="9"><nd ref="1"/><nd ref="3"/><tag k="highway" v="footway"/></way></osm>"""
 
 
-def test_roads_of_a_map_are_metres_about_its_origin(tmp_path):
-    file = tmp_path / "small.osm"
-    file.write_text(OSM)
-    roads, _ = read_roads(network_from_osm(file, ORIGIN).path)
+def test_roads_of_a_map_are_metres_about_its_origin():
+    roads, _ = read_roads(network_from_osm(OSM, ORIGIN).path)
     assert sorted(road.id for road in roads) == ["-10", "-11", "-7", "-8", "10", "11", "7", "8"]
     by_id = {road.id: road for road in roads}
     assert by_id["7"].name == "Quay" and by_id["7"].kind == "primary" and len(by_id["7"].lanes) == 2
     assert by_id["8"].bridge and by_id["8"].lanes[0].shape[-1][0] == pytest.approx(573.0, abs=1.5)
-    assert max(z for _, _, z in by_id["8"].lanes[0].shape) == pytest.approx(network.LAYER_M)
+    assert max(z for _, _, z in by_id["8"].lanes[0].shape) == pytest.approx(6.0)
     assert by_id["10"].lanes[0].shape[-1][2] == pytest.approx(0.0)
 
 
-def test_a_map_without_roads_or_of_another_kind_is_refused(tmp_path):
-    empty = tmp_path / "empty.osm"
-    empty.write_text('<osm version="0.6"><node id="1" lat="31.0" lon="121.5"/></osm>')
-    with pytest.raises(UsageError, match=r"empty\.osm"):
-        network_from_osm(empty, ORIGIN)
-    with pytest.raises(UsageError, match=r"\.osm or"):
-        network_from_osm(tmp_path / "x.pbf", ORIGIN)
-    with pytest.raises(UsageError, match="cannot read"):
-        network_from_osm(tmp_path / "absent.osm", ORIGIN)
+def test_a_map_without_roads_is_refused():
+    with pytest.raises(UsageError, match=r"the map: there is no road|made no road network of the map"):
+        network_from_osm('<osm version="0.6"><node id="1" lat="31.0" lon="121.5"/></osm>', ORIGIN)
+
+
+def test_a_variant_of_a_kind_has_its_own_permissions_and_the_rest_of_its_kind():
+    document = OSM.replace('"secondary"', '"secondary|closed"')
+    roads, _ = read_roads(network_from_osm(document, ORIGIN, variants={"secondary|closed": "private"}).path)
+    by_id = {road.id: road for road in roads}
+    assert {lane.kind for lane in by_id["10"].lanes} == {"closed"}
+    assert (by_id["10"].kind, by_id["10"].speed_mps) == ("secondary", pytest.approx(27.78))
+    assert {lane.kind for lane in by_id["7"].lanes} == {"car"}

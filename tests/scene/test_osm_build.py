@@ -209,13 +209,13 @@ def test_nodes_missing_from_streets_and_outlines_are_counted(tmp_path: Path) -> 
     ("name", "content", "message"),
     [
         ("zero.osm", b"", "is empty: 0 bytes"),
-        ("text.osm", b"hello", "is not OpenStreetMap data: XML parsing error at line 1"),
-        ("cut.osm", b'<osm version="0.6"><node id="1" lat="1" lon="2"/><way', "is not OpenStreetMap data"),
-        ("page.osm", b"<html></html>", "is not OpenStreetMap data"),
-        ("cut.osm.pbf", b"\x00\x00\x00\x0e\x0a", "is not OpenStreetMap data: PBF error"),
+        ("text.osm", b"hello", "is not OpenStreetMap data: XML error: .* line 1"),
+        ("cut.osm", b'<osm version="0.6"><node id="1" lat="1" lon="2"/><way', "stops in the middle, in line 1"),
+        ("page.osm", b"<html></html>", r"is not OpenStreetMap data: it is a web page \(HTML\)"),
+        ("cut.osm.pbf", b"\x00\x00\x00\x0e\x0a\x09OSMHeader\x18\x7c", "is not OpenStreetMap data: PBF error"),
         ("bad.osm.gz", b"no gzip", "is not OpenStreetMap data"),
         ("none.osm", b'<osm version="0.6"></osm>', "not one node"),
-        ("map.kml", b"<kml/>", "is not named like a map"),
+        ("map.kml", b"<kml/>", "is not OpenStreetMap data: it is KML"),
     ],
 )
 def test_what_is_no_map_is_refused_in_one_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:

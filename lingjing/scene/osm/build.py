@@ -7,7 +7,6 @@ that decide the outcome. Without a folder of the caller's a city is kept in `cit
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from html import unescape
@@ -20,14 +19,13 @@ import msgspec
 from lingjing.data import CACHE_OFF, cache_is_off
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, version_of
-from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.footbridges import footbridges
 from lingjing.scene.osm.frame import MapFrame, choose
-from lingjing.scene.osm.read import DegreeBox, MapData
-from lingjing.scene.osm.streets import streets_xml
+from lingjing.scene.osm.map_data import DegreeBox, MapData
+from lingjing.scene.osm.streets import streets
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Summary, counts, encode, read_summary
 from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, whole, write_store
 
@@ -87,7 +85,7 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
     data = read.read(path)
     frame = choose(data, options.box)
     pieces, light, skipped, notes = _assemble(path, data, frame, options, say)
-    notes[:0] = frame.notes
+    notes[:0] = (*data.notes, *frame.notes)
     summary = Summary(
         key=key,
         city=light.id,
@@ -150,7 +148,7 @@ def _assemble(
         network=network,
         tile_m=TILE_M,
     )
-    return pieces, light, dict(sorted((+features.skipped).items())), notes
+    return pieces, light, dict(sorted((features.skipped + data.skipped).items())), notes
 
 
 def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterable[Solid]:
@@ -166,17 +164,13 @@ def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], 
     from lingjing.scene.network import network_from_osm, read_roads
 
     frame = features.frame
-    text = streets_xml(data, features)
-    if not text:
+    found = streets(data, features)
+    if not found.document:
         return "", (), (), ["no roads in this part of the map: a city without traffic"]
-    with folder_beside(Path(tempfile.gettempdir(), "lingjing-map")) as folder:
-        plain = folder / "streets.osm"
-        plain.write_text(text, encoding="utf-8")
-        try:
-            made = network_from_osm(plain, frame.origin, frame.box, elevations=True)
-        except UsageError as error:
-            said = str(error).replace(str(plain), "the map")
-            return "", (), (), [f"no road network, a city without traffic: {said}"]
+    try:
+        made = network_from_osm(found.document, frame.origin, frame.box, found.variants)
+    except UsageError as error:
+        return "", (), (), [f"no road network, a city without traffic: {error}"]
     roads, junctions = read_roads(made.path)
     near = (structures.cut_off(road, frame.bounds) for road in roads if structures.is_visible(road))
     # netconvert escapes names twice

@@ -15,7 +15,7 @@ from typing import Any
 from lingjing.mission.frames import from_geodetic
 from lingjing.scene.network import LAYER_M
 from lingjing.scene.osm.features import Feature, Features
-from lingjing.scene.osm.read import MapData, Way
+from lingjing.scene.osm.map_data import MapData, Way
 from lingjing.scene.osm.tags import VEHICLES, layer
 
 GRADE = 0.07

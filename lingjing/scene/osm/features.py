@@ -14,7 +14,7 @@ from typing import Any
 
 from lingjing.mission.frames import from_geodetic
 from lingjing.scene.osm.frame import MapFrame
-from lingjing.scene.osm.read import MapData, MapRelation, Way
+from lingjing.scene.osm.map_data import MapData, MapRelation, Way
 
 AREA_KEYS = (
     "building", "building:part", "landuse", "natural", "leisure", "amenity", "waterway", "man_made", "place",

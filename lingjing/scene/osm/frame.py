@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from lingjing.errors import UsageError
 from lingjing.mission import geometry2d
 from lingjing.mission.frames import from_geodetic
-from lingjing.scene.osm.read import DegreeBox, MapData, Way
+from lingjing.scene.osm.map_data import DegreeBox, MapData, Way
 from lingjing.scene.osm.tags import VEHICLES
 
 LARGEST_M = 60_000.0

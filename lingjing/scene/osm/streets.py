@@ -1,28 +1,52 @@
 """The streets of a map for netconvert: a plain `.osm` of them alone, in the order of ids.
 
 Whatever a map's format, order and other contents are, the same streets give the same bytes, so their network is made
-once. (netconvert reads no `.pbf`, and finds no nodes in a file that begins with its ways.)
+once. netconvert knows neither OpenStreetMap's hierarchy of access nor most of its speed limits, so the document
+has both in words that it knows: speeds are numbers in km/h, and a street whose permissions are not those of its kind
+gets a variant of that kind, `residential|closed`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
+from lingjing.scene.osm.access import BUS_KEYS, CAR_KEYS, access
 from lingjing.scene.osm.elevation import heights
 from lingjing.scene.osm.features import Features
-from lingjing.scene.osm.read import MapData
+from lingjing.scene.osm.map_data import MapData
+from lingjing.scene.osm.speed import limits
 from lingjing.scene.osm.tags import VEHICLES
 
+VARIANTS = {
+    "closed": "private emergency authority army vip pedestrian bicycle",
+    "bus": "bus coach emergency authority army vip pedestrian bicycle",
+    "open": (
+        "private emergency authority army vip pedestrian passenger hov taxi bus coach delivery truck trailer "
+        "motorcycle moped bicycle evehicle"
+    ),
+}
+"""SUMO's classes of vehicles on streets whose permissions are not those of their kind."""
 
-def streets_xml(data: MapData, features: Features) -> str:
-    """The document, with each node's height in its tag `ele`; empty if no way for vehicles touches the frame."""
+
+@dataclass(frozen=True, slots=True)
+class Streets:
+    """The document, empty if no way for vehicles touches the frame; `variants`: kinds of streets in it to their
+    permissions, where these are not SUMO's own."""
+
+    document: str
+    variants: Mapping[str, str]
+
+
+def streets(data: MapData, features: Features) -> Streets:
+    """The streets that touch the frame, with each node's height in its tag `ele`."""
     west, south, east, north = features.frame.box
     inside = {ref for ref, (lat, lon) in data.nodes.items() if west <= lon <= east and south <= lat <= north}
     ways = [way for way in data.ways if "highway" in way.tags and not inside.isdisjoint(way.nodes)]
     if not any(way.tags["highway"] in VEHICLES for way in ways):
-        return ""
+        return Streets("", {})
     kept = {way.id for way in ways}
     high = heights(data, features, [way for way in ways if way.tags["highway"] in VEHICLES])
     tags = {spot.id: spot.tags for spot in data.spots}
@@ -35,17 +59,39 @@ def streets_xml(data: MapData, features: Features) -> str:
             (),
             tags.get(ref, {}) | {"ele": f"{high.get(ref, 0.0):g}"},
         )
+    variants: dict[str, str] = {}
     for way in ways:
         refs = [f'<nd ref="{ref}"/>' for ref in way.nodes if ref in data.nodes]
-        lines += _element("way", f'id="{way.id}"', refs, _believable(way.tags))
+        plain = street_tags(way.tags)
+        kind, _, variant = plain["highway"].partition("|")
+        if variant:
+            variants[f"{kind}|{variant}"] = VARIANTS[variant]
+        lines += _element("way", f'id="{way.id}"', refs, plain)
     for relation in data.relations:
         if relation.tags["type"] != "restriction":
             continue
         if any(kind == "w" and ref in kept for kind, ref, _ in relation.members):
             members = [_member(*member) for member in relation.members]
             lines += _element("relation", f'id="{relation.id}"', members, relation.tags)
-    return "\n".join((*lines, "</osm>\n"))
+    return Streets("\n".join((*lines, "</osm>\n")), variants)
 
+
+def street_tags(tags: Mapping[str, str]) -> dict[str, str]:
+    """A way's tags as netconvert is to read them."""
+    plain = {key: text for key, text in tags.items() if _fits(key.split(":")[0], text)}
+    forward, backward = limits(tags)
+    if forward is not None:
+        plain["maxspeed"] = f"{forward:g}"
+    if backward is not None and backward != forward:
+        plain["maxspeed:backward"] = f"{backward:g}"
+    if tags["highway"] in VEHICLES:
+        plain = _permitted(plain)
+    else:
+        plain["highway"] = tags["highway"].replace("|", "_")
+    return {key: text for key, text in plain.items() if key != "access"}  # netconvert takes `no` for the last word
+
+
+# -- private
 
 _KINDS = {"n": "node", "w": "way", "r": "relation"}
 
@@ -54,23 +100,59 @@ def _member(kind: str, ref: int, role: str) -> str:
     return f'<member type="{_KINDS[kind]}" ref="{ref}" role={quoteattr(role)}/>'
 
 
-_MOST = {"lanes": 20.0, "width": 100.0, "maxspeed": 400.0}
-"""The most that a tag of that first word may say: toll plazas have twenty lanes; no road is as wide or fast as that."""
+_MOST = {"lanes": 20.0, "width": 100.0, "maxspeed": 0.0, "zone": 0.0}
+"""The most that a tag of that first word may say: toll plazas have twenty lanes; no road is as wide as that. Speeds are
+written anew."""
 
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 
+_TYPE_KEYS = ("railway", "service", "waterway", "aeroway", "aerialway", "route", "usage", "highspeed", "cycleway")
+"""Keys of which netconvert makes further kinds of one way, which would undo a variant."""
 
-def _believable(tags: Mapping[str, str]) -> dict[str, str]:
-    """Tags without those whose numbers are nonsense: a million lanes are a minute's work for netconvert."""
-    return {key: text for key, text in tags.items() if _fits(text, _MOST.get(key.split(":")[0]))}
-
-
-def _fits(text: str, most: float | None) -> bool:
-    return most is None or all(0.0 < float(value) <= most for value in _NUMBER.findall(text))
+_INNER = ("parking_aisle", "driveway", "drive-through")
+"""Service roads that lead to one place, and that no traffic is to be sent through."""
 
 
-def _element(name: str, attributes: str, children: Iterable[str], tags: dict[str, str]) -> Iterator[str]:
+def _permitted(tags: dict[str, str]) -> dict[str, str]:
+    """The tags with the variant of their kind, and the directions, in which cars and buses may drive."""
+    ways = [access(tags, CAR_KEYS, direction) for direction in ("forward", "backward")]
+    buses = [access(tags, BUS_KEYS, direction) for direction in ("forward", "backward")]
+    oneway = _oneway(tags)
+    used = {"yes": (0,), "-1": (1,)}.get(oneway, (0, 1))
+    closed = [side for side in used if ways[side] == "closed"]
+    if len(closed) == len(used):
+        return _variant(tags, "bus" if any(buses[side] in ("open", "destination") for side in used) else "closed")
+    if closed:
+        tags = {**tags, "oneway": "-1" if closed == [0] else "yes"}
+        if closed == [1] and buses[1] in ("open", "destination"):
+            tags["oneway:bus"] = "no"
+    elif oneway:
+        tags = {**tags, "oneway": oneway}
+    if tags["highway"] == "service" and any(ways) and tags.get("service") not in _INNER:
+        return _variant(tags, "open")
+    return tags
+
+
+def _oneway(tags: Mapping[str, str]) -> str:
+    """`yes`, `-1`, `no` or nothing: the most special key that says in which direction cars drive."""
+    keys = ("oneway:motorcar", "oneway:motor_vehicle", "oneway:vehicle", "oneway")
+    text = next((tags[key] for key in keys if key in tags), "").strip().casefold()
+    known = {"true": "yes", "1": "yes", "yes": "yes", "-1": "-1", "reverse": "-1", "no": "no", "false": "no", "0": "no"}
+    return known.get(text, "")
+
+
+def _variant(tags: Mapping[str, str], name: str) -> dict[str, str]:
+    kept = {key: text for key, text in tags.items() if key.split(":")[0] not in (*_TYPE_KEYS, "bus", "psv")}
+    return {**kept, "highway": f"{tags['highway']}|{name}"}
+
+
+def _fits(word: str, text: str) -> bool:
+    most = _MOST.get(word)
+    return most is None or (most > 0.0 and all(0.0 < float(value) <= most for value in _NUMBER.findall(text)))
+
+
+def _element(name: str, attributes: str, children: Iterable[str], tags: Mapping[str, str]) -> Iterator[str]:
     yield f'<{name} {attributes} version="1">'
     yield from children
     yield from (f"<tag k={quoteattr(key)} v={quoteattr(value)}/>" for key, value in sorted(tags.items()))

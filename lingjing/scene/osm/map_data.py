@@ -1,0 +1,257 @@
+"""The normalised contents of a map: each object once, as it stands now, without metadata.
+
+Every reader of maps fills a `MapCollector`, whatever the file's format; nothing else makes a `MapData`, and whatever is
+built from a map is built from that alone. The collector settles what files leave open:
+
+- Of an object that stands in the file several times (history files, joined extracts) the highest version counts, of
+  equal versions the later. If that one is deleted (`visible="false"`, JOSM's `action="delete"`), the object is gone.
+- Several stated parts of the Earth become the smallest box around them.
+- Geometry that is written into ways and relations (Overpass `out geom`) becomes nodes and ways.
+- Negative ids (objects that were never uploaded) become positive ones, for netconvert writes `-` for the other
+  direction of a way.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+DegreeBox = tuple[float, float, float, float]
+"""West, south, east, north in degrees."""
+
+LatLon = tuple[float, float]
+"""Latitude, longitude in degrees."""
+
+Member = tuple[str, int, str]
+"""Kind (`n`, `w` or `r`), id, role."""
+
+LONGEST_TEXT = 1024
+"""Characters of a tag's key or value: OpenStreetMap's database takes 255, libosmium 1024 bytes."""
+
+LARGEST_ID = (1 << 62) - 1
+"""Beyond that an id does not fit into the 64 bits of other programs once it has been moved."""
+
+LANELET_TYPES = frozenset(("lanelet", "regulatory_element"))
+"""Types of relations of which Lanelet2 maps consist."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapSpot:
+    """A node that has tags; degrees."""
+
+    id: int
+    tags: dict[str, str]
+    latitude: float
+    longitude: float
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A line through nodes, closed if its first node is its last."""
+
+    id: int
+    tags: dict[str, str]
+    nodes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapRelation:
+    """A multipolygon or a turn restriction."""
+
+    id: int
+    tags: dict[str, str]
+    members: tuple[Member, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapData:
+    """A normalised map, each kind in the order of ids.
+
+    `nodes`: places by id. `box`: the part of the Earth that the file states, None if it states none. `skipped`: what
+    the file holds and this does not, by reason. `notes`: remarks of the file, for the reader.
+    """
+
+    nodes: dict[int, LatLon]
+    spots: tuple[MapSpot, ...]
+    ways: tuple[Way, ...]
+    relations: tuple[MapRelation, ...]
+    box: DegreeBox | None
+    skipped: Counter[str] = field(default_factory=Counter)
+    notes: tuple[str, ...] = ()
+
+
+ItemT = TypeVar("ItemT", MapSpot, Way, MapRelation)
+
+
+class MapCollector:
+    """Takes the objects of a file in any order and gives them normalised.
+
+    `version` is the object's, 0 where the file has none or one that is no number. `gone` means that it is deleted.
+    """
+
+    def __init__(self) -> None:
+        self.box: DegreeBox | None = None
+        self.notes: list[str] = []
+        self.skipped: Counter[str] = Counter()
+        self.foreign: str = ""
+        """What the file is instead, if its relations are those of another kind of map."""
+        self._nodes: dict[int, LatLon] = {}
+        self._spots: dict[int, MapSpot] = {}
+        self._ways: dict[int, Way] = {}
+        self._relations: dict[int, MapRelation] = {}
+        self._versions: tuple[dict[int, int], dict[int, int], dict[int, int]] = ({}, {}, {})
+        self._drawn_places: dict[int, LatLon] = {}
+        self._drawn_lines: dict[int, tuple[LatLon | None, ...]] = {}
+
+    def add_box(self, box: DegreeBox) -> None:
+        """A part of the Earth that the file states."""
+        if self.box is None:
+            self.box = box
+        else:
+            west, south, east, north = self.box
+            self.box = min(west, box[0]), min(south, box[1]), max(east, box[2]), max(north, box[3])
+
+    def add_node(self, ref: int, place: LatLon | None, tags: dict[str, str], version: int, *, gone: bool) -> None:
+        """A node; without a place it is nowhere and left out."""
+        if not self._is_latest(0, ref, version):
+            return
+        self._spots.pop(ref, None)
+        if gone or place is None:
+            self._nodes.pop(ref, None)
+            return
+        self._nodes[ref] = place
+        if tags:
+            self._spots[ref] = MapSpot(ref, tags, *place)
+
+    def add_way(
+        self, ref: int, nodes: Sequence[int | LatLon | None], tags: dict[str, str], version: int, *, gone: bool
+    ) -> None:
+        """A way through nodes by id, or through places where the file names no nodes (None: cut off there)."""
+        if not self._is_latest(1, ref, version):
+            return
+        self._ways.pop(ref, None)
+        self._drawn_lines.pop(ref, None)
+        if gone:
+            return
+        known = tuple(node for node in nodes if isinstance(node, int))
+        if len(known) < len(nodes):
+            self._drawn_lines[ref] = tuple(None if isinstance(node, int) else node for node in nodes)
+        self._ways[ref] = Way(ref, tags, known)
+
+    def add_relation(
+        self, ref: int, members: Sequence[Member], tags: dict[str, str], version: int, *, gone: bool
+    ) -> None:
+        """A relation; only multipolygons and turn restrictions are kept."""
+        if not self._is_latest(2, ref, version):
+            return
+        self._relations.pop(ref, None)
+        kind = tags.get("type", "")
+        if gone:
+            return
+        if kind in LANELET_TYPES:
+            self.foreign = "Lanelet2"
+        elif kind in ("multipolygon", "restriction"):
+            self._relations[ref] = MapRelation(ref, tags, tuple(members))
+
+    def draw_node(self, ref: int, place: LatLon) -> None:
+        """The place of a node as a way or a relation has it."""
+        self._drawn_places.setdefault(ref, place)
+
+    def draw_way(self, ref: int, line: Sequence[LatLon | None]) -> None:
+        """The line of a way as a relation has it; None where it is cut off."""
+        self._drawn_lines.setdefault(ref, tuple(line))
+
+    def finish(self) -> MapData:
+        """The normalised map."""
+        for ref, place in self._drawn_places.items():
+            self._nodes.setdefault(ref, place)
+        if self._drawn_lines:
+            self._lay_lines()
+        data = MapData(
+            self._nodes, _by_id(self._spots), _by_id(self._ways), _by_id(self._relations), self.box, self.skipped,
+            tuple(self.notes),
+        )  # fmt: skip
+        return _with_positive_ids(data)
+
+    def has_streets_or_houses(self) -> bool:
+        """True if a way says that it is a street or a building."""
+        return any("highway" in way.tags or "building" in way.tags for way in self._ways.values())
+
+    def places(self) -> Iterator[LatLon]:
+        """Where the nodes are."""
+        return iter(self._nodes.values())
+
+    # -- private
+
+    def _is_latest(self, kind: int, ref: int, version: int) -> bool:
+        """True if no higher version of the object was taken before."""
+        versions = self._versions[kind]
+        if version < versions.get(ref, 0):
+            return False
+        versions[ref] = version
+        return True
+
+    def _lay_lines(self) -> None:
+        """Give ways that are known by their places nodes: those that lie there, else new ones."""
+        by_place = {place: ref for ref, place in self._nodes.items()}
+        fresh = _above((*self._nodes, *(ref for way in self._ways.values() for ref in way.nodes)))
+        missing = fresh
+        for ref, line in sorted(self._drawn_lines.items()):
+            known = self._ways.get(ref)
+            if known is not None and known.nodes:
+                continue
+            nodes = []
+            for place in line:
+                if place is not None and place not in by_place:
+                    fresh += 1
+                    by_place[place] = fresh
+                    self._nodes[fresh] = place
+                nodes.append(missing if place is None else by_place[place])
+            self._ways[ref] = Way(ref, known.tags if known is not None else {}, tuple(nodes))
+
+
+def _by_id(items: dict[int, ItemT]) -> tuple[ItemT, ...]:
+    return tuple(items[ref] for ref in sorted(items))
+
+
+def _above(refs: Sequence[int]) -> int:
+    """A round number above all ids, the same for most files, so that ids made from it seldom change."""
+    return 1 << max(40, max(map(abs, refs), default=0).bit_length())
+
+
+def _with_positive_ids(data: MapData) -> MapData:
+    ways, relations = [way.id for way in data.ways], [relation.id for relation in data.relations]
+    named = [ref for way in data.ways for ref in way.nodes]
+    lowest = min((*ways[:1], *relations[:1], *data.nodes, *named), default=0)
+    if lowest >= 0:
+        return data
+    shifts = {"n": _above((*data.nodes, *named)), "w": _above(ways), "r": _above(relations)}
+
+    def moved(kind: str, ref: int) -> int:
+        return ref if ref >= 0 else shifts[kind] - ref
+
+    return replace(
+        data,
+        nodes={moved("n", ref): place for ref, place in data.nodes.items()},
+        spots=tuple(sorted((replace(spot, id=moved("n", spot.id)) for spot in data.spots), key=lambda item: item.id)),
+        ways=tuple(
+            sorted(
+                (Way(moved("w", way.id), way.tags, tuple(moved("n", ref) for ref in way.nodes)) for way in data.ways),
+                key=lambda item: item.id,
+            )
+        ),
+        relations=tuple(
+            sorted(
+                (
+                    MapRelation(
+                        moved("r", relation.id), relation.tags,
+                        tuple((kind, moved(kind, ref), role) for kind, ref, role in relation.members),
+                    )
+                    for relation in data.relations
+                ),
+                key=lambda item: item.id,
+            )
+        ),
+    )  # fmt: skip

@@ -1,0 +1,111 @@
+"""Read OpenStreetMap PBF into a `MapCollector`; the only module that imports osmium."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from lingjing.errors import UsageError
+from lingjing.installation import install_line
+from lingjing.scene.osm.map_data import LARGEST_ID, DegreeBox, LatLon, MapCollector, Member
+from lingjing.scene.osm.source import HINT, MapFile, bomb
+
+FEW = 100_000
+"""Objects, tags and references that any file may hold, however small it is."""
+
+_NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""Characters that no XML can hold; a PBF can, and netconvert reads XML."""
+
+
+class _PbfItem(NamedTuple):
+    """An object as osmium has it, in Python's own types. `nodes` are a way's, `members` a relation's."""
+
+    kind: str
+    id: int
+    version: int
+    gone: bool
+    tags: dict[str, str]
+    place: LatLon | None
+    nodes: tuple[int, ...]
+    members: tuple[Member, ...]
+
+
+def read_pbf(source: MapFile, collector: MapCollector) -> None:
+    """Fill the collector. `UsageError` for a damaged file, one that unpacks without end, or without osmium."""
+    box = _box(source)
+    if box is not None:
+        collector.add_box(box)
+    left = max(FEW, source.path.stat().st_size)
+    for item in _items(source):
+        left -= 1 + len(item.tags) + len(item.nodes) + len(item.members)
+        if left < 0:  # before anything is made of it
+            raise bomb(source.path, "it holds more than it has bytes")
+        if not -LARGEST_ID <= item.id <= LARGEST_ID:
+            collector.skipped["objects without a number"] += 1
+        elif item.kind == "n":
+            collector.add_node(item.id, item.place, item.tags, item.version, gone=item.gone)
+        elif item.kind == "w":
+            collector.add_way(item.id, item.nodes, item.tags, item.version, gone=item.gone)
+        else:
+            collector.add_relation(item.id, item.members, item.tags, item.version, gone=item.gone)
+
+
+def versions() -> dict[str, str]:
+    """Versions of what reads PBF."""
+    try:
+        import osmium.version
+    except ImportError:
+        return {"osmium": "none", "libosmium": "none"}
+    return {"osmium": osmium.version.pyosmium_release, "libosmium": osmium.version.libosmium_version}
+
+
+# -- private
+
+
+@contextmanager
+def _blaming(source: MapFile) -> Iterator[None]:
+    """Whatever osmium raises over a file is the file's fault, for osmium documents no set of errors."""
+    try:
+        yield
+    except ImportError:
+        raise UsageError("reading .pbf maps needs the package `osmium`", hint=install_line("maps")) from None
+    except Exception as error:  # noqa: BLE001 - damaged files find kinds of errors that no list has
+        raise UsageError(f"`{source.path}` is not OpenStreetMap data: {error}", hint=HINT) from None
+
+
+def _box(source: MapFile) -> DegreeBox | None:
+    with _blaming(source):
+        import osmium
+
+        with osmium.io.Reader(osmium.io.File(str(source.path), "pbf")) as reader:
+            box = reader.header().box()
+        return (box.bottom_left.lon, box.bottom_left.lat, box.top_right.lon, box.top_right.lat) if box.valid() else None
+
+
+def _items(source: MapFile) -> Iterator[_PbfItem]:
+    with _blaming(source):
+        import osmium
+
+        for item in osmium.FileProcessor(osmium.io.File(str(source.path), "pbf")):
+            if item.is_node() or item.is_way() or item.is_relation():
+                yield _item(item)
+
+
+def _item(item: Any) -> _PbfItem:
+    located = item.is_node() and item.location.valid()
+    return _PbfItem(
+        kind="n" if item.is_node() else "w" if item.is_way() else "r",
+        id=item.id,
+        version=item.version,
+        gone=item.deleted or not item.visible,
+        tags={_text(tag.k): _text(tag.v) for tag in item.tags},
+        place=(item.location.lat, item.location.lon) if located else None,
+        nodes=tuple(node.ref for node in item.nodes) if item.is_way() else (),
+        members=tuple((m.type, m.ref, _text(m.role)) for m in item.members) if item.is_relation() else (),
+    )
+
+
+def _text(text: str) -> str:
+    return text if text.isprintable() else _NOT_IN_XML.sub("", text)

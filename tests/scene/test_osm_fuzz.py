@@ -1,0 +1,64 @@
+"""Maps with planted faults: whatever is wrong with a file, it is built or refused, and never a fault of ours."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.scene.city import City
+from lingjing.scene.osm import build as building
+from lingjing.scene.osm.build import Options
+from lingjing.scene.osm.frame import choose
+from lingjing.scene.osm.read import read
+from lingjing.scene.osm.streets import streets
+from tests.scene.map_mutations import mutated
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.mark.slow
+def test_two_thousand_maps_are_built_or_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everything but netconvert, which is another process and takes its time: the document for it is written."""
+
+    def unconverted(data, features):  # type: ignore[no-untyped-def]
+        streets(data, features)
+        return "", (), (), []
+
+    monkeypatch.setattr(building, "_network", unconverted)
+    ends: Counter[str] = Counter()
+    for seed in range(2000):
+        path = mutated(seed, tmp_path)
+        try:
+            built = _assembled(path)
+        except UsageError as error:
+            assert str(path) in str(error) or "map" in str(error) or " km " in str(error), error
+            assert error.hint, error
+            ends["refused"] += 1
+        except Exception as error:
+            raise AssertionError(f"the map of seed {seed}") from error
+        else:
+            assert built.attribution
+            ends["built"] += 1
+        path.unlink()
+    assert min(ends["refused"], ends["built"]) > 500, ends  # faults that all maps die of would show nothing
+
+
+def _assembled(path: Path) -> City:
+    data = read(path)
+    return building._assemble(path, data, choose(data, None), Options(), lambda phase: None)[1]
+
+
+@pytest.mark.slow
+def test_no_map_ends_the_command_line_with_a_fault_of_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for seed in range(60):
+        path = mutated(seed, tmp_path)
+        code = main(["scene", "build", str(path), "-o", str(tmp_path / f"city-{seed}")])
+        said = capsys.readouterr()
+        assert code in (ExitCode.OK, ExitCode.USAGE), (seed, code, said.err)
+        assert "Traceback" not in said.err
+        assert (tmp_path / f"city-{seed}").exists() == (code == ExitCode.OK)
