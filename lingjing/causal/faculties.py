@@ -322,9 +322,8 @@ def _resource(action: Action, scene: TrueSituation) -> str:
 
 def _judged(instance: Instance, agent: AgentSpec) -> frozenset[str]:
     """The kinds with which an agent reports what its own pictures show: those that a rule matches with true boxes."""
-    entities = {entity.id: entity for entity in instance.entities}
-    eyes = {channel.name for channel in agent.observes if channel.source == "entity"}
-    if not any(name in entities and entities[name].cameras for name in eyes):
+    mounted = ((entity.id, camera.name) for entity in instance.entities for camera in entity.cameras)
+    if not any(agent.receives_pictures(entity, camera) for entity, camera in mounted):
         return frozenset()
     kinds = frozenset(reported(instance).values())
     return frozenset(one.kind for one in instance.messages if one.kind in kinds and _may_send(agent, one.senders))

@@ -34,7 +34,8 @@ class RecordedPictures:
     """A world whose pictures come from a trace as long as its boundary is not after `until`; later ones are drawn.
 
     `until` None never draws. With `pixels` a policy could look at them; without, they are black and of one pixel, and
-    what is known of them (pose, boxes) is the trace's all the same. With a `camera` that draws in the world's place
+    what is known of them (pose, boxes) is the trace's all the same. A `witness` is given each picture that the world
+    drew, and answers what the kernel receives in its place. With a `camera` that draws in the world's place
     (and is told of `pixels`), what the trace holds of a later boundary is taken from it too, if all bodies stand as
     they stood then.
     """
@@ -45,6 +46,7 @@ class RecordedPictures:
         self.until = until
         self.pixels = pixels
         self.camera: PictureSource | None = None
+        self.witness: Callable[[StoredFrame], StoredFrame] | None = None
         self.asked = 0
 
     @property
@@ -68,7 +70,11 @@ class RecordedPictures:
             record = self._trace.boundaries[tick]
             return tuple(self._recorded(request, record) for request in requests)
         if self.camera is None:
-            return self._world.capture(tick, requests, states)
+            answers = self._world.capture(tick, requests, states)
+            see = self.witness
+            return (
+                answers if see is None else tuple(see(one) if isinstance(one, StoredFrame) else one for one in answers)
+            )
         held = self._trace.frames if self._stand_alike(tick, states) else {}
         due = [request for request in requests if request.frame not in held]
         self.asked += len(due)

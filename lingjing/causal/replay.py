@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.causal.picture_comparison import PictureWitness
 from lingjing.causal.recorded import RecordedRun
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.episode import ended_because
@@ -41,8 +42,9 @@ class Replay(msgspec.Struct, frozen=True, kw_only=True):
     Of a file that was cut or damaged only what is before the fault is there to be run: `ends` says whether the
     episode's outcome is in it.
 
-    `drawn` if pictures were drawn anew; else their poses and boxes were taken from the trace. `pixels` is then the
-    first picture whose pixels differ, which another renderer explains. `versions` are the libraries that differ
+    `drawn` if pictures were drawn anew; else their poses and boxes were taken from the trace. A picture that shows
+    something else is a difference. `pixels` is the first one that another renderer drew and whose pixels differ within
+    the tolerance of `lingjing.causal.picture_comparison`. `versions` are the libraries that differ
     from those the trace was made with: the digest is promised for equal ones.
     """
 
@@ -69,8 +71,10 @@ def replay(
 
     `progress` is called with each boundary that was confirmed. Raises what `RecordedRun` raises.
     """
-    difference, confirmed, pixels = None, 0, ""
+    difference, confirmed = None, 0
+    witness = PictureWitness(trace)
     with RecordedRun(trace, world=world, draw=draw, host=host) as run:
+        run.pictures.witness = witness
         for recorded, digest in zip(trace.boundaries, current_digests(trace), strict=True):
             try:
                 record = run.advance().record
@@ -82,10 +86,10 @@ def replay(
             difference = _other_deciders(trace, recorded)
             if difference is None and record.digest != digest:
                 difference = first_difference(trace, recorded, record)
+            difference = difference or _other_picture(recorded.tick, witness)
             if difference is not None:
                 break
             confirmed += 1
-            pixels = pixels or (_other_pixels(recorded, record) if draw else "")
             if progress is not None:
                 progress(recorded.tick)
         if difference is None:
@@ -98,7 +102,7 @@ def replay(
         ends=trace.outcome is not None,
         difference=difference,
         drawn=draw,
-        pixels=pixels,
+        pixels=witness.tolerated,
         versions=tuple(_other_versions(trace)),
     )
 
@@ -195,11 +199,18 @@ def _cut(value: Any) -> str:
     return text if len(text) <= 200 else f"{text[:200]}…"
 
 
-def _other_pixels(recorded: BoundaryRecord, replayed: BoundaryRecord) -> str:
-    for one, other in zip(recorded.frames, replayed.frames, strict=True):
-        if (one.sha256, one.channels_sha256) != (other.sha256, other.channels_sha256):
-            return f"{one.id} (recorded with {one.renderer}, drawn with {other.renderer})"
-    return ""
+def _other_picture(tick: int, witness: PictureWitness) -> Difference | None:
+    """The first picture of the trace that does not show what the same picture shows when it is drawn anew."""
+    if witness.differing is None:
+        return None
+    recorded, drawn, what = witness.differing
+    return Difference(
+        boundary=tick,
+        engine=CAMERA,
+        field=f"frames[{recorded.id}].pixels",
+        recorded=f"sha256 {recorded.sha256[:16]}… ({recorded.renderer})",
+        replayed=f"sha256 {drawn.sha256[:16]}… ({drawn.renderer}): {what}",
+    )
 
 
 def _other_ending(trace: Trace, run: RecordedRun) -> Difference | None:

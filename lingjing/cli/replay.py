@@ -51,7 +51,9 @@ def sentence(told: Replay) -> str:
     if told.difference is None:
         text = f"{told.path}: confirmed: {told.boundaries} boundaries, digest {told.digest[:16]}, {pictures}"
         text += "" if told.ends else f"\n  what followed was not: the file has no outcome; {NO_OUTCOME}"
-        text += f"\n  pixels differ first in {told.pixels}" if told.pixels else ""
+        text += (
+            f"\n  pixels differ within the tolerance of two renderers, first in {told.pixels}" if told.pixels else ""
+        )
         return text + (
             f"\n  confirmed though made with other libraries: {', '.join(told.versions)}" if told.versions else ""
         )

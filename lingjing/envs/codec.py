@@ -270,12 +270,11 @@ def _visible(instance: Instance, agent: AgentSpec) -> tuple[Entity, ...]:
 
 
 def _eyes(instance: Instance, agent: AgentSpec, width: int) -> tuple[ObservedCamera, ...]:
-    seen = {channel.name for channel in agent.observes if channel.source == "entity"}
     return tuple(
         ObservedCamera(entity.id, camera, width, max(1, round(width * camera.height / camera.width)))
         for entity in instance.entities
-        if width and entity.id in seen
         for camera in entity.cameras
+        if width and agent.receives_pictures(entity.id, camera.name)
     )
 
 

@@ -59,6 +59,7 @@ class Projector:
         self._city = city
         self._policy_seed = policy_seed
         self._entities = {entity.id: entity for entity in instance.entities}
+        self._mounted = frozenset((entity.id, camera.name) for entity in instance.entities for camera in entity.cameras)
         self._event_visibility = EventVisibility(instance)
         self._schedule = Schedule(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
@@ -138,7 +139,6 @@ class Projector:
                 events = self._event_visibility.of(agent, task_events, adjudicated, registry.tick)
             else:
                 self._entities_of(agent, channel, registry, entities)
-        eyes = frozenset(channel.name for channel in agent.observes if channel.source == "entity")
         return Observation(
             agent=agent.id,
             tick=registry.tick,
@@ -146,8 +146,8 @@ class Projector:
             entities=tuple(entities.values()),
             cells=tuple(cells),
             events=events,
-            pictures=tuple(picture for picture in pictures if picture.entity in eyes),
-            absent=tuple(item for item in absent if item.entity in eyes),
+            pictures=tuple(picture for picture in pictures if self._shows(agent, picture.entity, picture.camera)),
+            absent=tuple(item for item in absent if self._shows(agent, item.entity, item.camera)),
             weather=self._schedule.weather(registry.time_s),
         )
 
@@ -182,6 +182,10 @@ class Projector:
             forbidden=forbidden,
             city=city,
         )
+
+    def _shows(self, agent: AgentSpec, entity: str, camera: str) -> bool:
+        """True for pictures of a mounted camera that the agent's channels show; reference pictures go by `reveal`."""
+        return (entity, camera) in self._mounted and agent.receives_pictures(entity, camera)
 
     def _grid_of(self, agent: AgentSpec) -> tuple[Cell, ...]:
         """The cells of the grids that the agent observes."""

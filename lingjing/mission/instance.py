@@ -242,6 +242,10 @@ class ChannelSpec(Record, frozen=True, kw_only=True):
     name: str = ""
     fields: tuple[str, ...] = ("*",)
 
+    def shows_camera(self, entity: str, camera: str) -> bool:
+        """True if the pictures of that camera are part of the channel: it is named, or the entity is observed whole."""
+        return self.source == "entity" and self.name == entity and ("*" in self.fields or camera in self.fields)
+
 
 class AgentSpec(Record, frozen=True, kw_only=True):
     """An active agent. `commands` lists every resource it may command in declaration order, embodied ones first."""
@@ -255,6 +259,10 @@ class AgentSpec(Record, frozen=True, kw_only=True):
     observes: tuple[ChannelSpec, ...]
     prompt: str = ""
     budget: Allowance | None = None
+
+    def receives_pictures(self, entity: str, camera: str) -> bool:
+        """True if one of the agent's channels shows the pictures of that camera."""
+        return any(channel.shows_camera(entity, camera) for channel in self.observes)
 
 
 class MessageSpec(Record, frozen=True, kw_only=True):

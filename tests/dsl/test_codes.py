@@ -87,6 +87,8 @@ CASES = [
     ("LJ0308", "{ when emitted(rescue, v) and", "{ when rescued(v) and", 34, 14, "refers to itself"),
     ("LJ0401", "observes cells }", "observes victim[1].position }", 29, 63, "a hidden value reaches"),
     ("LJ0402", "tick = 10 s", "hidden tick = 10 s", 9, 11, "cannot be hidden"),
+    ("LJ0403", "observes cells }", "observes cells, uav.position }", 29, 70, "receives no picture of its cameras"),
+    ("LJ0403", "observes uav[i].*, ", "observes uav[i].position, ", 27, 68, "`scout` observes fields of `uav[i]`"),
     ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
     ("LJ0501", "sync = 500 ms", "sync = 1e-9 ms", 9, 31, "at most 100,000 are possible"),
     ("LJ0503", "  success", "  sweep s over uavs in 1..10000000\n  success", 38, 24, "10,000,000 values"),

@@ -1,6 +1,7 @@
 """What an agent may see: its channels, never a hidden value; instances that differ only there look the same."""
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -58,6 +59,23 @@ def test_pictures_go_to_those_who_observe_the_camera():
         "scout[2]": 0,
         "skipper": 0,
     }
+
+
+@pytest.mark.parametrize(
+    ("fields", "pictures"),
+    [(("position",), 0), (("position", "busy"), 0), (("nadir",), 1), (("*",), 1), (("other",), 0)],
+)
+def test_a_field_of_a_body_is_no_picture_and_a_camera_is_named(fields, pictures):
+    made = kit.make_instance()
+    channel = ChannelSpec(source="entity", name="uav[1]", fields=fields)
+    agents = tuple(
+        msgspec.structs.replace(one, observes=(channel,)) if one.id == "skipper" else one for one in made.agents
+    )
+    kernel = kit.make_kernel(msgspec.structs.replace(made, agents=agents))
+    kernel.reset()
+    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    assert len(published.observations["skipper"].pictures) == pictures
+    assert len(published.observations["scout[1]"].pictures) == 1
 
 
 def test_only_a_privileged_agent_receives_the_truth_and_the_trace_says_so():

@@ -251,3 +251,32 @@ def test_the_bridge_is_no_longer_than_one_flight():
     points = drawn("bi").scene.options["bridge"]
     length = sum(((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5 for a, b in itertools.pairwise(points))
     assert 1000.0 < length <= 1200.0
+
+
+OTHERS_PICTURES = {
+    ("ld", "coordinator"): {"uav.nadir", "uav.front", "van.front", "dog.front"},
+    ("cr", "coordinator"): {"van.front"},
+    ("ufr", "dispatcher"): {"truck.front"},
+    ("cd", "planner"): {f"van[{number}].front" for number in range(1, 6)},
+}
+"""The cameras of bodies that an agent does not control and whose pictures it receives all the same."""
+
+
+@pytest.mark.parametrize(("name", "mode"), [*kit.COLUMNS, ("queue", "star")])
+def test_an_agent_receives_its_own_pictures_and_those_that_its_channels_name(name, mode):
+    made = drawn(name, mode=mode)
+    received = {
+        agent.name: {
+            f"{body.id}.{camera.name}"
+            for body in made.entities
+            for camera in body.cameras
+            if agent.receives_pictures(body.id, camera.name) and body.id not in agent.controls
+        }
+        for agent in made.agents
+    }
+    assert {(name, agent): cameras for agent, cameras in received.items() if cameras} == {
+        at: cameras for at, cameras in OTHERS_PICTURES.items() if at[0] == name and at[1] in received
+    }
+    for agent in made.agents:
+        own = [body for body in made.entities if body.id in agent.controls]
+        assert all(agent.receives_pictures(body.id, camera.name) for body in own for camera in body.cameras)

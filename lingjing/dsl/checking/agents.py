@@ -9,6 +9,7 @@ from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.properties import suffix_of
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.unseen_pictures import PlacedChannel, warn_of_unseen
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, TypedExpression
 from lingjing.dsl.checking.wording import WordingChecker
 from lingjing.dsl.syntax import tree as s
@@ -41,7 +42,7 @@ class AgentChecker(DeclarationChecker):
         count, index = self.entities.count(node.index)
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         controls = tuple(self._controlled(part, environment) for part in node.controls)
-        channels: list[model.Channel] = []
+        channels: list[PlacedChannel] = []
         prompt = ""
         budget: model.AllowanceDeclaration | None = None
         for item in node.block.items if node.block else ():
@@ -49,20 +50,22 @@ class AgentChecker(DeclarationChecker):
                 for channel in item.channels:
                     checked = self._channel(channel, environment)
                     if checked is not None:
-                        channels.append(checked)
+                        channels.append(PlacedChannel(channel, checked))
             elif isinstance(item, s.TextLine) and item.keyword == "prompt":
                 prompt = self.wording.text(item, environment)
             elif isinstance(item, s.SettingsBlock) and item.keyword == "budget":
                 budget = self.settings.allowance(item)
             elif not isinstance(item, s.Faulty):
                 self.blocks.misplaced(item, f"the agent `{node.name.text}`", ("observes", "prompt", "budget"))
+        embodied = tuple(value.ir for value in controls if value is not None)
+        warn_of_unseen(channels, embodied, self.scope.mounted, node.name.text, self.report)
         return model.Agent(
             name=node.name.text,
             role=node.role.text,
             count=count,
             index=index,
-            controls=tuple(value.ir for value in controls if value is not None),
-            observes=tuple(dict.fromkeys(channels)),
+            controls=embodied,
+            observes=tuple(dict.fromkeys(placed.channel for placed in channels)),
             prompt=prompt,
             when=self.settings.guard(node.guard),
             budget=budget,

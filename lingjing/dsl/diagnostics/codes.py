@@ -67,6 +67,7 @@ CODES: dict[str, str] = {
     # hidden values
     "LJ0401": "a hidden value becomes visible",
     "LJ0402": "this cannot be hidden",
+    "LJ0403": "pictures that an agent does not receive",
     # the mission as a whole
     "LJ0501": "tick and sync do not fit",
     "LJ0502": "star mode without a hub",

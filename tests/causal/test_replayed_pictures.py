@@ -1,0 +1,140 @@
+"""Pictures drawn anew beside those of a trace: what was replaced is found, what another renderer draws is not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from lingjing.bench.columns import shipped
+from lingjing.causal.picture_comparison import BLOCK, LEVELS_MOST, PictureWitness, picture_difference, worst_levels
+from lingjing.causal.recorded import recorded_frame
+from lingjing.causal.replay import replay
+from lingjing.cli.main import main
+from lingjing.dsl.loading.load import load_mission
+from lingjing.errors import ExitCode
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.mission.expression import Number
+from lingjing.play.episode import run
+from lingjing.trace.digest import START, next_frames_digest, verify
+from lingjing.trace.images import encode_jpeg
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import FrameInfo
+from lingjing.trace.writer import PictureParts, TraceWriter
+
+replace = msgspec.structs.replace
+Pixels = npt.NDArray[np.uint8]
+
+
+@pytest.fixture(scope="module")
+def inspected(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """Six ticks of an oracle that looks for a leak, the last with a picture."""
+    mission = load_mission(next(path for path in shipped() if path.stem == "upr"))
+    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=6.0)))
+    folder = tmp_path_factory.mktemp("inspected") / "episode"
+    trace = read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
+    assert trace.frames
+    return trace
+
+
+def repainted(trace: Trace, path: Path, paint: Callable[[Pixels], Pixels], renderer: str = "") -> Trace:
+    """A whole, sealed trace of the same records in which every picture was replaced and every hash fits."""
+
+    def changed(info: FrameInfo) -> PictureParts:
+        held = trace.picture(info.id)
+        jpeg = encode_jpeg(paint(held.rgb))
+        told = replace(info, sha256=hashlib.sha256(jpeg).hexdigest(), renderer=renderer or info.renderer)
+        return told, jpeg, held.depth, held.semantic
+
+    frames_digest = START
+    with TraceWriter(path, trace.header) as writer:
+        for record in trace.boundaries:
+            parts = [changed(info) for info in record.frames]
+            infos = tuple(part[0] for part in parts)
+            frames_digest = next_frames_digest(frames_digest, infos)
+            writer.boundary(replace(record, frames=infos), parts)
+        assert trace.outcome is not None
+        writer.finish(replace(trace.outcome, frames_digest=frames_digest))
+    return read_trace(path)
+
+
+def spotted(rgb: Pixels) -> Pixels:
+    """The picture with a white square of a block painted in."""
+    rgb[400 : 400 + BLOCK, 600 : 600 + BLOCK] = 255
+    return rgb
+
+
+def dotted(rgb: Pixels) -> Pixels:
+    """The picture with few pixels made a little brighter."""
+    rgb[400:404, 600:604] = np.minimum(rgb[400:404, 600:604].astype(int) + 30, 255).astype(np.uint8)
+    return rgb
+
+
+def test_replaced_pictures_of_a_sealed_trace_differ_on_the_same_renderer(
+    inspected: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forged = repainted(inspected, tmp_path / "trace.mcap", dotted)
+    assert verify(forged, pixels=True) is None
+    call = ["replay", "--world", "inline", "--pictures", str(forged.path)]
+    assert main(call) == ExitCode.MISSION
+    said = capsys.readouterr().out
+    first = next(iter(inspected.frames.values()))
+    assert f"differs at boundary {first.tick}" in said
+    assert f"camera: frames[{first.id}].pixels" in said and "pixels differ on the same renderer" in said
+
+
+def test_the_tolerance_decides_on_another_renderer(inspected: Trace, tmp_path: Path) -> None:
+    near = repainted(inspected, tmp_path / "near.mcap", dotted, renderer="another")
+    told = replay(near, world="inline", draw=True)
+    assert told.difference is None and told.confirmed == told.boundaries
+    assert "recorded with another" in told.pixels
+    far = repainted(inspected, tmp_path / "far.mcap", spotted, renderer="another")
+    other = replay(far, world="inline", draw=True).difference
+    assert other is not None and other.engine == "camera" and f"may by {LEVELS_MOST:g}" in other.replayed
+
+
+def test_the_same_pictures_have_no_difference_and_a_lost_one_has(inspected: Trace) -> None:
+    frame = recorded_frame(inspected, next(iter(inspected.frames)))
+    assert picture_difference(inspected, frame) == ""
+    lost = Trace(inspected.path, inspected.header, inspected.boundaries, inspected.outcome, True, {})
+    assert "has lost the picture" in picture_difference(lost, frame)
+
+
+def test_a_stored_picture_that_is_not_the_hashed_one_differs_on_any_renderer(inspected: Trace, tmp_path: Path) -> None:
+    forged = repainted(inspected, tmp_path / "trace.mcap", lambda rgb: rgb, renderer="another")
+    records = tuple(
+        replace(one, frames=tuple(replace(frame, sha256="0" * 64) for frame in one.frames)) for one in forged.boundaries
+    )
+    lying = Trace(forged.path, forged.header, records, forged.outcome, True, forged.places)
+    frame = recorded_frame(inspected, next(iter(inspected.frames)))
+    assert "not the one whose hash was recorded" in picture_difference(lying, frame)
+
+
+def test_another_renderers_boxes_are_the_traces_within_the_tolerance(inspected: Trace) -> None:
+    frame = recorded_frame(inspected, next(iter(inspected.frames)))
+    (box, *rest) = frame.info.boxes
+    counted = replace(box, pixels=box.pixels + 1)
+    moved = replace(box, box=(box.box[0] + 0.02, *box.box[1:]))
+
+    def drawn(*boxes: object) -> StoredFrame:
+        info = replace(frame.info, renderer="another", boxes=boxes)
+        return StoredFrame(info, frame.jpeg, frame.depth, frame.semantic)
+
+    witness = PictureWitness(inspected)
+    assert witness(drawn(counted, *rest)).info == frame.info and witness.differing is None
+    assert "differs by more than 0.5%" in picture_difference(inspected, drawn(moved, *rest))
+    assert "visible in only one" in picture_difference(inspected, drawn(*rest))
+
+
+def test_the_worst_block_counts_whatever_the_size() -> None:
+    for shape in ((40, 50, 3), (5, 3, 3), (BLOCK, BLOCK, 3)):
+        one = np.zeros(shape, np.uint8)
+        other = one.copy()
+        other[-BLOCK:, -BLOCK:] = 100
+        assert worst_levels(one, one) == 0.0
+        assert worst_levels(one, other) > LEVELS_MOST
