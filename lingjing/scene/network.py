@@ -44,6 +44,10 @@ SUMO_LANE_WIDTH_M = 3.2
 LAYER_M = 6.0
 """Height of one OSM layer (a bridge over a road)."""
 
+THROUGH_KEY = "through"
+"""The parameter of an edge, and the tag of a street, that is `no` where only traffic that begins or ends there may
+drive."""
+
 SECONDS_MOST = 600.0
 _Arguments = Callable[[Path], list[str]]
 _STREET_OPTIONS = (
@@ -57,7 +61,7 @@ _OSM_OPTIONS = (
     "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals", "--tls.discard-simple",
     "--tls.join", "--no-turnarounds.except-deadend", "--junctions.corner-detail", "5",
     "--keep-edges.by-vclass", "passenger,bus,delivery,private", "--osm.elevation",
-    "--output.street-names", "--osm.all-attributes", "--osm.extra-attributes", "bridge,tunnel,layer",
+    "--output.street-names", "--osm.all-attributes", "--osm.extra-attributes", "bridge,tunnel,layer,through",
 )  # fmt: skip
 
 

@@ -19,11 +19,17 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.mission.geometry2d import Vector2
 from lingjing.scene.lines import project
-from lingjing.scene.network import car_lanes, elements_of
+from lingjing.scene.network import THROUGH_KEY, car_lanes, elements_of
+
+NO_THROUGH_M = 20_000.0
+"""The detour that a way takes rather than lead through streets that are open to their own traffic alone."""
 
 
 class RoadSegment(msgspec.Struct, frozen=True, kw_only=True):
-    """One direction of a street from junction `start` to junction `end`; `following` are the segments one may go on."""
+    """One direction of a street from junction `start` to junction `end`; `following` are the segments one may go on.
+
+    `through` is False where only traffic that begins or ends there may drive.
+    """
 
     id: str
     start: str
@@ -32,6 +38,7 @@ class RoadSegment(msgspec.Struct, frozen=True, kw_only=True):
     length_m: float
     speed_mps: float
     following: tuple[str, ...] = ()
+    through: bool = True
 
     @property
     def time_s(self) -> float:
@@ -97,6 +104,8 @@ class RoadMap:
                 if name in self.segments and (name not in done or name == goal):
                     segment = self.segments[name]
                     step = cost + segment.length_m + math.dist(self.segments[path[-1]].shape[-1], segment.shape[0])
+                    if self.segments[path[-1]].through and not segment.through:
+                        step += NO_THROUGH_M
                     ahead = math.dist(segment.shape[-1], end) if name != goal else 0.0
                     heapq.heappush(waiting, (step + ahead, step, (*path, name)))
         return None
@@ -145,6 +154,7 @@ def _segments(edge: Element) -> Iterator[RoadSegment]:
         yield RoadSegment(
             id=edge.get("id", ""), start=edge.get("from", ""), end=edge.get("to", ""),
             shape=tuple((x, y) for x, y, _ in shape), length_m=length, speed_mps=speed,
+            through=all(item.get("value") != "no" for item in edge.findall("param") if item.get("key") == THROUGH_KEY),
         )  # fmt: skip
 
 

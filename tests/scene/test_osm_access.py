@@ -4,6 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.engines.road.graph import read_graph
+from lingjing.engines.road.routing import find_way
+from lingjing.engines.road.simulation import Simulation
+from lingjing.engines.road.traffic import Traffic
 from lingjing.scene.city import Road
 from lingjing.scene.network import network_from_osm, read_roads
 from lingjing.scene.osm.access import BUS_KEYS, CAR_KEYS, access
@@ -14,6 +18,7 @@ from lingjing.scene.osm.read import read
 from lingjing.scene.osm.speed import NONE_KMH, WALK_KMH, limit_kmh, limits
 from lingjing.scene.osm.streets import streets
 from lingjing.scene.osm.tags import VEHICLES
+from lingjing.scene.road_map import read_road_map
 from tests.scene.osm_maps import Map
 
 MAPS = Path(__file__).parents[3] / "shared" / "data" / "maps"
@@ -222,6 +227,44 @@ def test_speeds_reach_the_network(tmp_path: Path) -> None:
     for (tags, along, against), roads in zip(SPEEDS, made.values(), strict=True):
         speeds = {road.id.startswith("-"): road.speed_mps * 3.6 for road in roads}
         assert speeds == {False: pytest.approx(along, abs=0.1), True: pytest.approx(against, abs=0.1)}, tags
+
+
+def short_cut(folder: Path, tags: Tags) -> str:
+    """The network of a street that leads once around and of one across, which has the tags and a dead end."""
+    made = Map()
+    made.way([(-100, 0), (0, 0), (0, 300), (400, 300), (400, 0), (500, 0)], {"highway": "secondary", "name": "around"})
+    made.way([(0, 0), (200, 0), (400, 0)], {"highway": "secondary", "name": "across", **tags})
+    made.way([(200, 0), (200, -100)], {"highway": "residential", **tags})
+    return _network(read(made.write(folder / "cut.osm")))[1]
+
+
+@pytest.mark.parametrize(("tags", "through"), [({}, True), ({"motor_vehicle": "destination"}, False)])
+def test_no_way_leads_through_streets_for_their_own_traffic(tmp_path: Path, tags: Tags, through: bool) -> None:
+    path = short_cut(tmp_path, tags)
+    roads = read_road_map(path)
+    west, east, inside = (-80.0, 0.0), (480.0, 0.0), (200.0, -80.0)
+    ways = {place: roads.way(west, place) for place in (east, inside)}
+    back = roads.way(inside, west)
+    lengths = [way.length_m for way in (ways[east], ways[inside], back) if way is not None]
+    assert lengths[0] == pytest.approx(560.0 if through else 1160.0, rel=0.06)
+    assert len(lengths) == 3 and max(lengths[1:]) < 450.0
+
+    sim = Simulation(path, 1)  # the engine that drives there
+    try:
+        graph = read_graph(sim)
+        start, goal, near = (graph.nearest(*place, heading_deg=90.0) for place in (west, east, inside))
+        assert start is not None and goal is not None and near is not None
+        driven = find_way(graph, (start.lane.edge, start.at_m), (goal.lane.edge, goal.at_m))
+        reached = find_way(graph, (start.lane.edge, start.at_m), (near.lane.edge, near.at_m))
+        assert driven is not None and reached is not None
+        assert driven.length_m == pytest.approx(560.0 if through else 1160.0, rel=0.06)
+        assert driven.duration_s < 200.0, "what keeps it out is no part of the time it takes"
+        assert reached.length_m < 500.0
+        Traffic(sim, graph, 1)  # background vehicles go by SUMO's own ways
+        edges = sim.simulation.findRoute(start.lane.edge, goal.lane.edge).edges
+        assert set(edges) == set(driven.edges)
+    finally:
+        sim.close()
 
 
 def test_streets_that_say_nothing_of_access_keep_their_kind(tmp_path: Path) -> None:

@@ -209,7 +209,7 @@ def test_nodes_missing_from_streets_and_outlines_are_counted(tmp_path: Path) -> 
     ("name", "content", "message"),
     [
         ("zero.osm", b"", "is empty: 0 bytes"),
-        ("text.osm", b"hello", "is not OpenStreetMap data: XML error: .* line 1"),
+        ("text.osm", b"hello", "is not OpenStreetMap data: it begins with `hello`"),
         ("cut.osm", b'<osm version="0.6"><node id="1" lat="1" lon="2"/><way', "stops in the middle, in line 1"),
         ("page.osm", b"<html></html>", r"is not OpenStreetMap data: it is a web page \(HTML\)"),
         ("cut.osm.pbf", b"\x00\x00\x00\x0e\x0a\x09OSMHeader\x18\x7c", "is not OpenStreetMap data: PBF error"),

@@ -306,7 +306,10 @@ LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 4\n"
         ("<a/>", "XML that begins with <a>", ".osm"),
         ("PK\x03\x04zip", "a zip archive", "unpack"),
         (LFS, "a Git LFS pointer", "git lfs pull"),
-        ("hello", "XML error", ".osm"),
+        ("hello", "it begins with `hello`", ".osm"),
+        ("\0\1\2\3", "it is no text", ".osm"),
+        ("n1 v1 dV c1 t2020-01-01T00:00:00Z i1 ua T x1 y2\n", "OpenStreetMap data as OPL", "osmium cat"),
+        ("hello <osm>", "XML error: syntax error", ".osm"),
         ('<!DOCTYPE osm [<!ENTITY a "b">]><osm/>', "it declares entities", ".osm"),
         ('<?xml version="1.0" encoding="klingon"?><osm/>', "XML error: .*encoding", ".osm"),
         (f"<osm>{NODES}<way id='1'>", "it stops in the middle, in line 1", "download the map again"),
@@ -328,6 +331,13 @@ def test_what_is_no_map_is_named_with_what_to_do(tmp_path: Path, content: str, m
 def test_a_map_of_streets_may_have_lanelets_too(tmp_path: Path) -> None:
     both = LANELET.replace('lat=""', 'lat="49"').replace('lon=""', 'lon="8"') + ROAD
     assert len(reading(tmp_path, both).ways) == 2
+
+
+def test_a_packed_download_that_was_cut_off_is_named(tmp_path: Path) -> None:
+    (tmp_path / "cut.osm.gz").write_bytes(gzip.compress(f"<osm>{NODES}</osm>".encode())[:-12])
+    with pytest.raises(UsageError, match=r"cannot be unpacked: .*end") as caught:
+        read(tmp_path / "cut.osm.gz")
+    assert "download the map again" in caught.value.hint
 
 
 def test_a_pbf_that_was_packed_again_is_named(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.geometry2d import Vector2
 from lingjing.scene.camera_geometry import turn_deg
 from lingjing.scene.lines import LinePlace, project
+from lingjing.scene.network import THROUGH_KEY
 
 CAR = "passenger"
 _CELL_M = 50.0
@@ -47,13 +48,17 @@ class RoadLane:
 
 @dataclass(frozen=True, slots=True)
 class RoadEdge:
-    """One direction of a street. `lanes` are those that cars may use; `links` one to each edge that follows."""
+    """One direction of a street. `lanes` are those that cars may use; `links` one to each edge that follows.
+
+    `through` is False where only traffic that begins or ends there may drive.
+    """
 
     id: str
     lanes: tuple[RoadLane, ...]
     links: tuple[RoadLink, ...]
     length_m: float
     speed_mps: float
+    through: bool = True
 
     @property
     def time_s(self) -> float:
@@ -138,7 +143,12 @@ def read_graph(sim: Simulation) -> Graph:
     edges = _without_traps(
         {
             name: RoadEdge(
-                name, tuple(own), tuple(links[name].values()), min(lane.length_m for lane in own), speeds[name]
+                name,
+                tuple(own),
+                tuple(links[name].values()),
+                min(lane.length_m for lane in own),
+                speeds[name],
+                sim.edge.getParameter(name, THROUGH_KEY) != "no",
             )
             for name, own in lanes.items()
         }

@@ -16,6 +16,9 @@ from lingjing.engines.road.graph import Graph, LanePoint, RoadLink
 TURN_S = {"s": 1.0, "r": 3.0, "R": 2.0, "l": 6.0, "L": 4.0, "t": 25.0}
 """Seconds that a link of each direction costs beyond driving it: slowing down, giving way."""
 
+NO_THROUGH_S = 1800.0
+"""The detour that a way takes rather than lead through streets that are open to their own traffic alone."""
+
 _SAME_EDGE_MARGIN_M = 1.0
 
 
@@ -101,6 +104,8 @@ def _search(graph: Graph, origin: str, target: str, avoid: frozenset[str]) -> tu
             if link.edge in avoid or link.edge not in graph.edges:
                 continue
             reached = cost + _link_s(graph, link)
+            if graph.edges[name].through and not graph.edges[link.edge].through:
+                reached += NO_THROUGH_S
             if reached < best.get(link.edge, math.inf):
                 best[link.edge] = reached
                 came[link.edge] = name

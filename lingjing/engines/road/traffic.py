@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from lingjing.engines.road.graph import Graph
 from lingjing.engines.road.kinds import VEHICLE_KINDS, declare
 from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
+from lingjing.engines.road.routing import NO_THROUGH_S
 from lingjing.engines.road.simulation import Simulation, SumoError
 from lingjing.engines.road.vehicle import NOWHERE_M, body_state
 from lingjing.mission.seeding import Stream
@@ -75,6 +76,9 @@ class Traffic:
         self._blocked: frozenset[str] = frozenset()
         self._turn = 0
         self._sideways = LateralOffsets()
+        for edge in graph.edges.values():
+            if not edge.through:
+                sim.edge.adaptTraveltime(edge.id, self._usual_s(edge.id))
         for name, _ in MIX:
             declare(sim, f"traffic/{name}", VEHICLE_KINDS[name], VEHICLE_KINDS[name].top_mps, reaction_s=REACTION_S)
 
@@ -100,7 +104,7 @@ class Traffic:
         if blocked == self._blocked:
             return
         for name in sorted(self._blocked - blocked):
-            self._sim.edge.adaptTraveltime(name, self._graph.edges[name].time_s)
+            self._sim.edge.adaptTraveltime(name, self._usual_s(name))
         for name in sorted(blocked - self._blocked):
             self._sim.edge.adaptTraveltime(name, BLOCKED_S)
         fresh, self._blocked = blocked - self._blocked, blocked
@@ -176,6 +180,11 @@ class Traffic:
                 mover.edges = len(vehicles.getRoute(mover.id))
         except SumoError:  # no way around, or not on the road yet: it will wait its turn
             return
+
+    def _usual_s(self, name: str) -> float:
+        """What an edge costs on which no queue stands."""
+        edge = self._graph.edges[name]
+        return edge.time_s if edge.through else edge.time_s + NO_THROUGH_S
 
     def _draw_edge(self) -> str:
         return self._graph.core[self._stream.below(len(self._graph.core))]

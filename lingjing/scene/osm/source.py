@@ -62,6 +62,7 @@ _TITLE = re.compile(rb"<title[^>]*>(.*?)</title>", re.IGNORECASE | re.DOTALL)
 _ERROR = re.compile(rb"</strong>\s*:\s*([^<]{1,200})")
 """The sentence in which an error page of Overpass says what went wrong."""
 
+_OPL = re.compile(rb"[nwr]-?\d+ [vdctiuTxyNM]")
 _PBF = re.compile(rb"\x00\x00..\x0a\x09OSMHeader", re.DOTALL)
 
 
@@ -88,7 +89,8 @@ class MapFile:
         except (OSError, EOFError, zlib.error) as error:
             why = (isinstance(error, OSError) and error.strerror) or str(error)
             problem = "is not OpenStreetMap data, it cannot be unpacked" if self.packing else "cannot be read"
-            raise UsageError(f"`{self.path}` {problem}: {why}", hint=HINT) from None
+            hint = "the download was cut off: download the map again" if isinstance(error, EOFError) else HINT
+            raise UsageError(f"`{self.path}` {problem}: {why}", hint=hint) from None
 
 
 def recognise(path: Path) -> MapFile:
@@ -117,7 +119,8 @@ def _head(path: Path) -> bytes:
     if path.is_dir():
         raise UsageError(f"`{path}` is a folder, not a map", hint="name an .osm or .osm.pbf file")
     if not path.is_file():
-        raise UsageError(f"no map at `{path}`: the file does not exist", hint="a path begins in the working folder")
+        why = "it is no regular file" if path.exists() else "the file does not exist"
+        raise UsageError(f"no map at `{path}`: {why}", hint="a path begins in the working folder")
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD)
@@ -152,6 +155,19 @@ def _refuse_foreign(path: Path, head: bytes) -> None:
         raise UsageError(f"`{path}` is no map in XML or PBF: it is {found[0]}", hint=found[1])
     if _PAGE.match(text):
         raise _web_page(path, head)
+    if _OPL.match(text):
+        raise UsageError(
+            f"`{path}` is no map in XML or PBF: it is OpenStreetMap data as OPL",
+            hint="convert it: osmium cat FILE.osm.opl -o FILE.osm.pbf",
+        )
+    if b"<" not in text[:_HEAD]:
+        raise UsageError(f"`{path}` is not OpenStreetMap data: {_beginning(text)}", hint=HINT)
+
+
+def _beginning(text: bytes) -> str:
+    """The first words of a text, or that there is none."""
+    words = " ".join(text[:40].decode("ascii", "replace").split())
+    return f"it begins with `{words}`" if words.isascii() and words.isprintable() and words else "it is no text"
 
 
 def _web_page(path: Path, head: bytes) -> UsageError:

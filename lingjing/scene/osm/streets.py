@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
+from lingjing.scene.network import THROUGH_KEY
 from lingjing.scene.osm.access import BUS_KEYS, CAR_KEYS, access
 from lingjing.scene.osm.elevation import heights
 from lingjing.scene.osm.features import Features
@@ -20,15 +21,11 @@ from lingjing.scene.osm.map_data import MapData
 from lingjing.scene.osm.speed import limits
 from lingjing.scene.osm.tags import VEHICLES
 
-VARIANTS = {
-    "closed": "private emergency authority army vip pedestrian bicycle",
-    "bus": "bus coach emergency authority army vip pedestrian bicycle",
-    "open": (
-        "private emergency authority army vip pedestrian passenger hov taxi bus coach delivery truck trailer "
-        "motorcycle moped bicycle evehicle"
-    ),
-}
-"""SUMO's classes of vehicles on streets whose permissions are not those of their kind."""
+_SERVICES = "private emergency authority army vip pedestrian bicycle"
+_TRAFFIC = f"{_SERVICES} passenger taxi bus coach delivery truck trailer motorcycle moped evehicle"
+VARIANTS = {"closed": _SERVICES, "bus": f"{_SERVICES} bus coach", "open": f"{_TRAFFIC} hov", "destination": _TRAFFIC}
+"""SUMO's classes of vehicles on streets whose permissions are not those of their kind. No two are equal, for netconvert
+joins edges that permit the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +75,7 @@ def streets(data: MapData, features: Features) -> Streets:
 
 def street_tags(tags: Mapping[str, str]) -> dict[str, str]:
     """A way's tags as netconvert is to read them."""
-    plain = {key: text for key, text in tags.items() if _fits(key.split(":")[0], text)}
+    plain = {key: text for key, text in tags.items() if key != THROUGH_KEY and _fits(key.split(":")[0], text)}
     forward, backward = limits(tags)
     if forward is not None:
         plain["maxspeed"] = f"{forward:g}"
@@ -88,7 +85,8 @@ def street_tags(tags: Mapping[str, str]) -> dict[str, str]:
         plain = _permitted(plain)
     else:
         plain["highway"] = tags["highway"].replace("|", "_")
-    return {key: text for key, text in plain.items() if key != "access"}  # netconvert takes `no` for the last word
+    plain.pop("access", None)  # netconvert takes its `no` for the last word
+    return plain
 
 
 # -- private
@@ -129,9 +127,11 @@ def _permitted(tags: dict[str, str]) -> dict[str, str]:
             tags["oneway:bus"] = "no"
     elif oneway:
         tags = {**tags, "oneway": oneway}
-    if tags["highway"] == "service" and any(ways) and tags.get("service") not in _INNER:
-        return _variant(tags, "open")
-    return tags
+    if tags["highway"] == "service" and tags.get("service") in _INNER:
+        return tags
+    if all(ways[side] == "destination" for side in used if side not in closed):
+        return {**_variant(tags, "destination"), THROUGH_KEY: "no"}
+    return _variant(tags, "open") if tags["highway"] == "service" and any(ways) else tags
 
 
 def _oneway(tags: Mapping[str, str]) -> str:
