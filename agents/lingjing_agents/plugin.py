@@ -44,6 +44,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             factory=Deferred("react.policy", "react_policy"),
             options="lingjing_agents.react.options:ReactOptions",
             calls=True,
+            probe=Deferred("llm.probing", "probe_model"),
             summary="perceives, reasons and acts over a chat model",
         ),
         PolicyPlugin(

@@ -18,7 +18,7 @@ from lingjing.causal.recorded import RecordedRun
 from lingjing.causal.references import References
 from lingjing.causal.replay import first_difference
 from lingjing.causal.shared_camera import SharedCamera
-from lingjing.errors import LingjingError, UsageError
+from lingjing.errors import InfrastructureError, LingjingError, UsageError
 from lingjing.kernel.candidates import received
 from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.kernel.step import Kernel, Recorder
@@ -85,7 +85,9 @@ class RedrivenEpisode:
         )
         self.camera = SharedCamera(self.trace, self.run.city, self.host)
         self.policies = SequentialPolicies(
-            {agent: self._built(agent, *one) for agent, one in plugins.items()}, instance.budget.policy_s
+            {agent: self._built(agent, *one) for agent, one in plugins.items()},
+            instance.budget.policy_s,
+            self._outage,
         )
         self.published = self.run.advance()
         self._check_digest()
@@ -140,6 +142,13 @@ class RedrivenEpisode:
     def _hand_on(self, record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
         if self.recorder is not None:
             self.recorder(record, frames)
+
+    def _outage(self, agent: str, error: InfrastructureError) -> InfrastructureError | None:
+        """Up to the branch an error of the record; beyond it whatever is raised where models are asked, since a branch
+        without its service says nothing about what it replaces."""
+        if self.calls is None or agent not in self.models:
+            return None
+        return error if self.calls.branched else self.calls.faults.get(agent)
 
     def _built(self, agent: str, plugin: PolicyPlugin, binding: AgentBinding) -> Policy:
         if self.calls is not None and plugin.calls:
@@ -197,6 +206,7 @@ class BranchCalls:
         )
         self.live = options.calls == "live"
         self.branched = False
+        self.faults: dict[str, InfrastructureError] = {}
 
 
 class AgentBranchCalls:
@@ -216,7 +226,11 @@ class AgentBranchCalls:
     def begin(self, request: CallRequest) -> CallResult | None:
         """The recorded result; beyond the branch None, if models may be asked there."""
         if not self._calls.branched:
-            result = self._calls.recorded.replayed(self._agent, request)
+            try:
+                result = self._calls.recorded.replayed(self._agent, request)
+            except InfrastructureError as error:
+                self._calls.faults[self._agent] = error
+                raise
             if result.fault == "abandoned":
                 raise AbandonedCallError(result)
             return result

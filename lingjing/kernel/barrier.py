@@ -2,8 +2,9 @@
 
 Each agent has a worker thread with an event loop of its own, so a policy may block, await or run inside a notebook's
 kernel without touching the caller's loop. A call that raises, answers something else than a `Decision` or passes the
-deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. `InfrastructureError` alone
-passes: the policy says that what it stands on is gone. What is in the decision is looked at by `candidates`. A thread
+deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. `InfrastructureError` is the
+policy's word that its infrastructure is gone: it ends the episode only if an `OutageCheck` confirms it from outside of
+the policy. What is in the decision is looked at by `candidates`. A thread
 that stays blocked is left behind (it is a daemon) and the agent's next call starts in a fresh one.
 """
 
@@ -32,6 +33,16 @@ _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 POLICY_ERRORS = (Exception, asyncio.CancelledError, GeneratorExit)
 """Whatever a policy raises is the policy's failure. The last two are not `Exception`s; what closes or cancels a call
 raises them as well, so they pass through it as they are."""
+
+
+OutageCheck = Callable[[str, InfrastructureError], InfrastructureError | None]
+"""Called with an agent and the `InfrastructureError` that its policy raised. Returns the error that ends the episode,
+or None if nothing outside of the policy shows that its infrastructure is gone."""
+
+
+def no_outage(agent: str, error: InfrastructureError) -> InfrastructureError | None:
+    """The check where nothing is known of what policies depend on: what they raise is their own failure."""
+    return None
 
 
 class LateCallError(BaseException):
@@ -112,9 +123,10 @@ class PolicyAnswer:
 class PolicyBarrier:
     """Policies of one episode behind one barrier; agents keep declaration order."""
 
-    def __init__(self, policies: Mapping[str, Policy], limit_s: float) -> None:
+    def __init__(self, policies: Mapping[str, Policy], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
         self._policies = dict(policies)
         self._limit_s = limit_s
+        self._outage_check = outage_check
         self._threads = {name: AgentThread(name) for name in self._policies}
 
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
@@ -166,11 +178,18 @@ class PolicyBarrier:
             return self._late()
         except AbandonedCallError:  # what is replayed was given up here
             return self._late()
-        except InfrastructureError:
-            raise
+        except InfrastructureError as error:
+            return self._accused(name, error, started)
         except POLICY_ERRORS as error:
             return failure(error, started)
         return PolicyAnswer(value=value, wall_s=wall_s)
+
+    def _accused(self, name: str, error: InfrastructureError, started: float) -> PolicyAnswer:
+        """The policy's failure, unless the outage that it reports is confirmed, which is raised."""
+        outage = self._outage_check(name, error)
+        if outage is not None:
+            raise outage from error
+        return failure(error, started)
 
     def _late(self) -> PolicyAnswer:
         return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")

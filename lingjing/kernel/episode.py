@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from lingjing.errors import InfrastructureError, PluginError
-from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.barrier import OutageCheck, PolicyBarrier, no_outage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import taken
 from lingjing.plugins.policy import Policy
@@ -60,7 +60,9 @@ class DecisionSource(Protocol):
         ...
 
 
-def policy_barrier(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
+def policy_barrier(
+    kernel: Kernel, policies: Mapping[str, Policy], outage_check: OutageCheck = no_outage
+) -> PolicyBarrier:
     """Put the active agents' policies behind the barrier, in declaration order, and give each its brief.
 
     An agent without a policy here is played from outside: its decisions go straight to `Kernel.step`.
@@ -68,7 +70,7 @@ def policy_barrier(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarr
     """
     limit_s = kernel.instance.budget.policy_s
     present = [agent.id for agent in kernel.instance.agents if agent.id in policies]
-    barrier = PolicyBarrier({agent: policies[agent] for agent in present}, limit_s)
+    barrier = PolicyBarrier({agent: policies[agent] for agent in present}, limit_s, outage_check)
     for agent, answer in barrier.reset(kernel.briefs()).items():
         if answer.reason:
             barrier.close()

@@ -18,7 +18,16 @@ from types import FrameType
 from typing import Any
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.barrier import POLICY_ERRORS, LateCallError, PolicyAnswer, PolicyBarrier, failure, timed
+from lingjing.kernel.barrier import (
+    POLICY_ERRORS,
+    LateCallError,
+    OutageCheck,
+    PolicyAnswer,
+    PolicyBarrier,
+    failure,
+    no_outage,
+    timed,
+)
 from lingjing.plugins.calls import AbandonedCallError
 
 _AGAIN_S = 0.5
@@ -31,14 +40,14 @@ _NOBODY = 0
 class SequentialPolicies(PolicyBarrier):
     """Policies of one episode, asked in turn; the same answers as behind a `PolicyBarrier`."""
 
-    def __init__(self, policies: Mapping[str, Any], limit_s: float) -> None:
-        super().__init__(policies, limit_s)
+    def __init__(self, policies: Mapping[str, Any], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
+        super().__init__(policies, limit_s, outage_check)
         self._loops: list[tuple[int, asyncio.AbstractEventLoop]] = []
 
     def _collect(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, PolicyAnswer]:
-        return {name: self._ask(call) for name, call in calls.items()}
+        return {name: self._ask(name, call) for name, call in calls.items()}
 
-    def _ask(self, call: Callable[[], Awaitable[Any]]) -> PolicyAnswer:
+    def _ask(self, name: str, call: Callable[[], Awaitable[Any]]) -> PolicyAnswer:
         started, coroutine = time.monotonic(), timed(call)
         try:
             with _alarm(self._limit_s):
@@ -48,8 +57,8 @@ class SequentialPolicies(PolicyBarrier):
             return self._late()
         except AbandonedCallError:  # what is replayed was given up here
             return self._late()
-        except InfrastructureError:
-            raise
+        except InfrastructureError as error:
+            return self._accused(name, error, started)
         except POLICY_ERRORS as error:
             return failure(error, started)
         finally:

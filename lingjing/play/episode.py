@@ -32,6 +32,7 @@ from lingjing.mission.model import Mission
 from lingjing.numerics import versions
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
+from lingjing.play.outages import ServiceOutages
 from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.recorded_calls import EpisodeCalls
 from lingjing.play.report import ABORTED, EpisodeReport, report_of
@@ -127,7 +128,7 @@ class Session:
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
-        barrier = policy_barrier(kernel, policies)
+        barrier = policy_barrier(kernel, policies, ServiceOutages(assigned, calls))
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
         writer = _writer(folder, _header(instance, city, prepared, options), city, barrier, prepared.key)
         recorder.append(writer)

@@ -7,17 +7,25 @@ where the record lies, and a question of another agent is out of its reach.
 from __future__ import annotations
 
 import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 
-from lingjing.errors import UsageError
+from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instance import Instance
 from lingjing.play.options import PlayOptions
 from lingjing.play.spending import SpendingLimits
 from lingjing.plugins.calls import AbandonedCallError, MissingCallError
 from lingjing.trace.call_store import CALLS_NAME, CallReader, CallStore, calls_of
 from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, RecordedCall
+
+PROBE_TICK = -1
+"""The tick under which probes of a service are recorded: they are the harness's questions and belong to no boundary."""
+
+_NOT_PROBED = "the record has no probe of it"
 
 _KINDS = ("parameters", "texts", "pictures")
 
@@ -53,6 +61,8 @@ class EpisodeCalls:
         self._folder: Path | None = None
         self._store: CallStore | None = None
         self._lock = threading.Lock()
+        self._faults: dict[str, InfrastructureError] = {}
+        self._probes: Counter[str] = Counter()
         self._differing: dict[str, list[tuple[int, str, int]]] = {kind: [] for kind in _KINDS}
         self._replayed = 0
 
@@ -86,6 +96,35 @@ class EpisodeCalls:
             for kind in _differences(found, request):
                 self._differing[kind].append(place)
         return found.result
+
+    @contextmanager
+    def noting_faults(self, agent: str) -> Iterator[None]:
+        """Keep an `InfrastructureError` of the record or of the limits, which no policy can raise by itself."""
+        try:
+            yield
+        except InfrastructureError as error:
+            self._faults[agent] = error
+            raise
+
+    def fault_of(self, agent: str) -> InfrastructureError | None:
+        """The last error that the record or the limits have raised for the agent; None if there was none."""
+        return self._faults.get(agent)
+
+    def probed(self, agent: str, probe: Callable[[], str]) -> str:
+        """The answer of `probe`, recorded; in a replay the recorded one.
+
+        A record from before probes were kept holds none where its episode was aborted: the replay is aborted there too.
+        """
+        request = CallRequest(tick=PROBE_TICK, number=self._probes[agent], head=b'{"probe":true}', messages=())
+        self._probes[agent] += 1
+        found = self.source.find(agent, request.tick, request.number) if self.source is not None else None
+        if self.source is not None and (found is None or found.result is None):
+            return _NOT_PROBED
+        silence = found.result.failure if found is not None and found.result is not None else probe()
+        store = self.store()
+        if store is not None:
+            store.begin(agent, request, CallResult(failure=silence, fault="service" if silence else ""))
+        return silence
 
     def close(self) -> None:
         """Close the record."""
@@ -124,22 +163,24 @@ class AgentCalls:
 
     def begin(self, request: CallRequest) -> CallResult | None:
         """See `lingjing.plugins.calls.ModelCalls.begin`."""
-        result = self._calls.replayed(self._agent, request) if self.replaying else None
-        if result is None:
-            self._calls.limits.reserve(request)
-        store = self._calls.store()
-        if store is not None:
-            store.begin(self._agent, request, result)
+        with self._calls.noting_faults(self._agent):
+            result = self._calls.replayed(self._agent, request) if self.replaying else None
+            if result is None:
+                self._calls.limits.reserve(request)
+            store = self._calls.store()
+            if store is not None:
+                store.begin(self._agent, request, result)
         if result is not None and result.fault == "abandoned":
             raise AbandonedCallError(result)
         return result
 
     def end(self, request: CallRequest, result: CallResult) -> None:
         """See `lingjing.plugins.calls.ModelCalls.end`."""
-        self._calls.limits.settle(request, result)
-        store = self._calls.store()
-        if store is not None:
-            store.end(self._agent, request, result)
+        with self._calls.noting_faults(self._agent):
+            self._calls.limits.settle(request, result)
+            store = self._calls.store()
+            if store is not None:
+                store.end(self._agent, request, result)
 
 
 def _named(place: tuple[int, str, int]) -> str:

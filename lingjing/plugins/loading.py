@@ -42,14 +42,21 @@ def options_model(plugin: PolicyPlugin) -> type[PluginOptions]:
     return declared_model(plugin.options, _owner(plugin)) or model_of_parameters(plugin.factory)
 
 
+def read_given_options(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> PluginOptions:
+    """The policy's options as an object of their model. Raises `UsageError` that tells every fault."""
+    from lingjing.plugins.options import read_options
+
+    return read_options(options_model(plugin), arguments, _owner(plugin))
+
+
 def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object], calls: ModelCalls = UNRECORDED) -> Policy:
     """One policy object for one agent; `calls` keeps what it asks chat models, if it says that it does.
 
     Raises `UsageError` that tells every fault of its options.
     """
-    from lingjing.plugins.options import given_parameters, read_options
+    from lingjing.plugins.options import given_parameters
 
-    options = read_options(options_model(plugin), arguments, _owner(plugin))
+    options = read_given_options(plugin, arguments)
     if plugin.calls and not plugin.options:
         raise PluginError(
             f"{_owner(plugin)} asks chat models and declares no model of its options", hint="declare both"
@@ -71,9 +78,7 @@ def options_fingerprint(plugin: PolicyPlugin, arguments: Mapping[str, object]) -
     with the policy's."""
     if not plugin.options:
         return {}
-    from lingjing.plugins.options import read_options
-
-    told = read_options(options_model(plugin), arguments, _owner(plugin)).fingerprint()
+    told = read_given_options(plugin, arguments).fingerprint()
     return {f"{plugin.name}.{name}": value for name, value in told.items()}
 
 
@@ -90,4 +95,4 @@ def one_line(error: BaseException) -> str:
     return text.splitlines()[0].rstrip(": ").encode("utf-8", "backslashreplace").decode()
 
 
-__all__ = ["build_policy", "one_line", "options_fingerprint", "options_model", "policy_of"]
+__all__ = ["build_policy", "one_line", "options_fingerprint", "options_model", "policy_of", "read_given_options"]

@@ -6,9 +6,9 @@ except in `privileged`, which only a policy declared so receives and which the t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 import numpy as np
@@ -201,8 +201,9 @@ class Inbox(msgspec.Struct, frozen=True, kw_only=True):
 class NoDecisionError(Exception):
     """Raised by `act` if there is no decision this tick: the text says why, `usage` is what was spent all the same.
 
-    Whatever else `act` raises counts the same but for the usage; `InfrastructureError` ends the episode as an
-    infrastructure abort, which counts neither for nor against the policy.
+    Whatever else `act` raises counts the same but for the usage. So does `InfrastructureError`, unless the harness
+    finds from outside of the policy that its infrastructure is gone (`PolicyPlugin.probe`): this ends the episode as
+    an infrastructure abort.
     """
 
     def __init__(self, message: str, usage: Usage | None = None) -> None:
@@ -222,6 +223,10 @@ class Policy(Protocol):
         ...
 
 
+ServiceProbe = Callable[[Any], Awaitable[str]]
+"""Called with an object of the policy's model of options."""
+
+
 @dataclass(frozen=True, slots=True)
 class PolicyPlugin:
     """How a policy is declared through the hook `lingjing_policies`. `privileged` policies see the truth.
@@ -230,6 +235,10 @@ class PolicyPlugin:
     heavy is loaded before it is needed, as `package.module:Class`. `factory` takes an object of that model and returns
     one policy object per agent; without a model the factory's parameters are the options. A policy with such a model
     that asks chat models says so by `calls`: its factory then takes a `lingjing.plugins.calls.ModelCalls` as well.
+
+    `probe` takes the options and asks the service that the policy depends on for a sign of life; it returns "" or why
+    there is none. The harness awaits it when the policy raises `InfrastructureError`. None: the policy depends on
+    nothing that can be gone, so that what it raises is its own failure.
     """
 
     name: str
@@ -238,6 +247,7 @@ class PolicyPlugin:
     summary: str = ""
     options: type[PluginOptions] | str | None = None
     calls: bool = False
+    probe: ServiceProbe | None = None
 
 
 __all__ = [
@@ -245,6 +255,6 @@ __all__ = [
     "Brief", "CameraPose", "CameraSpec", "Cell", "CellView", "City", "Datum", "Decision", "Entity", "EntityView",
     "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec", "Instance",
     "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin",
-    "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "TaskEvent", "Usage", "UsageError", "Vector",
-    "VerbMotion", "VerbSpec", "Weather", "is_request_of",
+    "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe", "TaskEvent", "Usage",
+    "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather", "is_request_of",
 ]  # fmt: skip

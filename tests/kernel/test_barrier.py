@@ -13,7 +13,10 @@ from typing import Any
 
 import pytest
 
+from lingjing.errors import InfrastructureError
 from lingjing.kernel.barrier import AgentThread, PolicyBarrier
+from lingjing.kernel.sequential import SequentialPolicies
+from lingjing.trace.records import Decision
 
 
 async def _answer() -> int:
@@ -93,3 +96,27 @@ def test_a_thread_whose_loop_is_broken_ends_without_a_word(monkeypatch: pytest.M
         assert not running.is_alive()
     assert not [one for one in told if one.category is RuntimeWarning]
     assert not future.done() or future.result()[0] == 5
+
+
+class _Accuser:
+    """A policy that says that its infrastructure is gone."""
+
+    async def reset(self, brief: Any) -> None:
+        """Nothing."""
+
+    async def act(self, observation: Any, inbox: Any) -> Decision:
+        raise InfrastructureError("money: the service is gone")
+
+
+@pytest.mark.parametrize("kind", [PolicyBarrier, SequentialPolicies])
+def test_the_word_of_a_policy_ends_no_episode_unless_it_is_confirmed(kind: type[PolicyBarrier]) -> None:
+    asked: dict[str, tuple[Any, Any]] = {"a": (None, None)}
+    barrier = kind({"a": _Accuser()}, 600.0)
+    (made,) = barrier.act(asked)
+    barrier.close()
+    assert (made.substituted, made.detail) == ("policy_error", "InfrastructureError: money: the service is gone")
+    outage = InfrastructureError("it is gone indeed")
+    confirmed = kind({"a": _Accuser()}, 600.0, lambda agent, error: outage)
+    with pytest.raises(InfrastructureError, match="gone indeed"):
+        confirmed.act(asked)
+    confirmed.close()

@@ -172,11 +172,12 @@ def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:
             f"money is capped, and nobody has said what `{options.model}` costs",
             hint="give price_in= and price_out= (US dollars per million tokens), or both in models.toml; 0 is a price",
         )
-    return AskedModel(profile, None if calls.replaying else _client(options, profile), calls)
+    return AskedModel(profile, None if calls.replaying else open_client(options, profile), calls)
 
 
-def _client(options: ModelOptions, profile: ModelProfile) -> ModelClient:
-    """The client that the profile asks for, behind a guard that knows its secrets."""
+def open_client(options: ModelOptions, profile: ModelProfile) -> ModelClient:
+    """The client that the profile asks for, behind a guard that knows its secrets. Raises `UsageError` if its key or
+    its address is missing."""
     given = options.credentials(profile)
     secrets = (given.key, *given.secrets)
     client: ModelClient = DirectClient(given.url, given.key, given.login)

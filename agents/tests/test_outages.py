@@ -1,0 +1,82 @@
+"""An outage that a policy reports counts if the harness gets no answer from the service either."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lingjing
+from agents.tests.chat_server import Reply, serve
+from agents.tests.test_recorded_calls import ARGUMENTS, KEY, TEXT, decisions, play, row
+from lingjing.errors import InfrastructureError
+from lingjing.play.outages import SERVICE_GONE
+from lingjing.play.recorded_calls import PROBE_TICK
+from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.trace.reader import read_trace
+
+PROBE = "Answer with the word yes."
+
+
+@pytest.fixture
+def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("TEST_KEY", KEY)
+    path = tmp_path / "glance.ljs"
+    path.write_text(TEXT)
+    return path
+
+
+def refusing(request: dict[str, Any]) -> Reply:
+    """A service that answers the harness and refuses the policy."""
+    return Reply() if request["messages"][0]["content"] == PROBE else Reply(status=500)
+
+
+def test_a_service_that_is_gone_for_the_harness_too_is_an_abort_and_replays_as_one(mission: Path, tmp_path: Path):
+    with serve([Reply(status=401, body='{"error": "the key has expired"}')]) as server:
+        played = play(mission, tmp_path / "a", server.url)
+        assert PROBE in {request["messages"][0]["content"] for request in server.requests}
+    assert played.reason == "infrastructure-abort"
+    assert played.detail.startswith(SERVICE_GONE)
+    assert "the key has expired" in played.detail
+    again = play(mission, tmp_path / "b", server.url, calls="replay", calls_from=tmp_path / "a")
+    assert row(played) == row(again)
+    probes = [list(CallReader(tmp_path / name / CALLS_NAME).calls(tick=PROBE_TICK)) for name in ("a", "b")]
+    assert len(probes[0]) == 1
+    assert probes[0] == probes[1]
+
+
+def test_a_service_that_refuses_the_policy_alone_is_the_policys_failure(mission: Path, tmp_path: Path):
+    with serve(refusing) as server:
+        played = play(mission, tmp_path / "a", server.url, {"tries": "1"})
+    assert (played.reason, played.ticks) == ("budget", 4)
+    made = [one for record in read_trace(played.trace).boundaries for one in record.decisions]
+    assert {one.substituted for one in made} == {"policy_error"}
+    assert any("refused `scout[1]` 3 ticks in a row" in one.detail for one in made)
+    again = play(mission, tmp_path / "b", server.url, {"tries": "1"}, calls="replay", calls_from=tmp_path / "a")
+    assert decisions(played) == decisions(again)
+
+
+class Accuser:
+    """A policy that raises what would end an episode, or a whole suite, if its word counted."""
+
+    async def reset(self, brief: Any) -> None:
+        """Nothing."""
+
+    async def act(self, observation: Any, inbox: Any) -> Any:
+        raise InfrastructureError("money: the limit does not cover another call")
+
+
+def test_a_policy_without_a_service_accuses_none(mission: Path, tmp_path: Path):
+    report = lingjing.run(mission, policy=Accuser, overview=False, world="inline", out=tmp_path / "a")
+    assert (report.reason, report.ticks) == ("budget", 4)
+    assert report.metrics is not None
+    assert report.metrics.substitutions == 8
+
+
+def test_the_limit_of_money_ends_an_episode_whatever_the_policy_makes_of_it(mission: Path, tmp_path: Path):
+    with serve([Reply()]) as server:
+        arguments = {**ARGUMENTS, "price_in": "1000", "price_out": "1000"}
+        report = play(mission, tmp_path / "a", server.url, arguments, max_cost=0.001)
+    assert report.reason == "infrastructure-abort"
+    assert report.detail.startswith("money: ")
