@@ -86,7 +86,7 @@ PLAN = Palette(
         "parking": "#dcdce2", "asphalt": "#cfcfd2", "industrial": "#e4dde0", "residential": "#ebe7e0",
         "commercial": "#efe3dc", "sand": "#efe4bf", "concrete": "#dad8d4", "pitch": "#a9d3ad",
         "grass land": "#d9e8c0", "rock land": "#c9c4bb", "concrete land": "#dad8d4", "foot": "#d8cfc2",
-        "bicycle": "#c9b7b0", "bus": "#a9a0a8",
+        "bicycle": "#c9b7b0", "bus": "#a9a0a8", "closed": "#c6c2c6",
     },
     edges={"building": "#5b5148"},
     by_height=True,

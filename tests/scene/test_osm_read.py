@@ -223,6 +223,16 @@ def test_ways_that_bring_their_own_places(tmp_path: Path, named: bool) -> None:
     assert set(road.nodes) < set(house.nodes), "two ways that meet share their nodes"
 
 
+def test_a_pbf_whose_ways_bring_their_places(tmp_path: Path) -> None:
+    plain, binary = town().write(tmp_path / "town.osm"), tmp_path / "ways.osm.pbf"
+    with osmium.SimpleWriter(osmium.io.File(str(binary), "pbf,locations_on_ways=true")) as writer:
+        for item in osmium.FileProcessor(str(plain)).with_locations():
+            if len(item.tags):
+                writer.add(item)
+    assert read(binary).nodes == read(plain).nodes
+    assert read(binary).ways == read(plain).ways
+
+
 def test_relations_that_bring_their_members_lines(tmp_path: Path) -> None:
     halves = "".join(
         f'<member type="way" ref="{ref}" role="outer">{geometry(*line)}</member>'
@@ -293,6 +303,8 @@ LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 4\n"
         ('\n  {\n  "elements" : []}', "Overpass JSON", "[out:xml]"),
         ('{"type": "FeatureCollection", "features": []}', "it is GeoJSON", ".osm"),
         ('{"a": 1}', "it is JSON", ".osm"),
+        ("[out:xml][timeout:25];way(1);out;", "it is a query to Overpass", "give the answer"),
+        ("<osm-script><query/></osm-script>", "it is a query to Overpass", "give the answer"),
         (f"<osm>{LANELET}</osm>", "is a Lanelet2 map: it has lanes", "OpenStreetMap data of the same place"),
         (OVERPASS_PAGE, r"a web page \(HTML\), `runtime error: The server is probably too busy\.`", "download"),
         ("\ufeff <!DOCTYPE HTML><title>Sign in</title>", r"a web page \(HTML\), `Sign in`", "download"),

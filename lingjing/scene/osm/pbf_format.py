@@ -20,7 +20,11 @@ _NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]"
 
 
 class _PbfItem(NamedTuple):
-    """An object as osmium has it, in Python's own types. `nodes` are a way's, `members` a relation's."""
+    """An object as osmium has it, in Python's own types.
+
+    `nodes` are a way's, `places` those of them that the way itself brings (files without untagged nodes, which
+    `osmium add-locations-to-ways` writes), `members` a relation's.
+    """
 
     kind: str
     id: int
@@ -29,6 +33,7 @@ class _PbfItem(NamedTuple):
     tags: dict[str, str]
     place: LatLon | None
     nodes: tuple[int, ...]
+    places: tuple[tuple[int, LatLon], ...]
     members: tuple[Member, ...]
 
 
@@ -48,6 +53,8 @@ def read_pbf(source: MapFile, collector: MapCollector) -> None:
             collector.add_node(item.id, item.place, item.tags, item.version, gone=item.gone)
         elif item.kind == "w":
             collector.add_way(item.id, item.nodes, item.tags, item.version, gone=item.gone)
+            for ref, place in item.places:
+                collector.draw_node(ref, place)
         else:
             collector.add_relation(item.id, item.members, item.tags, item.version, gone=item.gone)
 
@@ -103,8 +110,15 @@ def _item(item: Any) -> _PbfItem:
         tags={_text(tag.k): _text(tag.v) for tag in item.tags},
         place=(item.location.lat, item.location.lon) if located else None,
         nodes=tuple(node.ref for node in item.nodes) if item.is_way() else (),
+        places=_places(item) if item.is_way() else (),
         members=tuple((m.type, m.ref, _text(m.role)) for m in item.members) if item.is_relation() else (),
     )
+
+
+def _places(way: Any) -> tuple[tuple[int, LatLon], ...]:
+    if not len(way.nodes) or not way.nodes[0].location.valid():
+        return ()
+    return tuple((node.ref, (node.location.lat, node.location.lon)) for node in way.nodes if node.location.valid())
 
 
 def _text(text: str) -> str:

@@ -47,7 +47,8 @@ _MARKS: tuple[tuple[bytes, str, str], ...] = (
 )
 """Beginnings of files that are no maps: the bytes, the format, the way out."""
 
-_JSON: tuple[tuple[bytes, str, str], ...] = (
+_BRACKETED: tuple[tuple[bytes, str, str], ...] = (
+    (rb"\A\s*\[\s*(?:out|timeout|maxsize|bbox)\s*:", "a query to Overpass", "send it to Overpass and give the answer"),
     (rb'"(?:elements|osm3s)"\s*:', "OpenStreetMap data as Overpass JSON", OVERPASS_HINT),
     (rb'"CityJSON"', "CityJSON", "download the place's OpenStreetMap data instead (.osm or .osm.pbf)"),
     (rb'"Topology"', "TopoJSON", "download the place's OpenStreetMap data instead (.osm or .osm.pbf)"),
@@ -57,6 +58,8 @@ _JSON: tuple[tuple[bytes, str, str], ...] = (
         "GeoJSON has lost the nodes that streets share: download the place's OpenStreetMap data (.osm or .osm.pbf)",
     ),
 )
+"""Texts that begin with a bracket: a pattern, the format, the way out."""
+
 _PAGE = re.compile(rb"(?:<\?xml[^>]*>|<!--.*?-->|\s+)*(?:<!doctype\s+html|<html[\s>])", re.IGNORECASE | re.DOTALL)
 _TITLE = re.compile(rb"<title[^>]*>(.*?)</title>", re.IGNORECASE | re.DOTALL)
 _ERROR = re.compile(rb"</strong>\s*:\s*([^<]{1,200})")
@@ -151,7 +154,7 @@ def _refuse_foreign(path: Path, head: bytes) -> None:
             raise UsageError(f"`{path}` is not OpenStreetMap data: it is {kind}", hint=hint)
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if text.startswith((b"{", b"[")):
-        found = next(((kind, hint) for mark, kind, hint in _JSON if re.search(mark, head)), ("JSON", HINT))
+        found = next(((kind, hint) for mark, kind, hint in _BRACKETED if re.search(mark, head)), ("JSON", HINT))
         raise UsageError(f"`{path}` is no map in XML or PBF: it is {found[0]}", hint=found[1])
     if _PAGE.match(text):
         raise _web_page(path, head)

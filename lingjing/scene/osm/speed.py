@@ -30,6 +30,9 @@ _WORDS = {"walk": WALK_KMH, "walking_pace": WALK_KMH, "none": NONE_KMH, "unlimit
 _AT_TIMES = re.compile(r"[^;|]*@\s*(?:\([^)]*\)?|[^;|]*)")
 _SEPARATORS = re.compile(r"[;|/&]|,(?!\d(?!\d))|\bor\b|(?<=[\da-z])\s*[-–]\s*(?=\d)")
 _NUMBER = re.compile(r"[~<≤=]*\s*(\d{1,4}(?:[.,]\d+)?)\s*([a-z]*)")
+_WITHIN = re.compile(r"(?<![\w.,+:-])(\d{1,3})\s*(?:km|(kmh|kph|mph))?(?!\w|[.,]\d)")
+"""A speed among words that say nothing to us: `50 (30)`, `ca. 50`, `50?`."""
+
 _COUNTRY = r"(?:([a-z]{2})(?:-[a-z]{2,3})?:)?"
 _ZONE_NUMBER = re.compile(_COUNTRY + r"(?:zone)?:?\s*(\d{1,3})\s*(mph)?")
 _ZONE_NAME = re.compile(_COUNTRY + r"([a-z_]+)")
@@ -42,16 +45,18 @@ _ZONES = {
 """Limits of kinds of zones in most countries, km/h."""
 
 _NATIONAL = {
-    "urban": {"ru": 60.0, "by": 60.0, "kz": 60.0, "uz": 70.0, "jp": 60.0, "gb": 30 * _MPH, "uk": 30 * _MPH},
+    "urban": {
+        "ru": 60.0, "by": 60.0, "kz": 60.0, "uz": 70.0, "jp": 60.0, "gb": 30 * _MPH, "uk": 30 * _MPH, "us": 25 * _MPH,
+    },
     "rural": {
         "de": 100.0, "at": 100.0, "uz": 100.0, "fr": 80.0, "ch": 80.0, "nl": 80.0, "dk": 80.0, "no": 80.0, "fi": 80.0,
-        "rs": 80.0, "ie": 80.0, "se": 70.0, "gb": 60 * _MPH, "uk": 60 * _MPH,
+        "rs": 80.0, "ie": 80.0, "se": 70.0, "cn": 70.0, "us": 55 * _MPH, "gb": 60 * _MPH, "uk": 60 * _MPH,
     },
     "trunk": {"de": NONE_KMH, "cz": 110.0, "hu": 110.0, "it": 110.0, "pl": 120.0},
     "motorway": {
         "de": NONE_KMH, "at": 130.0, "cz": 130.0, "dk": 130.0, "fr": 130.0, "hu": 130.0, "it": 130.0, "ro": 130.0,
         "rs": 130.0, "sk": 130.0, "si": 130.0, "hr": 130.0, "pl": 140.0, "bg": 140.0, "nl": 100.0, "ru": 110.0,
-        "no": 110.0, "se": 110.0, "uz": 110.0, "gb": 70 * _MPH, "uk": 70 * _MPH,
+        "no": 110.0, "se": 110.0, "uz": 110.0, "us": 65 * _MPH, "gb": 70 * _MPH, "uk": 70 * _MPH,
     },
     "living_street": {"de": WALK_KMH, "at": WALK_KMH, "nl": 15.0, "rs": 10.0, "uz": 30.0},
 }  # fmt: skip
@@ -71,6 +76,8 @@ def limit_kmh(text: str) -> float | None:
     """The lowest speed that a value names, km/h; None if it names none."""
     always = _AT_TIMES.sub("", text.casefold()).replace("km/h", "kmh")
     values = [_single(part.strip()) for part in _SEPARATORS.split(always)]
+    if all(value is None for value in values):
+        values = [_single("".join(found.groups(""))) for found in _WITHIN.finditer(always)]
     return min((value for value in values if value is not None), default=None)
 
 

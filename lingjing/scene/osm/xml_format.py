@@ -36,6 +36,7 @@ _ROOTS: dict[str, tuple[str, str]] = {
     "html": ("a web page (HTML)", "the server answered with a page, perhaps an error: read it in a browser"),
     "osmChange": ("a list of changes (osmChange)", "apply it to a map: osmium apply-changes MAP.osm FILE.osc"),
     "osmAugmentedDiff": ("a list of changes (augmented diff)", "download the place as a map, not as changes"),
+    "osm-script": ("a query to Overpass", "send it to Overpass and give the answer"),
     "gpx": ("a GPS track (GPX)", _ELSEWHERE),
     "kml": ("KML", _ELSEWHERE),
     "svg": ("a drawing (SVG)", _ELSEWHERE),
