@@ -15,7 +15,7 @@ from lingjing.terminal import visible
 _LATEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}", "–": "--",
-    "†": r"\textsuperscript{\dag}", "\n": " ",
+    "†": r"\textsuperscript{\dag}", "‡": r"\textsuperscript{\ddag}", "\n": " ",
 }  # fmt: skip
 _RAISED = re.compile(r"\^(\w)$")
 """The mode of a column's head: `UFR^s`."""

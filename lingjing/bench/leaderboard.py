@@ -9,10 +9,12 @@ from lingjing.bench.exports import html_page, to_html
 from lingjing.bench.played import Played, columns_of
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import cost_of
-from lingjing.bench.table_cells import PRIVILEGED, ResultCell, ResultLine, ResultTable, percent, plain, ranged
-from lingjing.bench.tables import average_of, average_range, column_head, make_tables, standing_notes
+from lingjing.bench.table_cells import PRIVILEGED, UNRESOLVED, ResultCell, ResultLine, ResultTable, plain
+from lingjing.bench.tables import average_cell, average_of, column_head, make_tables, rate_cell, standing_notes
+from lingjing.bench.unresolved import open_rows, unresolved_entrants
 
 UNRANKED = "not ranked: some columns are not played"
+OPEN = "not ranked: episodes are lost, or were played again because its own service was gone"
 SHOWN = "not ranked: shown the truth"
 
 
@@ -24,30 +26,36 @@ def leaderboard(rows: Sequence[SuiteRow]) -> str:
 
 
 def ranking(rows: Sequence[SuiteRow]) -> list[tuple[str, float]]:
-    """Entrants with their averages, the best first; nan and last for those that have not played every column."""
-    columns = columns_of(row for row in rows if row.standing == "counted")
+    """Entrants with their averages, the best first; nan and last for those that have not played every column, or have
+    open episodes."""
+    columns, unresolved = columns_of(row for row in rows if row.standing == "counted"), unresolved_entrants(rows)
     entrants = dict.fromkeys(row.entrant for row in rows)
-    averages = [(name, average_of([row for row in rows if row.entrant == name], columns)) for name in entrants]
+    averages = [
+        (name, math.nan if name in unresolved else average_of([row for row in rows if row.entrant == name], columns))
+        for name in entrants
+    ]
     return sorted(averages, key=lambda one: (math.isnan(one[1]), -one[1] if not math.isnan(one[1]) else 0.0, one[0]))
 
 
 def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
-    counted = [row for row in rows if row.standing == "counted" and not row.condition]
-    columns = columns_of(counted)
+    plain = [row for row in rows if not row.condition]
+    counted, left_open = [row for row in plain if row.standing == "counted"], open_rows(plain)
+    columns, unresolved = columns_of(counted), unresolved_entrants(plain)
     lines: list[ResultLine] = []
     listed, place, last = 0, 0, math.nan
-    for name, average in ranking(counted):
-        own = [row for row in counted if row.entrant == name]
+    for name, average in ranking([*counted, *left_open]):
+        own = [row for row in (*counted, *left_open) if row.entrant == name]
         shown = own[0].privileged
-        group = SHOWN if shown else UNRANKED if math.isnan(average) else ""
+        group = SHOWN if shown else OPEN if name in unresolved else UNRANKED if math.isnan(average) else ""
         if not group:
             listed += 1
             place, last = place if average == last else listed, average  # who ties shares a place
-        cells = [percent(Played.of(row for row in own if (row.mission, row.mode) == one).rate()) for one in columns]
-        label = (str(place) if not group else "", f"{name} {PRIVILEGED}" if shown else name)
-        lines.append(ResultLine(group, label, (ranged(average, average_range(own, columns)), *cells)))
+        cells = [rate_cell(Played.of(row for row in own if (row.mission, row.mode) == one)) for one in columns]
+        marks = (name, *[UNRESOLVED] * (name in unresolved), *[PRIVILEGED] * shown)
+        label = (str(place) if not group else "", " ".join(marks))
+        lines.append(ResultLine(group, label, (average_cell(own, columns, with_range=True), *cells)))
     heads = ("Avg", *(column_head(mission, mode, columns) for mission, mode in columns))
-    lines.sort(key=lambda line: ("", UNRANKED, SHOWN).index(line.group))
+    lines.sort(key=lambda line: ("", UNRANKED, OPEN, SHOWN).index(line.group))
     note = "Avg: modes of a mission first, then missions; its 95 % interval is a bootstrap over seeds"
     return ResultTable(
         "ranking", "Task success rate (TSR, %)", ("", "Entrant"), heads, tuple(lines), (note, *standing_notes(rows))

@@ -8,13 +8,21 @@ from itertools import combinations
 from lingjing.bench.played import grouped
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import PairedTest, holm, mcnemar
-from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, probability, titled
+from lingjing.bench.table_cells import (
+    ResultCell,
+    ResultLine,
+    ResultTable,
+    is_out_of_competition,
+    probability,
+    titled,
+)
 
 
 def paired_tests(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
     """McNemar's test of every two entrants, or conditions of one, on the instances that both have played, and of the
-    two modes of a mission. Each of the two families is corrected for its number of tests."""
-    competing = [row for row in rows if not row.privileged]
+    two modes of a mission. Each of the two families is corrected for its number of tests. Entrants that were shown the
+    truth, or have open episodes, are left out."""
+    competing = [row for row in rows if not row.privileged and not is_out_of_competition(row.entrant)]
     entrants = grouped(competing, lambda row: (row.entrant, row.condition))
     pairs = [
         (_called(first), _called(second), mcnemar(*(_won(some) for some in (own, others))))

@@ -27,14 +27,35 @@ _MODE_ORDER = ("single", "star", "broadcast")
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """The counted episodes of one cell, or of several that are taken together. What is not defined is nan."""
+    """The counted episodes of one cell, or of several that are taken together. What is not defined is nan.
+
+    `lost` is the number of episodes without a result. `doubtful_wins` is the number of successes that followed a try
+    which only the entrant's own service has aborted.
+    """
 
     episodes: tuple[EpisodeReport, ...]
+    lost: int = 0
+    doubtful_wins: int = 0
 
     @classmethod
     def of(cls, rows: Iterable[SuiteRow]) -> Played:
-        """Those of rows of a suite."""
-        return cls(tuple(row.report for row in rows))
+        """Those of rows of a suite: counted ones, and open ones (`lingjing.bench.unresolved`)."""
+        listed = list(rows)
+        counted = [row for row in listed if row.standing == "counted"]
+        again = {(row.cell, row.seed) for row in listed if row.standing == "aborted"}
+        doubtful = sum(row.report.success and (row.cell, row.seed) in again for row in counted)
+        lost = sum(row.standing == "lost" for row in listed)
+        return cls(tuple(row.report for row in counted), lost, doubtful)
+
+    @property
+    def is_open(self) -> bool:
+        """True if the worst and the best case differ."""
+        return bool(self.lost or self.doubtful_wins)
+
+    def cases(self) -> tuple[float, float]:
+        """The share of successes in the worst and in the best case: lost episodes are failures, or wins."""
+        wins, count = sum(one.success for one in self.episodes), len(self.episodes) + self.lost
+        return _share(wins - self.doubtful_wins, count), _share(wins + self.lost, count)
 
     def won(self) -> dict[int, bool]:
         """Whether the episode of each seed was won."""

@@ -29,8 +29,9 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     with the `baseline`. `privileged` is whether the policy was shown the truth. `options` are those that it was played
     with, without the places of files. `salt_sha256` tells whose policy seeds are drawn alike without telling the salt.
     `code` is the SHA-256 over everything that decides an episode, `version` lingjing's. `wall_s` is how long it
-    took, seconds. `attention_iou` is that of the maps that lay beside the trace when the row was read from the suite's
-    folder (`lingjing.analysis.attention`), None where there were none.
+    took, seconds; `ended_unix_s` is when it ended (UNIX time, 0 in rows that do not say): aborts of several entrants
+    at once are told by it. `attention_iou` is that of the maps that lay beside the trace when the row was read from the
+    suite's folder (`lingjing.analysis.attention`), None where there were none.
     """
 
     suite: str
@@ -53,6 +54,7 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     code: str = ""
     version: str = lingjing.__version__
     wall_s: float = 0.0
+    ended_unix_s: float = 0.0
     attention_iou: float | None = None
     options: PlayOptions
     report: EpisodeReport

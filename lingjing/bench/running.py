@@ -1,7 +1,8 @@
 """Playing what a suite's folder does not have yet: seed by seed, aborts again, everything kept as soon as it is known.
 
-An episode that the infrastructure aborted is played again with its seed, and never counts for or against anybody; the
-third abort of one is kept as lost, so that no table hides it. What a policy does to itself is no abort.
+An episode that the infrastructure aborted is played again with its seed, and never counts for or against an entrant;
+the third abort of one is kept as lost, so that no table hides it. What a policy does to itself is no abort, and neither
+is what it raises; an entrant with lost episodes is not ranked (`unresolved`).
 """
 
 from __future__ import annotations
@@ -257,6 +258,7 @@ class SuiteRun:
             salt_sha256=fingerprint(self.results.salt()),
             code=self.code,
             wall_s=wall_s,
+            ended_unix_s=round(time.time(), 1),
             options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from=""),
             report=msgspec.structs.replace(report, trace=kept),
         )

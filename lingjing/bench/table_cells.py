@@ -14,6 +14,8 @@ ABSENT = "–"
 UNDEFINED = "N/A"
 PRIVILEGED = "†"
 """Behind the name of an entrant that was shown the truth."""
+UNRESOLVED = "‡"
+"""Behind the name of an entrant that has lost episodes, or tries that only its own service has aborted."""
 
 
 class ResultCell(NamedTuple):
@@ -46,8 +48,11 @@ class ResultTable(NamedTuple):
 def marked(
     lines: Sequence[ResultLine], *, by_column: bool = True, lower: Sequence[int] = (), only: Sequence[int] | None = None
 ) -> tuple[ResultLine, ...]:
-    """The lines with the best and the second best of each column marked; entrants shown the truth do not compete."""
-    ranked = [line for line in lines if not line.label[0].endswith(PRIVILEGED)]
+    """The lines with the best and the second best of each column marked; entrants that were shown the truth, or have
+    open episodes, do not compete."""
+    ranked = [
+        line for line in lines if not is_out_of_competition(line.label[0]) and not is_out_of_competition(line.group)
+    ]
     if len(ranked) < 2 or not by_column:
         return tuple(lines)
     marks: dict[tuple[int, int], Mark] = {}
@@ -62,6 +67,17 @@ def marked(
         )
         for line in lines
     )
+
+
+def is_out_of_competition(name: str) -> bool:
+    """True for the name of an entrant whose results are never marked."""
+    return name.endswith((PRIVILEGED, UNRESOLVED))
+
+
+def with_cases(average: float, worst: float, best: float) -> ResultCell:
+    """A share between those of the worst and the best case, as percentages; without a value that could be the best."""
+    cases = f"({100 * worst:.0f}..{100 * best:.0f})"
+    return ResultCell(cases if math.isnan(average) else f"{100 * average:.0f} {cases}")
 
 
 def best_of(cells: Sequence[ResultCell], *, lower: bool = False, second: bool = True) -> tuple[ResultCell, ...]:
@@ -119,6 +135,6 @@ def titled(title: str, what: str) -> str:
 
 
 __all__ = [
-    "ABSENT", "PRIVILEGED", "Mark", "ResultCell", "ResultLine", "ResultTable", "best_of", "marked", "measure",
-    "percent", "plain", "probability", "ranged", "titled",
+    "ABSENT", "PRIVILEGED", "UNRESOLVED", "Mark", "ResultCell", "ResultLine", "ResultTable", "best_of",
+    "is_out_of_competition", "marked", "measure", "percent", "plain", "probability", "ranged", "titled", "with_cases",
 ]  # fmt: skip

@@ -1,7 +1,8 @@
 """The tables of the paper, made of a suite's rows: values with marks for the best and the second best.
 
-A kind of table is a row of `TABLES`; all are functions of rows alone. Aborted tries are in none of them, lost episodes
-are left out of every rate and listed in a note, and an entrant that was shown the truth is never the best.
+A kind of table is a row of `TABLES`; all are functions of rows alone. Aborted tries are in none of them. Lost episodes
+are in no rate and listed in a note; the rates of their entrant are followed by the worst and the best case, and it is
+never the best. Neither is an entrant that was shown the truth.
 Shares are percentages. What nobody has played is a dash, what is not defined is N/A.
 """
 
@@ -24,17 +25,21 @@ from lingjing.bench.statistics import (
 from lingjing.bench.table_cells import (
     ABSENT,
     PRIVILEGED,
+    UNRESOLVED,
     ResultCell,
     ResultLine,
     ResultTable,
     best_of,
+    is_out_of_competition,
     marked,
     measure,
     percent,
     plain,
     ranged,
     titled,
+    with_cases,
 )
+from lingjing.bench.unresolved import open_rows, unresolved_entrants, with_marked_names
 
 FEWEST = 10
 """Seeds in each column from which on the interval of a macro average is told: fewer say nothing of how it varies."""
@@ -42,8 +47,12 @@ FEWEST = 10
 
 def make_tables(rows: Sequence[SuiteRow], kinds: Iterable[str], title: str = "") -> tuple[ResultTable, ...]:
     """The tables of those kinds; one that has nothing to show is left out. Raises `KeyError` for an unknown kind."""
-    counted = sorted((row for row in rows if row.standing == "counted"), key=_place)
-    made = (table for kind in kinds for table in TABLES[kind](counted, title))
+    left_open = open_rows(rows)
+    unresolved = frozenset(row.entrant for row in left_open)
+    counted = [row for row in rows if row.standing == "counted"]
+    listed = sorted(with_marked_names([*counted, *left_open], unresolved), key=_place)
+    named = [row for row in listed if row.standing == "counted"]
+    made = (table for kind in kinds for table in TABLES[kind](listed if kind in _WITH_CASES else named, title))
     notes = standing_notes(rows)
     return tuple(table._replace(notes=(*table.notes, *notes)) for table in made if table.lines)
 
@@ -69,6 +78,11 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
         notes.append(f"the rows were played by {len(codes)} versions of the code")
     if any(row.privileged for row in rows):
         notes.append(f"{PRIVILEGED} is shown the truth and is never marked as best")
+    if unresolved_entrants(rows):
+        notes.append(
+            f"{UNRESOLVED} has episodes that are lost, or were played again because its own service was gone: it is "
+            "not ranked, and the worst and the best case follow its rates"
+        )
     return tuple(notes)
 
 
@@ -81,8 +95,8 @@ def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         columns = columns_of(some)
         lines = []
         for entrant, own in grouped(some, lambda row: row.entrant).items():
-            cells = [percent(_played(own, column).rate()) for column in columns]
-            lines.append(_line(own[0], (entrant,), (*cells, percent(_average(own, columns)))))
+            cells = [rate_cell(_played(own, column)) for column in columns]
+            lines.append(_line(own[0], (entrant,), (*cells, average_cell(own, columns))))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
         named = titled(title or "Task success rate (TSR, %)", condition)
         yield ResultTable("success", named, ("Entrant",), heads, marked(lines, by_column=True))
@@ -95,7 +109,7 @@ def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
         lines = []
         for entrant, own in grouped(some, lambda row: row.entrant).items():
             cells = [_wilson_cell(_played(own, column)) for column in columns]
-            cells.append(ranged(_average(own, columns), average_range(own, columns)))
+            cells.append(average_cell(own, columns, with_range=True))
             lines.append(_line(own[0], (entrant,), cells))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
         named = titled(f"{title or 'Task success rate (TSR, %)'} with 95 % intervals", condition)
@@ -117,7 +131,9 @@ def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             group = "" if len(entrants) == 1 else f"{entrant}{condition and f', {condition}'}"
             for name, of, text, lower in _MODE_MEASURES:
                 cells = [text(of(one)) for one in both]
-                lines.append(ResultLine(group, (mission.upper(), name), best_of(cells, lower=lower, second=False)))
+                if not is_out_of_competition(entrant):
+                    cells = list(best_of(cells, lower=lower, second=False))
+                lines.append(ResultLine(group, (mission.upper(), name), tuple(cells)))
     named = titled(title, "communication modes")
     note = "bold marks the better mode; Gap is the mean over episodes in which it is defined, Rep is pooled over events"
     yield ResultTable("modes", named, ("Mission", "Metric"), ("Star", "Broadcast"), tuple(lines), (note,))
@@ -138,8 +154,9 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
                 played = Played.of(few)
                 done = played.steps()
                 measured.append((condition or "default", (
-                    ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
-                    percent(played.scr()), _bootstrap_ends(played), plain(played.location_error_m(), ".1f"),
+                    ResultCell(str(len(played.episodes)), len(played.episodes)), rate_cell(played),
+                    _wilson_ends(played), percent(played.scr()), _bootstrap_ends(played),
+                    plain(played.location_error_m(), ".1f"),
                     percent(played.mean("coverage")), percent(played.weighted("json_compliance", "answers")),
                     plain(played.cost_factor(base), ".2f"),
                     *(percent(done.get(stage, math.nan)) for stage in stages),
@@ -274,6 +291,9 @@ TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]]
 }
 """Every kind of table by its name in a suite."""
 
+_WITH_CASES = frozenset({"success", "intervals", "conditions"})
+"""The kinds that are given the open rows too, and show the worst and the best case."""
+
 
 # -- values and marks
 
@@ -289,6 +309,25 @@ def average_of(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> 
     return _average([row for row in rows if row.standing == "counted"], columns)
 
 
+def rate_cell(played: Played) -> ResultCell:
+    """The share of successes, with the worst and the best case where episodes are open."""
+    return with_cases(played.rate(), *played.cases()) if played.is_open else percent(played.rate())
+
+
+def average_cell(
+    rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]], *, with_range: bool = False
+) -> ResultCell:
+    """The macro average over those columns, with its cases where episodes are open, else with its interval if wanted.
+
+    The rows are counted ones and open ones.
+    """
+    average = average_of(rows, columns)
+    worst, best = (_average(rows, columns, lost_as=value) for value in (0.0, 1.0))
+    if any(row.standing != "counted" for row in rows) and not math.isnan(worst):
+        return with_cases(average, worst, best)
+    return ranged(average, average_range(rows, columns)) if with_range else percent(average)
+
+
 def average_range(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> ConfidenceBounds:
     """The interval of the macro average; nan where a column has too few seeds."""
     values = _seeded(rows, columns)
@@ -300,15 +339,23 @@ def _played(rows: Iterable[SuiteRow], column: tuple[str, str]) -> Played:
     return Played.of(row for row in rows if (row.mission, row.mode) == column)
 
 
-def _seeded(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> dict[tuple[str, str], dict[int, float]]:
-    return {
-        column: {seed: float(won) for seed, won in _played(rows, column).won().items()}
-        for column in columns
-    }  # fmt: skip
+def _seeded(
+    rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]], lost_as: float | None = None
+) -> dict[tuple[str, str], dict[int, float]]:
+    """Successes by column and seed: of counted rows, and with `lost_as` of open ones too (0: the worst case)."""
+    found: dict[tuple[str, str], dict[int, float]] = {column: {} for column in columns}
+    for row in rows:
+        if row.standing == "counted" and (row.mission, row.mode) in found:
+            found[row.mission, row.mode][row.seed] = float(row.report.success)
+    for row in rows if lost_as is not None else ():
+        is_doubtful = row.standing == "lost" or (row.standing == "aborted" and lost_as == 0.0)
+        if is_doubtful and (row.mission, row.mode) in found:
+            found[row.mission, row.mode][row.seed] = lost_as or 0.0
+    return found
 
 
-def _average(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> float:
-    values = _seeded(rows, columns)
+def _average(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]], lost_as: float | None = None) -> float:
+    values = _seeded(rows, columns, lost_as)
     return macro_average(values) if all(values.values()) else math.nan
 
 
@@ -329,6 +376,8 @@ _MODE_MEASURES: tuple[tuple[str, Callable[[Played], float], Callable[[float], Re
 
 
 def _wilson_cell(played: Played) -> ResultCell:
+    if played.is_open:
+        return rate_cell(played)
     won, count = sum(played.won().values()), len(played.episodes)
     return ranged(played.rate(), wilson(won, count), f" ({won}/{count})")
 
@@ -351,5 +400,6 @@ def _finite(value: float) -> float:
 
 
 __all__ = [
-    "TABLES", "average_of", "average_range", "column_head", "make_tables", "standing_notes",
+    "TABLES", "average_cell", "average_of", "average_range", "column_head", "make_tables", "rate_cell",
+    "standing_notes",
 ]  # fmt: skip

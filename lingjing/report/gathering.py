@@ -19,6 +19,7 @@ from lingjing.bench.played import columns_of
 from lingjing.bench.prompt_search import RESULTS, KeptSearch
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import read_document
+from lingjing.bench.unresolved import unresolved_entrants, with_marked_names
 from lingjing.collector import collector_at_rest
 from lingjing.errors import LingjingError, UsageError
 from lingjing.report.evidence import (
@@ -102,7 +103,8 @@ def _study(name: str, title: str, rows: Sequence[SuiteRow]) -> ReportStudy:
         (row for row in rows if row.standing == "counted"),
         key=lambda row: (columns[row.mission, row.mode], row.entrant_place, row.condition_place, row.seed),
     )
-    return ReportStudy(name=name, title=title, rows=tuple(counted), all_rows=tuple(rows))
+    named = with_marked_names(counted, unresolved_entrants(rows))
+    return ReportStudy(name=name, title=title, rows=tuple(named), all_rows=tuple(rows))
 
 
 def _title(folders: Sequence[Path], name: str) -> str:

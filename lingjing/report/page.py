@@ -10,6 +10,8 @@ from importlib.resources import files
 from lingjing.analysis.played_city import credit
 from lingjing.bench.dataset_card import seed_ranges
 from lingjing.bench.exports import to_html
+from lingjing.bench.table_cells import UNRESOLVED
+from lingjing.bench.unresolved import unresolved_entrants
 from lingjing.report.drawing import DARK, LIGHT, Drawing
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart
@@ -67,6 +69,8 @@ def _told(evidence: ReportEvidence) -> Iterator[str]:
         notes.append(f"played by {len(codes)} versions of the code: {', '.join(codes)}")
     if any(row.privileged for row in counted):
         notes.append("† is shown the truth and is never marked as best")
+    if unresolved_entrants(rows):
+        notes.append(f"{UNRESOLVED} has episodes that are lost, or were played again because its own service was gone")
     notes += [said for one in dict.fromkeys(row.report.attribution for row in counted) if (said := credit(one))]
     if notes:
         yield f"<ul class='notes'>{''.join(f'<li>{_text(note)}</li>' for note in notes)}</ul>"

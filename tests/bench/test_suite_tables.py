@@ -85,7 +85,7 @@ def test_what_is_lost_or_aborted_is_in_no_rate_and_is_said() -> None:
         made_row(entrant="a", seed=11, success=False, standing="aborted"),
     ]  # fmt: skip
     (table,) = make_tables(rows, ["success"])
-    assert table.lines[0].cells[0].text == "100"
+    assert table.lines[0].cells[0].text == "100 (91..100)"
     assert table.notes[0] == "10 episodes are counted; 1 infrastructure abort was played again with its seed"
     assert table.notes[1] == "1 are lost (aborted 3 times) and in no rate: a ssr-star seed 10"
 

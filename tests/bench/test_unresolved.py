@@ -1,0 +1,88 @@
+"""Lost episodes and services that go away: no entrant gains a rank by them."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.bench.exports import to_latex
+from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.tables import make_tables
+from lingjing.bench.unresolved import AT_ONCE_S, open_rows, unresolved_entrants
+from lingjing.play.outages import SERVICE_GONE
+from lingjing.play.report import ABORTED
+from tests.bench.suite_kit import made_row
+from tests.play.report_kit import made_report
+
+GONE = f"{SERVICE_GONE}the service of `a` gives the harness no answer either: refused"
+
+
+def won(entrant: str, wins: int, of: int) -> list[SuiteRow]:
+    return [made_row(entrant=entrant, seed=seed, success=seed < wins) for seed in range(of)]
+
+
+def ended(entrant: str, seed: int, standing: str, detail: str = GONE, **changes: object) -> SuiteRow:
+    """A try that was aborted."""
+    report = made_report(seed=seed, success=False, reason=ABORTED, detail=detail)
+    return made_row(entrant=entrant, seed=seed, standing=standing, report=report, **changes)
+
+
+def cells(rows: list[SuiteRow], kind: str = "success") -> dict[str, tuple[tuple[str, str], ...]]:
+    (table,) = make_tables(rows, (kind,))
+    return {line.label[0]: tuple((cell.text, cell.mark) for cell in line.cells) for line in table.lines}
+
+
+def test_who_loses_episodes_is_neither_bold_nor_ranked_and_shows_its_cases() -> None:
+    fair = won("fair", 9, 10)
+    sly = [*won("sly", 9, 9), ended("sly", 9, "lost", "an engine died", tries=3)]
+    said = cells([*fair, *sly])
+    assert said["sly ‡"] == (("100 (90..100)", ""), ("100 (90..100)", ""))
+    assert said["fair"] == (("90", ""), ("90", ""))
+    assert ranking([*fair, *sly])[0] == ("fair", 0.9)
+    page = leaderboard([*fair, *sly])
+    assert page.index(">fair<") < page.index(OPEN) < page.index(">sly ‡<")
+    assert cells([*fair, *sly], "intervals")["sly ‡"][0][0] == "100 (90..100)"
+    (table,) = make_tables([*fair, *sly], ("success",))
+    assert any(note.startswith("‡ has episodes that are lost") for note in table.notes)
+    assert r"\ddag" in to_latex(table)
+
+
+def test_the_others_are_compared_without_it() -> None:
+    rows = [*won("a", 9, 10), *won("b", 4, 10), *won("sly", 9, 9), ended("sly", 9, "lost", tries=3)]
+    assert [cells(rows)[name][0][1] for name in ("a", "b", "sly ‡")] == ["best", "second", ""]
+    (paired,) = make_tables(rows, ("paired",))
+    assert {name for line in paired.lines for name in line.label} == {"a", "b"}
+
+
+def test_an_entrant_that_has_only_lost_episodes_is_listed() -> None:
+    rows = [*won("a", 9, 10), *(ended("sly", seed, "lost", tries=3) for seed in range(10))]
+    assert cells(rows)["sly ‡"] == (("(0..100)", ""), ("(0..100)", ""))
+    assert ">sly ‡<" in leaderboard(rows)
+
+
+def test_a_win_after_the_own_service_was_gone_is_a_failure_in_the_worst_case() -> None:
+    rows = [*won("a", 9, 10), *won("sly", 10, 10), ended("sly", 3, "aborted", ended_unix_s=1e9)]
+    assert unresolved_entrants(rows) == {"sly"}
+    assert cells(rows)["sly ‡"][0] == ("100 (90..100)", "")
+    lost_again = [*won("a", 9, 10), *won("sly", 3, 10), ended("sly", 7, "aborted")]
+    assert cells(lost_again)["sly ‡"][0] == ("30", "")
+
+
+@pytest.mark.parametrize(
+    ("other", "is_open"),
+    [
+        ({"entrant": "a", "ended_unix_s": 1e9 + AT_ONCE_S - 1}, False),
+        ({"entrant": "a", "ended_unix_s": 1e9 + AT_ONCE_S + 1}, True),
+        ({"entrant": "sly", "ended_unix_s": 1e9}, True),
+        ({"entrant": "a"}, True),
+    ],
+)
+def test_several_entrants_at_once_show_that_it_was_the_infrastructure(other: dict[str, object], is_open: bool) -> None:
+    entrant = str(other.pop("entrant"))
+    aborted = [ended("sly", 3, "aborted", ended_unix_s=1e9), ended(entrant, 4, "aborted", **other)]
+    assert ("sly" in unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted])) is is_open
+
+
+def test_an_abort_of_an_engine_leaves_nothing_open() -> None:
+    rows = [*won("a", 9, 10), ended("a", 3, "aborted", "engine `uav` failed in step: it died")]
+    assert open_rows(rows) == []
