@@ -35,6 +35,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--seed", type=int, default=0, metavar="N", help="what untagged buildings and trees are drawn by"
     )
     build.add_argument("--water-level", type=float, metavar="M", help="elevation of the waters (default: -1.5 m)")
+    build.add_argument(
+        "--default-levels", type=int, metavar="N",
+        help="storeys of buildings whose tags state no height (default: by neighbours, footprint and place)",
+    )  # fmt: skip
     build.add_argument("-o", "--output", metavar="DIR", help="the city's folder (default: kept in the cache)")
     build._negative_number_matcher = re.compile(r"^-[\d.]")  # `--bbox -0.13,51.5,…` is a value, not an option
     build.set_defaults(handler=_build)
@@ -60,7 +64,8 @@ def _build(args: argparse.Namespace) -> int:
     from lingjing.scene.osm.frame import parse_box
 
     given = {} if args.water_level is None else {"water_m": args.water_level}
-    options = Options(box=None if args.bbox is None else parse_box(args.bbox), seed=args.seed, **given)
+    box = None if args.bbox is None else parse_box(args.bbox)
+    options = Options(box=box, seed=args.seed, default_levels=args.default_levels, **given)
     folder = None if args.output is None else Path(args.output)
     with _phases(f"building {Path(args.map).name}") as say:
         built = build(Path(args.map), options, folder, say)
@@ -73,8 +78,9 @@ def _info(args: argparse.Namespace) -> int:
     """Say where a city is, what it holds, and whom to name for the map."""
     from lingjing.scene.osm.summary import read_summary
 
-    folder = Path(args.city)
-    _tell(_city(args), read_summary(folder) if folder.is_dir() else None)
+    city = _city(args)
+    folder = Path(args.city) if Path(args.city).is_dir() else Path(city.store) if city.store else None
+    _tell(city, None if folder is None else read_summary(folder))
     return ExitCode.OK
 
 
@@ -126,7 +132,7 @@ def _phases(title: str) -> Iterator[Callable[[str], None]]:
 
 def _tell(city: City, summary: Summary | None) -> None:
     """The city in a few lines."""
-    from lingjing.scene.osm.summary import reason_text
+    from lingjing.scene.osm.summary import heights_text, reason_text
 
     west, south, east, north = city.bounds
     print(f"city      {city.id}, {(east - west) / 1000:.2f} × {(north - south) / 1000:.2f} km", end="")
@@ -136,6 +142,8 @@ def _tell(city: City, summary: Summary | None) -> None:
         held = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
         print(f"holds     {held or 'nothing'}")
         print(f"tallest   {summary.counts.get('tallest_m', 0)} m")
+        if summary.heights is not None:
+            print(f"heights   {heights_text(summary.heights)}")
         print(f"part      {','.join(f'{value:.5f}' for value in summary.box)} ({summary.box_is})")
         for reason, count in summary.skipped.items():
             print(f"left out  {reason_text(count, reason)}")

@@ -63,6 +63,26 @@ def test_options_reach_the_city(folder: Path, capsys: pytest.CaptureFixture[str]
     assert "error: the bounding box -0.13,51.5,-0.12,51.51 lies outside the map" in capsys.readouterr().err
 
 
+def test_the_sources_of_heights_are_counted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = Map()
+    for number in range(6):
+        made.way(square(-300 + 100 * number, 0, 14.0, 30.0), {"building": "yes"})
+    made.way(square(0, 100, 20), {"building": "yes", "height": "33 m"})
+    made.write(folder / "houses.osm")
+    assert main(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
+    built = capsys.readouterr().out
+    assert "heights   1 tagged, 0 inferred from neighbours, 6 drawn (largest " in built
+    assert main(["scene", "info", "city"]) == ExitCode.OK
+    line = next(line for line in built.splitlines() if line.startswith("heights"))
+    assert line in capsys.readouterr().out
+    assert main(["scene", "build", "houses.osm", "--default-levels", "7", "-o", "seven"]) == ExitCode.OK
+    assert "heights   1 tagged, 0 inferred from neighbours, 0 drawn, 6 by --default-levels" in capsys.readouterr().out
+    for wrong in ("0", "-3", "101"):
+        assert main(["scene", "build", "houses.osm", "--default-levels", wrong, "-o", "none"]) == ExitCode.USAGE
+        assert f"buildings of {wrong} storeys by default" in capsys.readouterr().err
+    assert not (folder / "none").exists()
+
+
 def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = Map()
     made.way(square(0, 0, 30), {"building": "yes"})

@@ -385,6 +385,9 @@ def test_a_mission_names_a_folder_or_a_file(tmp_path: Path, monkeypatch: pytest.
     assert made.sha256 == built.city.sha256
     assert Path(made.store).parent == cities_folder()
     assert city_of(SceneSpec(kind="map", options={"map": "town.osm"})) == made
+    flat = city_of(SceneSpec(kind="map", options={"file": "town.osm", "default_levels": 2}))
+    assert flat.sha256 == made.sha256  # every house of the town has levels of its own
+    assert flat.store != made.store
     high = city_of(SceneSpec(kind="map", options={"folder": "city"}, datum_m=-3.5))
     assert {body.level_m for body in high.waters} == {-3.5}
     assert high.sha256 != stored.sha256
@@ -401,6 +404,10 @@ def test_a_mission_names_a_folder_or_a_file(tmp_path: Path, monkeypatch: pytest.
         ({"folder": "nowhere"}, 0.0, None, "`.*nowhere`.*working folder"),
         ({"file": "no.osm"}, 0.0, None, "scene `map`: no map at"),
         ({"folder": "city", "bbox": "1,2,3,4"}, 0.0, None, "with `folder` there is no `bbox`"),
+        ({"folder": "city", "default_levels": 3}, 0.0, None, "with `folder` there is no `default_levels`"),
+        ({"map": "city", "default_levels": 3}, 0.0, None, "`default_levels` cannot change it"),
+        ({"file": "town.osm", "default_levels": 0}, 0.0, None, "default_levels"),
+        ({"file": "town.osm", "default_levels": 2.5}, 0.0, None, "not a whole number"),
         ({"file": "town.osm", "bbox": "1,2"}, 0.0, None, "not a bounding box"),
         ({"folder": "city"}, 2.0, None, "would flood the ground"),
         ({"folder": "city"}, 0.0, (30.0, 121.5), "origin is 1.* m from the city's"),

@@ -4,22 +4,14 @@ import pytest
 import shapely
 
 from lingjing.scene.city import Building
-from lingjing.scene.osm.buildings import buildings, heights
-from lingjing.scene.osm.tags import colour, layer, metres
+from lingjing.scene.osm.buildings import buildings
+from lingjing.scene.osm.heights import heights
+from lingjing.scene.osm.tags import colour, layer
 from tests.scene.osm_maps import Map, square
 
 
 def built(made: Map, folder: Path, seed: int = 0) -> dict[str, Building]:
-    return {building.id: building for building in buildings(made.features(folder), seed)}
-
-
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [("12", 12.0), ("12.5 m", 12.5), ("12,5m", 12.5), ("40 ft", 12.192), ("6'2\"", 1.8796), ("~9", 9.0), ("5;6", 5.0),
-     ("high", None), ("", None), ("1e3", None)],
-)  # fmt: skip
-def test_lengths_are_read_with_their_units(text: str, wanted: float | None) -> None:
-    assert metres({"height": text}, "height") == (wanted if wanted is None else pytest.approx(wanted))
+    return {building.id: building for building in buildings(made.features(folder), seed).buildings}
 
 
 def test_colours_and_layers_are_read_or_not_said() -> None:
@@ -44,13 +36,20 @@ def test_colours_and_layers_are_read_or_not_said() -> None:
         ({"height": "9", "min_height": "12"}, (0.0, 9.0, 0.0)),
         ({"height": "-3"}, (0.0, 18.0, 0.0)),
         ({"height": "99999"}, (0.0, 18.0, 0.0)),
+        ({"height": "0"}, (0.0, 18.0, 0.0)),
+        ({"height": "0", "building:levels": "2"}, (0.0, 6.0, 0.0)),
+        ({"height": "tall", "est_height": "~12 m"}, (0.0, 12.0, 0.0)),
+        ({"building:height": "21米"}, (0.0, 21.0, 0.0)),
+        ({"levels": "G+4"}, (0.0, 15.0, 0.0)),
+        ({"building:levels": "0"}, (0.0, 3.0, 0.0)),
+        ({"building:levels": "0", "roof:shape": "gabled", "roof:levels": "2"}, (0.0, 5.4, 5.4)),
         ({"building": "roof", "height": "5"}, (4.5, 5.0, 0.0)),
         ({}, (0.0, 18.0, 0.0)),
     ],
 )
 def test_heights_follow_the_tags_and_nonsense_is_not_said(tags: dict[str, str], wanted: tuple[float, ...]) -> None:
     roof = tags.get("roof:shape", "flat")
-    assert heights(tags, "residential", roof, storeys=6, narrow_m=10.0)[:3] == wanted
+    assert heights(tags, 3.0, roof, untagged_storeys=6, narrow_m=10.0)[:3] == wanted
 
 
 def test_a_house_stands_where_the_map_says_in_metres(tmp_path: Path) -> None:
@@ -100,7 +99,7 @@ def test_an_outline_of_several_ways_and_one_that_does_not_close(tmp_path: Path) 
     made.relation([(777, "outer"), (first, "outer")], {"building": "yes"})
     made.way([(200, 0), (230, 0), (230, 30)], {"building": "yes"})
     features = made.features(tmp_path)
-    assert [building.id for building in buildings(features, 0)] == ["r1"]
+    assert [building.id for building in buildings(features, 0).buildings] == ["r1"]
     assert features.skipped == {"multipolygons that do not close": 2, "areas that do not close": 1}
 
 
@@ -167,9 +166,9 @@ def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> 
     alone = [f"w{made.way(square(-200 + 40 * k, -1500, 30), {'building': 'yes'})}" for k in range(12)]
     found = built(made, tmp_path)
     assert {found[key].use for key in (*low, *high, *alone)} == {"office"}
-    assert all(4 <= found[key].levels <= 8 for key in low)
+    assert all(2 <= found[key].levels <= 8 for key in low)
     assert all(15 <= found[key].levels <= 29 for key in high)
-    assert all(6 <= found[key].levels <= 30 for key in alone)
+    assert all(1 <= found[key].levels <= 6 for key in alone)  # the land use alone makes no tower
     assert {found[key].facade for key in low} <= {"punched", "ribbon"}
     assert {found[key].facade for key in high} <= {"curtain", "ribbon"}
     assert len({found[key].levels for key in low}) > 1
@@ -193,7 +192,7 @@ def test_untagged_buildings_among_houses_are_no_towers(tmp_path: Path) -> None:
     for x in (-250, -180, -110):
         made.way([(x, 0), (x + 60, 0), (x + 60, 90), (x, 90), (x, 0)], {"landuse": "commercial"})
         made.way(square(x + 5, 5, 40), {"building": "yes"})
-    built = {item.id: item.levels for item in buildings(made.features(tmp_path), 0)}
+    built = {item.id: item.levels for item in buildings(made.features(tmp_path), 0).buildings}
     assert sorted(built.values())[-1] == 9
     assert sum(levels > 3 for levels in built.values()) <= 2  # the flats may have four
     assert all(levels >= 1 for levels in built.values())
@@ -203,8 +202,8 @@ def test_untagged_buildings_among_blocks_are_blocks_and_deep_ones_are_halls(tmp_
     made = Map()
     houses(made, 22.0, 60.0, count=6)
     made.way(square(0, 300, 60, 80), {"building": "yes"})
-    *blocks, hall = (item.levels for item in buildings(made.features(tmp_path), 0))
-    assert sum(4 <= levels <= 14 for levels in blocks) == len(blocks)
+    *blocks, hall = (item.levels for item in buildings(made.features(tmp_path), 0).buildings)
+    assert sum(3 <= levels <= 6 for levels in blocks) == len(blocks)
     assert hall <= 3
 
 
@@ -212,7 +211,7 @@ def test_a_tower_says_so_wherever_it_stands(tmp_path: Path) -> None:
     made = Map()
     houses(made, 11.0, 28.0)
     tower = made.way(square(0, 0, 25), {"building": "tower"})
-    levels = {item.id: item.levels for item in buildings(made.features(tmp_path), 0)}
+    levels = {item.id: item.levels for item in buildings(made.features(tmp_path), 0).buildings}
     assert levels[f"w{tower}"] >= 6
 
 

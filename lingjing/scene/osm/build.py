@@ -21,6 +21,7 @@ from lingjing.errors import UsageError
 from lingjing.installation import CORE, version_of
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
+from lingjing.scene.osm.buildings import HeightCounts
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.footbridges import footbridges
 from lingjing.scene.osm.frame import MapFrame, choose
@@ -30,16 +31,21 @@ from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Sum
 from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, whole, write_store
 
 TILE_M = 250.0
+MOST_LEVELS = 100
 PhaseListener = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What of the map is built (`box`, degrees; None: all), the seed of what it leaves open, the waters' elevation."""
+    """What of the map is built (`box`, degrees; None: all), the seed of what it leaves open, the waters' elevation.
+
+    `default_levels` are the storeys of buildings whose tags state no height (1 to `MOST_LEVELS`); None: by their place.
+    """
 
     box: DegreeBox | None = None
     seed: int = 0
     water_m: float = water.LEVEL_M
+    default_levels: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +67,10 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
     if not -100.0 <= options.water_m <= -0.3:
         raise UsageError(
             f"waters at {options.water_m:g} m: the ground is at 0", hint="give a level from -100 to -0.3 m"
+        )
+    if options.default_levels is not None and not 1 <= options.default_levels <= MOST_LEVELS:
+        raise UsageError(
+            f"buildings of {options.default_levels} storeys by default", hint=f"give a number from 1 to {MOST_LEVELS}"
         )
     read.check(path)
     if folder is not None:
@@ -84,7 +94,7 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
     say("reading the map")
     data = read.read(path)
     frame = choose(data, options.box)
-    pieces, light, skipped, notes = _assemble(path, data, frame, options, say)
+    pieces, light, heights, skipped, notes = _assemble(path, data, frame, options, say)
     notes[:0] = (*data.notes, *frame.notes)
     summary = Summary(
         key=key,
@@ -95,8 +105,14 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
         box_is=frame.because,
         origin=frame.origin,
         bounds_m=frame.bounds,
-        options={"bbox": _text(options.box), "seed": options.seed, "water_level_m": options.water_m},
+        options={
+            "bbox": _text(options.box),
+            "seed": options.seed,
+            "water_level_m": options.water_m,
+            "default_levels": options.default_levels,
+        },
         counts=counts(pieces, frame),
+        heights=heights,
         skipped=skipped,
         notes=tuple(notes),
         versions=versions,
@@ -113,11 +129,12 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
 
 def _assemble(
     path: Path, data: MapData, frame: MapFrame, options: Options, say: PhaseListener
-) -> tuple[Pieces, City, dict[str, int], list[str]]:
+) -> tuple[Pieces, City, HeightCounts, dict[str, int], list[str]]:
     say("finding shapes")
     features = collect(data, frame)
     say("raising buildings")
-    built = buildings.buildings(features, options.seed)
+    raised = buildings.buildings(features, options.seed, options.default_levels)
+    built = raised.buildings
     say("making the road network")
     network, roads, junctions, notes = _network(data, features)
     say("laying out ground and water")
@@ -148,7 +165,7 @@ def _assemble(
         network=network,
         tile_m=TILE_M,
     )
-    return pieces, light, dict(sorted((features.skipped + data.skipped).items())), notes
+    return pieces, light, raised.counts(), dict(sorted((features.skipped + data.skipped).items())), notes
 
 
 def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterable[Solid]:

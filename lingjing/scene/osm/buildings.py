@@ -1,16 +1,18 @@
-"""Buildings from footprints: extruded by height or storeys, parts in place of their outlines, roofs on top.
+"""Buildings from footprints: extruded by their heights, parts in place of their outlines, roofs on top.
 
-Follows OpenStreetMap's Simple 3D Buildings: `height` and `building:levels` include what is under `min_height` and
-`building:min_level`; `height` includes the roof and levels do not.
+A height is *tagged* (in metres or storeys, by the building or by the outline around a part), *inferred* from tagged
+neighbours, the *default* that the caller asks for, or *drawn* by use, footprint and place; `HeightCounts` counts them.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import atan2, degrees, hypot
-from typing import Any
+from random import Random
+from typing import Any, Literal
 
 import msgspec
 
@@ -19,21 +21,66 @@ from lingjing.scene.city import Building
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm import looks
 from lingjing.scene.osm.features import Feature, Features
-from lingjing.scene.osm.neighbours import NearbyBuildings
-from lingjing.scene.osm.stacking import settled
-from lingjing.scene.osm.tags import is_below, is_set, metres, number
+from lingjing.scene.osm.heights import HEIGHT_KEYS, LEVEL_KEYS, STANDING, heights, is_tagged
+from lingjing.scene.osm.neighbours import NearbyBuildings, Neighbour, Neighbourhood
+from lingjing.scene.osm.places import Places
+from lingjing.scene.osm.stacking import LEFT, settled
+from lingjing.scene.osm.storeys import (
+    SMALL_INFERRED_M2,
+    SMALL_M2,
+    STOREY_M,
+    Site,
+    carried,
+    draw,
+    is_single,
+    storey_m,
+    tallest_m,
+    usual_storeys,
+)
+from lingjing.scene.osm.tags import is_below, is_set
+from lingjing.scene.osm.uses import is_tower, rises, use_of
 
 COVERED = 0.2
 """Parts that cover this share of an outline stand in its place; fewer stand beside what they leave of it."""
 
 SMALLEST_M2 = 2.0
-TALLEST_M = 1000.0
 LAND_USES = {"residential": "residential", "commercial": "office", "retail": "commercial", "industrial": "industrial",
              "port": "warehouse", "railway": "industrial", "garages": "warehouse", "farmyard": "house",
              "education": "school", "institutional": "public", "civil": "public"}  # fmt: skip
-STANDING = {"storage_tank": 12.0, "silo": 18.0, "chimney": 40.0, "tower": 20.0, "water_tower": 30.0, "gasometer": 25.0,
-            "communications_tower": 100.0, "lighthouse": 20.0, "cooling_tower": 60.0}  # fmt: skip
-"""Things of `man_made` that are buildings, and their heights where untagged."""
+
+HeightSource = Literal["tagged", "inferred", "default", "drawn"]
+
+
+class HeightCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """How many buildings have a height of each source, and the largest that was not tagged, in metres (0 for none)."""
+
+    tagged: int
+    inferred: int
+    default: int
+    drawn: int
+    tallest_inferred_m: float
+    tallest_drawn_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class RaisedBuildings:
+    """The buildings of a map and the source of each one's height, by its id."""
+
+    buildings: tuple[Building, ...]
+    sources: Mapping[str, HeightSource]
+
+    def counts(self) -> HeightCounts:
+        """The number of buildings by the source of their heights."""
+        held = Counter(self.sources.values())
+        tops = {source: [one.top_m for one in self.buildings if self.sources[one.id] == source] for source in held}
+        return HeightCounts(
+            tagged=held["tagged"],
+            inferred=held["inferred"],
+            default=held["default"],
+            drawn=held["drawn"],
+            tallest_inferred_m=max(tops.get("inferred", ()), default=0.0),
+            tallest_drawn_m=max(tops.get("drawn", ()), default=0.0),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +92,22 @@ class _Body:
     shape: Any
 
 
-def buildings(features: Features, seed: int) -> tuple[Building, ...]:
-    """The buildings whose middle is in the frame; whole even where they stick out of it."""
+def buildings(features: Features, seed: int, default_levels: int | None = None) -> RaisedBuildings:
+    """The buildings whose middle is in the frame; whole even where they stick out of it.
+
+    `default_levels` are the storeys of those whose tags state neither height nor storeys; without it, they follow from
+    the neighbours and the place.
+    """
     around = _Around(features)
-    whole = [f for f in features.areas if is_building(f.tags)]
-    neighbours = NearbyBuildings((f.tags, looks.use_of(f.tags, around.use(f.shape)), f.shape) for f in whole)
-    found: list[Building] = []
+    raised: list[Building] = []
+    sources: dict[str, HeightSource] = {}
     for body in _bodies(features):
-        found += _raise(body, around, neighbours, seed)
+        source, pieces = _raise(body, around, seed, default_levels)
+        sources |= {piece.id: source for piece in pieces}
+        raised += pieces
     doors = _doors(features)
-    return tuple(_with_door(building, features, doors) for building in settled(found))
+    whole = tuple(_with_door(building, features, doors) for building in settled(raised))
+    return RaisedBuildings(whole, {building.id: sources[building.id.partition(LEFT)[0]] for building in whole})
 
 
 def is_building(tags: Mapping[str, str]) -> bool:
@@ -104,44 +157,60 @@ def _inherited(tags: dict[str, str], outline: dict[str, str]) -> dict[str, str]:
     nothing."""
     keys = ["building", "amenity", "office", "shop", "tourism", "name", "name:en", "building:colour",
             "building:material", "roof:colour"]  # fmt: skip
-    if not any(key in tags for key in ("height", "building:levels", "building:height")):
-        keys += ["height", "building:levels", "building:height"]
+    if not is_tagged(tags):
+        keys += [*HEIGHT_KEYS, *LEVEL_KEYS]
     return {key: outline[key] for key in keys if key in outline} | tags
 
 
 class _Around:
-    """The land use around a place, for buildings that do not say what they are for."""
+    """The surroundings of a building: the land it is on, its neighbours, its settlement."""
 
     def __init__(self, features: Features) -> None:
         import shapely
 
-        lands = [f for f in features.areas if f.tags.get("landuse") in LAND_USES]
-        self._uses = [LAND_USES[f.tags["landuse"]] for f in lands]
-        self._uses += ["school" for f in features.areas if f.tags.get("amenity") in ("school", "university", "college")]
-        lands += [f for f in features.areas if f.tags.get("amenity") in ("school", "university", "college")]
-        self._areas = [f.shape.area for f in lands]
-        self._tree = shapely.STRtree([f.shape for f in lands])
+        areas = (*features.areas, *features.outside)
+        lands = [(f, LAND_USES[f.tags["landuse"]]) for f in areas if f.tags.get("landuse") in LAND_USES]
+        lands += [(f, "school") for f in areas if f.tags.get("amenity") in ("school", "university", "college")]
+        self._uses = [use for _, use in lands]
+        self._areas = [f.shape.area for f, _ in lands]
+        self._tree = shapely.STRtree([f.shape for f, _ in lands])
+        self._neighbours = NearbyBuildings(self.neighbour(f.tags, f.shape) for f in areas if is_building(f.tags))
+        named = [f for f in areas if "place" in f.tags]
+        self._places = Places((*features.places, *named), metro=features.has_metro)
 
-    def use(self, shape: Any) -> str:
-        """The use of the smallest land around a shape, or an empty word."""
-        found = [int(k) for k in self._tree.query(shape.representative_point(), predicate="within")]
-        return self._uses[min(found, key=lambda k: (self._areas[k], k))] if found else ""
+    def neighbour(self, tags: Mapping[str, str], shape: Any) -> Neighbour:
+        """A building with its use and the smallest land around it."""
+        spot = shape.representative_point()
+        found = (int(k) for k in self._tree.query(spot, predicate="within"))
+        land = min(found, key=lambda k: (self._areas[k], k), default=-1)
+        return Neighbour(tags, use_of(tags, self._uses[land] if land >= 0 else ""), land, shape)
+
+    def of(self, building: Neighbour) -> tuple[Neighbourhood, Site]:
+        """The neighbours of a building, and its ground and settlement."""
+        shape = building.shape
+        near = self._neighbours.around(building)
+        people = self._places.people_at(shape.representative_point())
+        return near, Site(shape.area, 2.0 * shape.area / shape.length, near.footprint_m2, people)
 
 
 # -- heights
 
 
-def _raise(body: _Body, around: _Around, neighbours: NearbyBuildings, seed: int) -> Iterator[Building]:
-    """The prisms of a footprint: one for each of its polygons."""
+def _raise(
+    body: _Body, around: _Around, seed: int, default_levels: int | None
+) -> tuple[HeightSource, tuple[Building, ...]]:
+    """The source of a footprint's height, and its prisms: one for each of its polygons."""
     chance = looks.stream(seed, f"building/{body.ref}")
     tags = body.tags
-    use = looks.use_of(tags, around.use(body.shape))
+    building = around.neighbour(tags, body.shape)
+    use = building.use
+    near, site = around.of(building)
     roof = looks.roof_of(tags, use, chance)
-    near = neighbours.near(use, body.shape)
-    area, rim = body.shape.area, body.shape.length
-    storeys = looks.storeys_of(tags, use, area, chance, near, 2.0 * area / rim)
-    base, top, roof_m, levels = heights(tags, use, roof, storeys, _narrow(body.shape) if roof != "flat" else 0.0)
-    kind = looks.kind_of(use, top, near)
+    storeys, source = _storeys(building, near, site, chance, default_levels)
+    floor_m = storey_m(tags, use, site.area_m2)
+    base, top, roof_m, levels = heights(tags, floor_m, roof, storeys, _narrow(body.shape) if roof != "flat" else 0.0)
+    around_m = tallest_m(site.people) if near.storeys is None else near.storeys * STOREY_M["residential"]
+    kind = looks.kind_of(use, top, around_m)
     facade = looks.facade_of(tags, use, kind, top - base, chance)
     model = Building(
         id=body.ref,
@@ -158,62 +227,38 @@ def _raise(body: _Body, around: _Around, neighbours: NearbyBuildings, seed: int)
         name=tags.get("name:en", tags.get("name", "")),
         seed=chance.getrandbits(31),
     )
+    return source, tuple(_prisms(body, model))
+
+
+def _prisms(body: _Body, model: Building) -> Iterator[Building]:
+    """A building on each polygon of its footprint."""
     shape = body.shape.simplify(0.05)
-    for number_, polygon in enumerate(p for p in polygons(shape) if p.area >= SMALLEST_M2):
+    for number, polygon in enumerate(p for p in polygons(shape) if p.area >= SMALLEST_M2):
         for outline, *holes in filter(None, (rings(polygon),)):
-            name = f"{body.ref}-{number_}" if number_ else body.ref
+            name = f"{body.ref}-{number}" if number else body.ref
             yield msgspec.structs.replace(model, id=name, polygon=outline, holes=(*holes,))
 
 
-def heights(
-    tags: Mapping[str, str], use: str, roof: str, storeys: int, narrow_m: float
-) -> tuple[float, float, float, int]:
-    """Base, top, height of the roof (metres, within the top) and storeys of a building.
-
-    `storeys` count where neither a height nor levels are said; `narrow_m` is the shorter side of the footprint, which
-    an unsaid roof's pitch goes by.
-    """
-    storey = looks.KINDS[use].storey_m
-    said, levels = metres(tags, "height", "building:height"), number(tags, "building:levels")
-    standing = STANDING.get(tags.get("man_made", ""))
-    roof_m = _roof_height(tags, roof, narrow_m)
-    if said is not None and 0.0 < said <= TALLEST_M:
-        top = said
-    elif levels is not None and 0.0 <= levels <= 200.0 and levels * storey + roof_m > 0.0:
-        top = levels * storey + roof_m
-    elif standing is not None:
-        top = standing
-    else:
-        top = storeys * storey + roof_m
-    base = metres(tags, "min_height", "building:min_height")
-    if base is None:
-        lowest = number(tags, "building:min_level")
-        base = 0.0 if lowest is None else _floor_height(lowest, levels, top - roof_m, storey)
-    if tags.get("building") in ("roof", "carport") and base == 0.0 and "building:part" not in tags:
-        base = max(0.0, top - roof_m - 0.5)  # a canopy: nothing under it
-    base = base if 0.0 <= base < top else 0.0
-    roof_m = min(roof_m, top - base)
-    count = levels if levels is not None and 1.0 <= levels <= 200.0 else (top - base - roof_m) / storey
-    return round(base, 2), round(top, 2), round(roof_m, 2), max(1, round(count))
-
-
-def _floor_height(lowest: float, levels: float | None, walls_m: float, storey: float) -> float:
-    """Where a level begins; by the building's own storeys where it says how many it has."""
-    return lowest * (walls_m / levels if levels and levels >= lowest else storey)
-
-
-def _roof_height(tags: Mapping[str, str], roof: str, narrow_m: float) -> float:
-    if roof == "flat":
-        return 0.0
-    said = metres(tags, "roof:height", "building:roof:height")
-    if said is not None and said >= 0.0:
-        return said
-    levels = number(tags, "roof:levels")
-    if levels is not None and 0.0 < levels <= 20.0:
-        return 2.7 * levels
-    if roof == "dome":
-        return narrow_m / 2.0
-    return min(0.35 * narrow_m, 6.0)
+def _storeys(
+    building: Neighbour, near: Neighbourhood, site: Site, chance: Random, default_levels: int | None
+) -> tuple[int, HeightSource]:
+    """The storeys of a building and their source; those of a tagged one count for nothing."""
+    tags, use = building.tags, building.use
+    usual = usual_storeys(tags, use, site)
+    expected, is_inferred = near.expected(usual, rises=rises(tags, use))
+    drawn = draw(usual if is_tower(tags) else expected, chance)
+    if is_tagged(tags):
+        return drawn, "tagged"
+    if is_single(tags, use, site) or tags.get("man_made") in STANDING:
+        return 1, "drawn"
+    if default_levels is not None:
+        return default_levels, "default"
+    if is_tower(tags):
+        return drawn, "drawn"
+    floor_m = storey_m(tags, use, site.area_m2)
+    if is_inferred:
+        return carried(drawn, site, floor_m, SMALL_INFERRED_M2), "inferred"
+    return carried(drawn, site, floor_m, SMALL_M2), "drawn"
 
 
 def _narrow(shape: Any) -> float:

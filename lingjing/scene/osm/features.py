@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import chain, compress, groupby
 from typing import Any
 
 from lingjing.mission.frames import from_geodetic
@@ -26,6 +26,9 @@ LINE_KEYS = ("highway", "waterway", "barrier", "natural", "man_made", "railway")
 LINEAR = {"tree_row", "coastline", "cliff", "embankment", "pipeline"}
 """Values of `natural` and `man_made` that stay lines even where they close."""
 
+AROUND_M = 500.0
+"""Areas this far outside of the frame are kept apart: they show what a building at its edge stands among."""
+
 
 @dataclass(frozen=True, slots=True)
 class Feature:
@@ -38,13 +41,20 @@ class Feature:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The objects of a map in its frame, each kind in the order of ids (ways before relations)."""
+    """The objects of a map in its frame, each kind in the order of ids (ways before relations).
+
+    `outside` are the areas within `AROUND_M` of the frame that do not touch it; `places` the points with a `place`,
+    wherever the map has them; `has_metro` is true for a map with an underground railway anywhere.
+    """
 
     frame: MapFrame
     areas: tuple[Feature, ...]
     lines: tuple[Feature, ...]
     spots: tuple[Feature, ...]
     entrances: dict[tuple[float, float], str]
+    outside: tuple[Feature, ...] = ()
+    places: tuple[Feature, ...] = ()
+    has_metro: bool = False
     skipped: Counter[str] = field(default_factory=Counter)
 
     @property
@@ -69,16 +79,29 @@ def collect(data: MapData, frame: MapFrame) -> Features:
 
     shaper = _Shaper(data, frame)
     areas = [*shaper.closed(), *shaper.multipolygons()]
-    lines = list(shaper.open())
+    lines = [line for line in shaper.open() if shaper.is_inside(line.shape)]
     west, south, east, north = frame.bounds
-    spots, entrances = [], {}
+    spots, places, entrances = [], [], {}
     for spot in data.spots:
         x, y = shaper.point(spot.id)
+        if "place" in spot.tags:
+            places.append(Feature(f"n{spot.id}", spot.tags, shapely.Point(x, y)))
         if west <= x <= east and south <= y <= north:
             spots.append(Feature(f"n{spot.id}", spot.tags, shapely.Point(x, y)))
             if spot.tags.get("entrance", "no") != "no":
                 entrances[x, y] = spot.tags["entrance"]
-    return Features(frame, tuple(areas), tuple(lines), tuple(spots), entrances, shaper.skipped)
+    inside = [shaper.is_inside(area.shape) for area in areas]
+    return Features(
+        frame,
+        tuple(compress(areas, inside)),
+        tuple(lines),
+        tuple(spots),
+        entrances,
+        tuple(area for area, within in zip(areas, inside, strict=True) if not within),
+        tuple(places),
+        any(_is_metro(tags) for tags in chain((s.tags for s in data.spots), (w.tags for w in data.ways))),
+        shaper.skipped,
+    )
 
 
 def is_area(way: Way) -> bool:
@@ -98,6 +121,10 @@ def is_area(way: Way) -> bool:
 # -- private
 
 
+def _is_metro(tags: dict[str, str]) -> bool:
+    return "subway" in (tags.get("railway"), tags.get("station")) or tags.get("subway") == "yes"
+
+
 class _Shaper:
     """Turns ways and relations into shapes; knows each node's place once it has been asked for."""
 
@@ -108,6 +135,7 @@ class _Shaper:
         self._ways = {way.id: way for way in data.ways}
         self._points: dict[int, tuple[float, float]] = {}
         self._box = shapely.box(*frame.bounds)
+        self._surroundings = self._box.buffer(AROUND_M, join_style="mitre")
         self.skipped: Counter[str] = Counter()
         self._gapped: set[int] = set()
 
@@ -117,6 +145,10 @@ class _Shaper:
             x, y = from_geodetic(*self._data.nodes[ref], self._origin)
             self._points[ref] = (round(x, 3), round(y, 3))
         return self._points[ref]
+
+    def is_inside(self, shape: Any) -> bool:
+        """True for a shape that touches the frame."""
+        return bool(shape.intersects(self._box))
 
     def closed(self) -> Iterator[Feature]:
         for way in self._data.ways:
@@ -145,13 +177,13 @@ class _Shaper:
     def _kept(self, ref: str, tags: dict[str, str], shape: Any) -> Iterator[Feature]:
         if shape is None or shape.is_empty:
             self.skipped["ways without enough nodes"] += 1
-        elif shape.intersects(self._box):
+        elif shape.intersects(self._surroundings):
             yield Feature(ref, tags, shape)
 
     def _count_gaps(self, ways: Iterable[Way], kept: Iterable[Feature]) -> Iterator[Feature]:
-        """What is kept as it is; counts the nodes its ways name and the map lacks, each way's once."""
+        """What is kept as it is; counts the nodes in the frame that ways name and the map lacks, each way's once."""
         for feature in kept:
-            for way in ways:
+            for way in ways if self.is_inside(feature.shape) else ():
                 lost = sum(ref not in self._data.nodes for ref in way.nodes)
                 if lost and way.id not in self._gapped:
                     self._gapped.add(way.id)

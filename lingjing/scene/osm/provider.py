@@ -1,7 +1,8 @@
 """The `map` scene: a city that `lingjing scene build` wrote, or one built from a map file and kept in the cache.
 
 Options: `folder`, a city's folder; or `file` (also `map`), an OpenStreetMap file, with `bbox` (`"W,S,E,N"`, degrees)
-for a part of it. Paths are relative to the working folder. A mission's `datum` gives the elevation of the waters.
+for a part of it and `default_levels` for buildings whose tags state no height. Paths are relative to the working
+folder. A mission's `datum` gives the elevation of the waters.
 What the map leaves open is drawn as by `lingjing scene build` with its default seed, whatever the mission's.
 """
 
@@ -28,8 +29,11 @@ def city_of(spec: SceneSpec) -> City:
     name = next(name for name in ("folder", "file", "map") if name in spec.options)
     path = str(spec.options[name])
     stored = name == "folder" or Path(path).is_dir()
-    if stored and "bbox" in spec.options:
-        raise UsageError("scene `map`: a folder is a finished city, `bbox` cannot cut it", hint="name the map's `file`")
+    for option in ("bbox", "default_levels"):
+        if stored and option in spec.options:
+            raise UsageError(
+                f"scene `map`: a folder is a finished city, `{option}` cannot change it", hint="name the map's `file`"
+            )
     city = _stored(Path(path)) if stored else _built(spec, Path(path))
     _check_origin(spec, city)
     return _at_level(city, spec.datum_m)
@@ -55,9 +59,18 @@ def _stored(folder: Path) -> City:
 def _built(spec: SceneSpec, path: Path) -> City:
     box = parse_box(str(spec.options["bbox"])) if "bbox" in spec.options else None
     try:
-        return build(path.absolute(), Options(box=box)).city
+        return build(path.absolute(), Options(box=box, default_levels=_default_levels(spec))).city
     except UsageError as error:
         raise UsageError(f"scene `map`: {error}", hint=error.hint) from None
+
+
+def _default_levels(spec: SceneSpec) -> int | None:
+    levels = spec.options.get("default_levels")
+    if levels is None:
+        return None
+    if not isinstance(levels, int | float) or levels != int(levels):
+        raise UsageError(f"`default_levels` is {levels}, not a whole number", hint="write: default_levels = 3")
+    return int(levels)
 
 
 def _check_origin(spec: SceneSpec, city: City) -> None:

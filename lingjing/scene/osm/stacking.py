@@ -27,6 +27,9 @@ INSIDE = 0.98
 SLIVER_M = 0.1
 """What is left of a piece and nowhere wider than twice this is dropped."""
 
+LEFT = "-left"
+"""The id of a further part of what is left of a piece is that of the piece, this, and a number."""
+
 PARAPET_M = 1.0
 """How far over its top a flat roof's parapet may reach, and then some."""
 
@@ -131,5 +134,5 @@ def _reshaped(piece: Building, shape: Any) -> Iterator[Building]:
     left = list(polygons(shapely.set_precision(wide, 0.001)))
     for number, part in enumerate(left):
         for outline, *holes in filter(None, (rings(part),)):
-            name = f"{piece.id}-left{number}" if number else piece.id
+            name = f"{piece.id}{LEFT}{number}" if number else piece.id
             yield msgspec.structs.replace(piece, id=name, polygon=outline, holes=(*holes,))

@@ -8,6 +8,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.scene.city import Pieces
+from lingjing.scene.osm.buildings import HeightCounts
 from lingjing.scene.osm.frame import MapFrame
 
 SUMMARY_FILE = "scene.json"
@@ -26,7 +27,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     """`key` identifies source, options and versions together: equal keys mean equal cities.
 
     `box` is west, south, east, north in degrees, `origin` latitude and longitude, `bounds_m` west, south, east, north
-    about it. `skipped` counts what the map holds and the city does not, by reason; `notes` are for the reader.
+    about it. `heights` counts the buildings by the source of their heights, None in a folder that was built before it
+    was counted. `skipped` counts what the map holds and the city does not, by reason; `notes` are for the reader.
     """
 
     format: Literal["lingjing-scene/1"] = "lingjing-scene/1"
@@ -40,6 +42,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     bounds_m: tuple[float, float, float, float]
     options: dict[str, float | str | None]
     counts: dict[str, int]
+    heights: HeightCounts | None = None
     skipped: dict[str, int]
     notes: tuple[str, ...]
     versions: dict[str, str]
@@ -70,6 +73,16 @@ def reason_text(count: int, reason: str) -> str:
     for many, one in _ONE.items():
         told = told.replace(many, one)
     return f"1 {told}"
+
+
+def heights_text(heights: HeightCounts) -> str:
+    """The number of buildings by the source of their heights, in words."""
+    inferred = f"{heights.inferred} inferred from neighbours"
+    if heights.inferred:
+        inferred += f" (largest {heights.tallest_inferred_m:g} m)"
+    drawn = f"{heights.drawn} drawn" + (f" (largest {heights.tallest_drawn_m:g} m)" if heights.drawn else "")
+    asked = f", {heights.default} by --default-levels" if heights.default else ""
+    return f"{heights.tagged} tagged, {inferred}, {drawn}{asked}"
 
 
 def counts(pieces: Pieces, frame: MapFrame) -> dict[str, int]:

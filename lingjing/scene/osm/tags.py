@@ -1,8 +1,13 @@
-"""What tags say in numbers and colours: lengths with units, storeys, layers, colours. Nonsense reads as not said."""
+"""Numbers and colours of tags: lengths with units, storeys, people, layers, colours. Nonsense counts as no value.
+
+People write one length in many ways (`30`, `+30`, `30 m`, `30米`, `3-5`, `100 ft`, `6'2"`); OpenStreetMap's own rules
+(<https://wiki.openstreetmap.org/wiki/Map_features/Units>) are the first of the ways that are read, not the only one.
+"""
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping
 from math import isfinite
 
@@ -15,24 +20,77 @@ VEHICLES = {
 } | {"living_street"}
 """Values of `highway` that make a road network worth a try."""
 
-_LENGTH = re.compile(r"^\s*~?\s*(?P<value>-?\d+(?:[.,]\d+)?)\s*(?P<unit>m|metres?|meters?|ft|feet|'|km)?\s*$")
-_FEET = re.compile(r"^\s*(?P<feet>\d+)\s*'\s*(?P<inches>\d+(?:\.\d+)?)\s*(?:\"|'')\s*$")
-_METRES = {"": 1.0, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "'": 0.3048, "km": 1000.0}
+_NUMBER = r"-?(?:\d+(?:[.,]\d+)?|[.,]\d+)"
+_UNITS = {
+    0.01: ("cm",),
+    0.3048: ("ft", "feet", "foot", "'"),
+    1.0: ("", "m", "mt", "mts", "mtr", "mtrs", "metre", "metres", "meter", "meters", "metro", "metros", "м", "米",
+          "公尺"),
+    1000.0: ("km",),
+}  # fmt: skip
+_METRES = {unit: factor for factor, units in _UNITS.items() for unit in units}
+_UNIT = "|".join(sorted(filter(None, _METRES), key=len, reverse=True))
+_LENGTH = re.compile(
+    rf"(?P<low>{_NUMBER})\s*(?P<first>{_UNIT})?\.?(?:\s*(?:-|~|to)\s*(?P<high>{_NUMBER}))?\s*(?P<unit>{_UNIT})?\.?\+?"
+)
+_FEET = re.compile(
+    r"(?:(?P<feet>\d+(?:\.\d+)?)\s*(?:'(?!')|ft\.?|feet|foot)\s*-?\s*)?(?P<inches>\d+(?:\.\d+)?)\s*(?:\"|''|inches|inch|in\.?|$)"
+)
+_THOUSANDS = re.compile(r"(\d),(\d{3})(?=\s*(?:ft|feet|foot|'))")
+_QUALIFIER = re.compile(r"^(?:~|≈|±|<|>|=|\+|(?:ca|approx|circa|about|est|约|約)\.?)\s*")
+"""Words and signs before a number that is an estimate; the number counts."""
+
+_STOREY_WORD = r"(?:f|fl|floors?|levels?|lvls?|stor(?:e?y|ies|eys)|etagen?|geschosse?|层|層|楼|樓|階)?"
+_STOREYS = re.compile(
+    rf"(?P<low>{_NUMBER})[\s-]*{_STOREY_WORD}(?:\s*(?:-|~|to)\s*(?P<high>{_NUMBER}))?\s*{_STOREY_WORD}\+?"
+)
+_OVER_GROUND = re.compile(r"(?:b\d*\s*\+\s*)?(?:g|gf|r|rdc|p|ground)\s*\+\s*(?P<upper>\d+)(?:\s*\+.*)?")
+"""The ground floor and so many above it, as in `G+4` (South Asia, the Gulf), `R+4` (French), `P+4` (Balkans)."""
+
+_WITH_ROOF = re.compile(r"(?P<walls>\d+)\s*\+\s*(?:\d+|[a-z]+)")
+"""Full storeys and those in the roof, as in `4+1` or `3+D`."""
+
+_PEOPLE = re.compile(
+    r"(?P<whole>\d{1,3}(?:[ .,']\d{3})+|\d+)(?P<part>[.,]\d{1,2})?\s*(?P<scale>万|萬|million|mio)?(?!\d)"
+)
+_SCALES = {None: 1.0, "万": 1e4, "萬": 1e4, "million": 1e6, "mio": 1e6}
+_SIGNS = str.maketrans({"′": "'", "’": "'", "‘": "'", "´": "'", "`": "'", "″": '"', "”": '"', "“": '"', "–": "-",
+                        "—": "-", "−": "-", "〜": "~", "½": ".5", "至": "-", "到": "-"})  # fmt: skip
+_LONGEST = 80
+"""Characters of a value; a longer one is a text, no number."""
+
 _HEX = re.compile(r"^#?(?P<digits>[0-9a-fA-F]{6}|[0-9a-fA-F]{3})$")
 
 
 def metres(tags: Mapping[str, str], *keys: str) -> float | None:
-    """The first of some keys that gives a length, in metres: `12`, `12 m`, `40 ft`, `6'2"`."""
+    """The length in metres of the first of some keys that gives one; the first of a list, the middle of a range."""
     for key in keys:
-        text = tags.get(key, "").split(";")[0].lower()
-        inches = _FEET.match(text)
-        if inches:
-            return 0.3048 * int(inches["feet"]) + 0.0254 * float(inches["inches"])
-        match = _LENGTH.match(text)
-        if match:
-            unit = match["unit"] or ""
-            return _finite(float(match["value"].replace(",", ".")) * _METRES.get(unit, 1.0))
+        length = _length(_plain(tags.get(key, "").split(";")[0]))
+        if length is not None:
+            return length
     return None
+
+
+def storeys(tags: Mapping[str, str], *keys: str) -> float | None:
+    """The storeys of the first of some keys that counts them: 0 to 200; the middle of a range.
+
+    Lists that name each floor from the ground on (`0;1;2`, `0-4`) count as many as they name; others give their first.
+    """
+    for key in keys:
+        count = _storeys(tags.get(key, ""))
+        if count is not None and 0.0 <= count <= 200.0:
+            return count
+    return None
+
+
+def people(tags: Mapping[str, str]) -> float | None:
+    """The inhabitants that `population` gives: `12500`, `12 500`, `~12,500`, `12.5万`."""
+    match = _PEOPLE.match(_plain(tags.get("population", "").split(";")[0]))
+    if match is None or (match["part"] and not match["scale"]):
+        return None
+    whole = re.sub(r"\D", "", match["whole"]) + (match["part"] or "").replace(",", ".")
+    count = _finite(float(whole) * _SCALES[match["scale"]])
+    return count if count is not None and 1.0 <= count <= 1e8 else None
 
 
 def number(tags: Mapping[str, str], key: str) -> float | None:
@@ -86,6 +144,50 @@ def linear(red: int, green: int, blue: int) -> LinearRgb:
 
 
 # -- private
+
+
+def _plain(text: str) -> str:
+    """A value without what does not change it: widths of characters, typographic signs, case, words before numbers."""
+    if len(text) > _LONGEST:
+        return ""
+    plain = unicodedata.normalize("NFKC", text.translate(_SIGNS)).strip().lower()
+    return _QUALIFIER.sub("", plain)
+
+
+def _length(text: str) -> float | None:
+    text = _THOUSANDS.sub(r"\1\2", text)
+    inches = _FEET.fullmatch(text)
+    if inches and (inches["feet"] or text[-1] not in "0123456789"):
+        return _finite(0.3048 * float(inches["feet"] or 0.0) + 0.0254 * float(inches["inches"]))
+    match = _LENGTH.fullmatch(text)
+    if match is None:
+        return None
+    low, high = _value(match["low"]), _value(match["high"] or match["low"])
+    return _finite((low + high) / 2.0 * _METRES[match["unit"] or match["first"] or ""])
+
+
+def _storeys(text: str) -> float | None:
+    plain = _plain(text)
+    above = _OVER_GROUND.fullmatch(plain)
+    if above:
+        return 1.0 + float(above["upper"])
+    with_roof = _WITH_ROOF.fullmatch(plain)
+    if with_roof:
+        return float(with_roof["walls"])
+    parts = [_STOREYS.fullmatch(_plain(part)) for part in plain.split(";")]
+    counts = [(_value(part["low"]), _value(part["high"] or part["low"])) for part in parts if part]
+    if not counts:
+        return None
+    (low, high), last = counts[0], counts[-1][1]
+    if low <= 0.0 < last:  # floors by their numbers, the ground floor is 0
+        return last + 1.0
+    if [count for count, _ in counts] == [1.0 + k for k in range(len(counts))] and len(counts) > 2:
+        return last
+    return (low + high) / 2.0
+
+
+def _value(text: str) -> float:
+    return float(text.replace(",", "."))
 
 
 def _finite(value: float) -> float | None:
