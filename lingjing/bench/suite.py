@@ -24,6 +24,9 @@ from lingjing.validation import shown, worded
 FORMAT = 1
 """The version of the form; a file of another one is refused."""
 
+MOST_BYTES = 4 * 2**20
+"""Of a suite file."""
+
 MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 
@@ -190,13 +193,19 @@ def find_suite(word: str) -> Path:
 def read_document(path: Path) -> dict[str, Any]:
     """A suite file's values. Raises `UsageError` for a file that cannot be read or is no TOML."""
     try:
-        return tomllib.loads(path.read_bytes().decode())
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise UsageError(f"`{path}` is no suite: it is longer than {MOST_BYTES // 2**20} MB")
+        return tomllib.loads(data.decode())
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise UsageError(f"`{path}` is no text in UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # beside `TOMLDecodeError`, a number of more than 4,300 digits
         raise UsageError(f"`{path}` is not TOML: {error}") from error
+    except RecursionError as error:  # the parser calls itself for each bracket
+        raise UsageError(f"`{path}` is no suite: its values are nested too deeply") from error
 
 
 def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from lingjing.cli.process import deaf, endable, leave, open_streams, say, say_error, silence_stdout
 from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.file_names import check_name
 from lingjing.signals import unheard
 
 BROKEN_PIPE = 141
@@ -84,6 +85,7 @@ def _guarded(arguments: list[str]) -> int:
     try:
         with endable():
             try:
+                _check_names(arguments)
                 code = _dispatch(arguments)
             finally:
                 sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
@@ -101,6 +103,18 @@ def _guarded(arguments: list[str]) -> int:
     except Exception as error:  # noqa: BLE001 - whatever comes here is a fault of ours
         return _interrupted() if _was_interrupt(error) else _bug(error, arguments)
     return code
+
+
+def _check_names(arguments: Sequence[str]) -> None:
+    """Raise `UsageError` for an argument or a working folder whose name is not text, or a folder that was removed."""
+    for argument in arguments:
+        check_name(argument, "argument")
+    try:
+        folder = os.getcwd()  # noqa: PTH109 - pathlib costs a tenth of the cold start
+    except OSError as error:
+        hint = "it was removed: change to another folder"
+        raise UsageError(f"the working folder cannot be used: {error.strerror}", hint=hint) from error
+    check_name(folder, "working folder")
 
 
 def _interrupted() -> int:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lingjing.collector import collector_at_rest
 from lingjing.errors import UsageError
+from lingjing.mission.clock import clock_fault
 from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
@@ -211,6 +212,8 @@ class FoundRecords:
                 hint="read it with the version that wrote it",
             )
         header = self._decoded(stored, Header)
+        if fault := _header_fault(header):
+            raise UsageError(f"{self.path} describes no episode: {fault}", hint="it was made by another program")
         return msgspec.structs.replace(header, digest_version=named.digest_version)
 
     def _decoded(self, stored: Stored, kind: type[RecordT]) -> RecordT:
@@ -224,6 +227,19 @@ class FoundRecords:
                 f"{self.path} holds a {stored.topic} record that this version cannot read: {error}",
                 hint="it was written by another version",
             ) from error
+
+
+def _header_fault(header: Header) -> str:
+    """What no episode can have, or "": readers divide by the tick and by the size of a picture."""
+    clock = header.instance.clock
+    if fault := clock_fault(clock.tick_s, clock.sync_s):
+        return fault
+    for entity in header.instance.entities:
+        for camera in entity.cameras:
+            if not (camera.width > 0 and camera.height > 0 and 0.0 < camera.hfov_deg < 180.0):
+                size = f"{camera.width} x {camera.height} pixels, {camera.hfov_deg:g} degrees wide"
+                return f"the camera `{camera.name}` of `{entity.id}` is {size}"
+    return ""
 
 
 def _read(path: Path, place: ChannelLocation) -> bytes:

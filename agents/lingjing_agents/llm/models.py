@@ -215,7 +215,7 @@ def _toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(data.decode())
     except OSError as error:
         raise UsageError(f"cannot read the models in `{path}`: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # beside `TOMLDecodeError`: no UTF-8, or a number of 4,301 digits
         raise UsageError(f"{path} is not TOML: {error}") from error
 
 

@@ -7,6 +7,7 @@ from bisect import bisect_right
 from typing import TYPE_CHECKING
 
 from lingjing.errors import UsageError
+from lingjing.file_names import check_name
 from lingjing.mission.diagnostics import Span
 
 if TYPE_CHECKING:
@@ -126,7 +127,9 @@ def _bounded(file: BinaryIO, path: str) -> bytes:
 
 
 def read_source(path: str) -> SourceText:
-    """Read a file. `UsageError` names it and says why it cannot be read: missing, a folder, not text, far too large."""
+    """Read a file. `UsageError` names it and says why it cannot be read: missing, a folder, not text, far too large, or
+    that its own name is not text."""
+    check_name(path, "file")
     try:
         with open(path, "rb") as file:  # noqa: PTH123 - pathlib costs a tenth of the cold start
             size = os.fstat(file.fileno()).st_size

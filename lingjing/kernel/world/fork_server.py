@@ -358,10 +358,10 @@ def _become_module(request: RunModule, streams: list[int], asking: int, parent: 
         _begin(parent, signal.SIGTERM, streams)
         os.chdir(request.folder)
         os.environ.clear()
-        os.environ.update(request.environment)
+        os.environb.update(request.environment)
         os.environ.update({name: value for name, value in pins().items() if value})
         sys.argv = [request.module, *request.arguments, "--fork-server", str(asking)]
-        sys.path.insert(0, request.folder)  # as `python -m` has it
+        sys.path.insert(0, os.fsdecode(request.folder))  # as `python -m` has it
         if "numpy.random" in sys.modules:
             sys.modules["numpy.random"].seed()  # a fork would go on with the stream of its original
         code = _run(request.module)

@@ -44,12 +44,13 @@ class WorkerSettings(msgspec.Struct, frozen=True):
 
 
 class RunModule(msgspec.Struct, frozen=True, tag=True):
-    """Run a module with arguments. With it come standard input, output and error, and the socket to tell through."""
+    """Run a module with arguments. With it come standard input, output and error, and the socket to tell through.
+    The folder and the variables are bytes as the system has them: neither need be UTF-8."""
 
     module: str
     arguments: tuple[str, ...]
-    folder: str
-    environment: dict[str, str]
+    folder: bytes
+    environment: dict[bytes, bytes]
 
 
 class StartWorker(msgspec.Struct, frozen=True, tag=True):
@@ -170,7 +171,7 @@ class ForkServer:
     def run_module(self, module: str, arguments: Sequence[str], streams: tuple[int, int, int]) -> ForkedProcess:
         """Run `python -m module arguments` with these descriptors as its standard streams, in the working folder and
         the environment of this process. It gets SIGTERM when the server ends."""
-        request = RunModule(module, tuple(arguments), str(Path.cwd()), dict(os.environ))
+        request = RunModule(module, tuple(arguments), os.fsencode(Path.cwd()), dict(os.environb))
         return _asked(self._socket, request, streams)
 
     def call(self, function: str, argument: str) -> None:

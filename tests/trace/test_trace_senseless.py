@@ -1,0 +1,72 @@
+"""A trace that is well formed and describes what no episode can be is refused, and names why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.cli.main import main
+from lingjing.errors import UsageError
+from lingjing.mission.instance import Clock
+from lingjing.trace.reader import read_trace
+from lingjing.trace.records import Header
+from lingjing.trace.writer import TraceWriter
+from tests.trace import synthetic
+
+
+def with_clock(tick_s: float, sync_s: float) -> Header:
+    header = synthetic.header()
+    clock = Clock(tick_s=tick_s, sync_s=sync_s)
+    return msgspec.structs.replace(header, instance=msgspec.structs.replace(header.instance, clock=clock))
+
+
+def with_camera(**changes: float) -> Header:
+    header = synthetic.header()
+    entities = tuple(
+        msgspec.structs.replace(
+            entity, cameras=tuple(msgspec.structs.replace(camera, **changes) for camera in entity.cameras)
+        )
+        for entity in header.instance.entities
+    )
+    return msgspec.structs.replace(header, instance=msgspec.structs.replace(header.instance, entities=entities))
+
+
+def written(folder: Path, header: Header) -> Path:
+    """A sealed trace of six ticks below this header."""
+    with TraceWriter(folder / "trace.mcap", header) as writer:
+        steps = list(synthetic.episode(6, 64, 36))
+        for record, pictures in steps:
+            writer.boundary(record, pictures)
+        return writer.finish(synthetic.outcome_of([record for record, _ in steps]))
+
+
+@pytest.mark.parametrize(
+    ("header", "fault"),
+    [
+        (with_clock(0.0, 0.5), "tick = 0 s and sync = 0.5 s must be above 0"),
+        (with_clock(-10.0, 0.5), "tick = -10 s and sync = 0.5 s must be above 0"),
+        (with_clock(10.0, 0.0), "tick = 10 s and sync = 0 s must be above 0"),
+        (with_clock(10.0, 1e-300), "tick = 10 s has 1e+301 steps of sync = 1e-300 s, at most 100,000 are possible"),
+        (with_camera(width=0), "the camera `nadir` of `uav[1]` is 0 x 360 pixels, 84 degrees wide"),
+        (with_camera(hfov_deg=180.0), "the camera `nadir` of `uav[1]` is 640 x 360 pixels, 180 degrees wide"),
+    ],
+)
+def test_a_header_of_no_episode_is_refused(tmp_path: Path, header: Header, fault: str) -> None:
+    path = written(tmp_path, header)
+    with pytest.raises(UsageError) as error:
+        read_trace(path)
+    assert str(error.value) == f"{path} describes no episode: {fault}"
+
+
+@pytest.mark.parametrize("verb", ["metrics", "why", "view", "film", "replay", "report", "blame", "value"])
+def test_no_verb_ends_in_a_bug_for_a_zero_tick(
+    tmp_path: Path, verb: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path, with_clock(0.0, 0.5))
+    output = {"view": ["-o", "out.html"], "film": ["-o", "out.mp4"], "report": ["-o", "out.html"]}.get(verb, [])
+    assert main([verb, str(path), *output]) in {1, 2, 3}
+    assert "describes no episode: tick = 0 s" in "".join(capfd.readouterr())
+    assert [item.name for item in tmp_path.iterdir()] == ["trace.mcap"]
