@@ -24,6 +24,7 @@ class TraceFollower:
     def __init__(self, path: Path) -> None:
         self._final = path
         self._at = 0
+        self._returned = 0
         self._channels = DeclaredChannels(TOPICS_READ)
         self._found: FoundRecords | None = None
         self.trace: Trace | None = None
@@ -41,7 +42,7 @@ class TraceFollower:
             return ()
         found = self._found = self._found or FoundRecords(path)
         found.lies_at(path)
-        known, before = len(found.boundaries), self._at
+        before = self._at
         try:
             for stored, after in scan_from(path, self._at, self._channels, passed_over=CAMERAS):
                 found.take(stored)
@@ -52,4 +53,6 @@ class TraceFollower:
             return ()  # it is just being renamed or begun
         if found.header is not None and (self.trace is None or self._at != before or self.trace.path != path):
             self.trace = found.trace()
-        return tuple(found.boundaries[known:])
+        fresh = tuple(found.boundaries[self._returned :])  # those that a renaming kept back the last time, too
+        self._returned = len(found.boundaries)
+        return fresh

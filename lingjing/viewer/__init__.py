@@ -14,7 +14,7 @@
 - `rerun_recording` a trace as a Rerun recording with its blueprint
 - `foxglove_layout` a layout for Foxglove; `file_server` the trace for Foxglove over HTTP; `foxglove_server` an episode
   that is still played, over Foxglove's protocol
-- `server`    the page over HTTP for this machine alone
+- `admission` which requests and connections a local server admits; `server` the page over HTTP for this machine alone
 - `served`    what a server shows of a finished trace
 - `live`      what it shows of one that is still written
 

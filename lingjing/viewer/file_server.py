@@ -12,10 +12,14 @@ from http import HTTPStatus
 from pathlib import Path
 from urllib.parse import quote
 
-from lingjing.viewer.server import LocalRequest, LocalServer, asked_for
+from lingjing.viewer.admission import asked_for
+from lingjing.viewer.server import LocalRequest, LocalServer
 
 ORIGIN = "https://app.foxglove.dev"
-"""Whose page may read the answers; the desktop app has no origin that is checked."""
+"""The site of Foxglove's page, which may read the answers."""
+
+DESKTOP = "file://"
+"""The origin that an application of Electron sends from a page of its own; no page of a site can send it."""
 
 PIECE = 2**18
 _RANGE = re.compile(r"bytes=(\d{1,18})-(\d{0,18})")
@@ -40,10 +44,12 @@ class TraceFileServer(LocalServer):
 
 class _FileRequest(LocalRequest):
     path_served: Path
+    origins = (ORIGIN, DESKTOP)
 
     def do_OPTIONS(self) -> None:  # noqa: N802 - the library's name
-        """What a browser asks before a page of another place may ask."""
-        self._answer(HTTPStatus.NO_CONTENT, 0)
+        """Answer the request that a browser sends before a page of another site may ask."""
+        refused = self.refused()
+        self._answer(HTTPStatus.NO_CONTENT if refused is None else refused.status, 0)
 
     def do_HEAD(self) -> None:  # noqa: N802 - the library's name
         """How long the file is."""
@@ -75,7 +81,7 @@ class _FileRequest(LocalRequest):
     def _is_allowed(self) -> bool:
         why = self.refused()
         if why is not None:
-            self._answer(why, 0)
+            self._answer(why.status, 0)
         elif asked_for(self.path)[0] != "/trace.mcap":
             self._answer(HTTPStatus.NOT_FOUND, 0)
         elif not self.path_served.is_file():

@@ -37,9 +37,10 @@ from lingjing.trace.records import BoundaryRecord, FrameInfo
 from lingjing.trace.shown import ShownEpisode, Timed
 from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
 from lingjing.trace.writer import PART, nanoseconds
-from lingjing.viewer.file_server import ORIGIN
+from lingjing.viewer.admission import ADMISSION_S, HOST, ConnectionGate, RequestHead, gated, refusal
+from lingjing.viewer.file_server import DESKTOP, ORIGIN
 from lingjing.viewer.live import POLL_S
-from lingjing.viewer.server import HOST, refused, taking
+from lingjing.viewer.server import taking
 from lingjing.viewer.told import ToldEpisode
 
 PROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
@@ -57,10 +58,6 @@ CHANNELS = ("", "depth", "semantic")
 SPARE = ("depth", "semantic")
 """Of a picture, and those of it that are large and not read from the file unless somebody wants them."""
 _MESSAGE = struct.Struct("<BIQ")
-_REFUSED = {
-    HTTPStatus.MISDIRECTED_REQUEST: "this server answers for this machine only\n",
-    HTTPStatus.FORBIDDEN: "the address lacks its token\n",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +143,7 @@ class FoxgloveServer:
         self._now = 0
         self._closed = threading.Event()
         self._read()
+        self._gate = ConnectionGate()
         self._server = self._listen(port)
         self._threads = [
             threading.Thread(target=self._server.serve_forever, name="lingjing-foxglove", daemon=True),
@@ -187,11 +185,11 @@ class FoxgloveServer:
         except ImportError as error:
             message = "Foxglove's live view needs websockets, which is not installed"
             raise UsageError(message, hint=install_line("foxglove")) from error
-        with taking(port):
+        with taking(port), gated(port, self._gate) as listening:
             return serve(
                 self._talk,
-                HOST,
-                port,
+                sock=listening,
+                open_timeout=ADMISSION_S,
                 subprotocols=list(PROTOCOLS),
                 process_request=self._checked,
                 compression=None,
@@ -200,11 +198,14 @@ class FoxgloveServer:
             )
 
     def _checked(self, connection: Any, request: Any) -> Any:
-        """An answer that refuses, or None: the token, this machine's own name, and room for one more."""
+        """An answer that refuses, or None for a request with the token, this machine's own name, an origin that may
+        ask, and room for one more."""
         port = self._server.socket.getsockname()[1]
-        why = refused(request.path, request.headers.get_all("Host"), port, self.token)
-        if why is not None:
-            return connection.respond(why, _REFUSED[why])
+        head = RequestHead(request.path, request.headers.get_all("Host"), request.headers.get_all("Origin"))
+        refused = refusal(head, port, self.token, (ORIGIN, DESKTOP))
+        if refused is not None:
+            return connection.respond(refused.status, f"{refused.message}\n")
+        self._gate.admit(connection.socket)
         if len(self._clients) >= MOST_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections\n")
         return None

@@ -1,30 +1,29 @@
 """The page over HTTP, for this machine alone.
 
-The server listens on the loopback address. Every request must carry the token of its URL and name this machine in its
-`Host` header, so that neither another user nor a foreign page in the same browser, whatever its name resolves to, gets
-an answer. Each connection has a thread of its own; a slow reader keeps nobody waiting.
+The server listens on the loopback address. `admission` decides which requests are answered, so that neither another
+user nor a foreign page in the same browser, whatever its name resolves to, gets an answer. Each connection has a thread
+of its own, so a slow reader delays no other.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hmac
 import secrets
+import socket
 import threading
 import zlib
 from collections.abc import Callable, Iterator
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Protocol
-from urllib.parse import parse_qs, urlsplit
 
 from lingjing.errors import LingjingError, UsageError
 from lingjing.signals import unheard
+from lingjing.viewer.admission import HOST, ConnectionGate, Refusal, RequestHead, asked_for, refusal
 from lingjing.viewer.page import element, page, policy
 
-HOST = "127.0.0.1"
 MOST_CONNECTIONS = 32
-"""At a time; a browser keeps about six."""
+"""Connections with the token at a time; a browser keeps about six."""
 
 PATIENCE_S = 60.0
 """How long a reader may take nothing before its connection is closed."""
@@ -95,26 +94,9 @@ def taking(port: int) -> Iterator[None]:
         raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
 
 
-def refused(target: str, hosts: list[str], port: int, token: str) -> HTTPStatus | None:
-    """Why a request gets no answer: it does not name this machine and the port, or its target lacks the token."""
-    if [host.lower() for host in hosts] not in ([f"{HOST}:{port}"], [f"localhost:{port}"]):
-        return HTTPStatus.MISDIRECTED_REQUEST
-    given = asked_for(target)[1].get("token", "")
-    return None if hmac.compare_digest(given.encode(), token.encode()) else HTTPStatus.FORBIDDEN
-
-
-def asked_for(target: str) -> tuple[str, dict[str, str]]:
-    """The path and the query of a request's target, of a name that is there twice the last value; nothing of a target
-    that cannot be read."""
-    try:
-        url = urlsplit(target)
-        return url.path, {name: values[-1] for name, values in parse_qs(url.query, max_num_fields=16).items()}
-    except ValueError:
-        return "", {}
-
-
 class _HttpServer(ThreadingHTTPServer):
-    """A thread for each of at most `MOST_CONNECTIONS` connections; readers that go away are no news."""
+    """A thread for each connection, of which at most `MOST_CONNECTIONS` are admitted; a reader that goes away is no
+    error."""
 
     daemon_threads = True
     block_on_close = False
@@ -122,31 +104,48 @@ class _HttpServer(ThreadingHTTPServer):
     request_queue_size = 64
 
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
+        self._gate = ConnectionGate()
         self._slots = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        self._admitted: set[socket.socket] = set()
         super().__init__(address, handler)
 
+    def service_actions(self) -> None:
+        """Between two connections, ten times a second at least: drop those that sent no request in time."""
+        self._gate.drop_late()
+
     def process_request(self, request: object, client_address: object) -> None:
-        """One thread a connection; beyond the most there may be, it is closed at once."""
-        if self._slots.acquire(blocking=False):
-            super().process_request(request, client_address)  # type: ignore[arg-type]
-        else:
-            self.shutdown_request(request)  # type: ignore[arg-type]
+        """A thread for a new connection, which waits at the gate until it is admitted."""
+        self._gate.arrive(request, client_address[0])  # type: ignore[arg-type, index]
+        super().process_request(request, client_address)  # type: ignore[arg-type]
 
     def process_request_thread(self, request: object, client_address: object) -> None:
         """The thread of a connection."""
         try:
             super().process_request_thread(request, client_address)  # type: ignore[arg-type]
         finally:
-            self._slots.release()
+            if request in self._admitted:
+                self._admitted.discard(request)
+                self._slots.release()
+
+    def admit(self, connection: socket.socket) -> bool:
+        """True for a connection that has sent a request which is answered; False if there are too many of them."""
+        if connection in self._admitted:
+            return True
+        self._gate.admit(connection)
+        if not self._slots.acquire(blocking=False):
+            return False
+        self._admitted.add(connection)
+        return True
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A reader that goes away is no news."""
+        """A reader that goes away is no error."""
 
 
 class LocalRequest(BaseHTTPRequestHandler):
-    """One connection to a `LocalServer`."""
+    """One connection to a `LocalServer`. Pages of `origins` may ask beside the server's own."""
 
     token: str
+    origins: tuple[str, ...] = ()
     protocol_version = "HTTP/1.1"
     server_version = "lingjing"
     sys_version = ""
@@ -155,9 +154,15 @@ class LocalRequest(BaseHTTPRequestHandler):
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
         """Nothing is logged: the addresses hold the token."""
 
-    def refused(self) -> HTTPStatus | None:
-        """Why the request gets no answer, None if it does."""
-        return refused(self.path, [self.headers.get("Host", "")], self.connection.getsockname()[1], self.token)
+    def refused(self) -> Refusal | None:
+        """The reason why the request gets no answer, None if it does. A connection that is refused is closed."""
+        hosts, origins = self.headers.get_all("Host", []), self.headers.get_all("Origin", [])
+        head, port = RequestHead(self.path, hosts, origins), self.connection.getsockname()[1]
+        refused = refusal(head, port, self.token, self.origins)
+        if refused is None and not self.server.admit(self.connection):  # type: ignore[attr-defined]
+            refused = Refusal(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections")
+        self.close_connection |= refused is not None
+        return refused
 
 
 class ViewServer(LocalServer):
@@ -172,12 +177,6 @@ class ViewServer(LocalServer):
         return self.address("/")
 
 
-_REFUSED = {
-    HTTPStatus.MISDIRECTED_REQUEST: "this server answers for 127.0.0.1 and localhost only",
-    HTTPStatus.FORBIDDEN: "the address lacks its token: open the one that the command printed",
-}
-
-
 class _PageRequest(LocalRequest):
     served: Served
 
@@ -185,7 +184,7 @@ class _PageRequest(LocalRequest):
         """Answer, or say why not."""
         why = self.refused()
         if why is not None:
-            self._refuse(why, _REFUSED[why])
+            self._refuse(*why)
         else:
             self._answer(*asked_for(self.path))
 
@@ -247,13 +246,14 @@ class _PageRequest(LocalRequest):
             ("Cache-Control", "no-store"),
         ):
             self.send_header(name, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
 
     def _follow(self, begin: int) -> None:
         """Server-sent events. A page that connects again is sent what it asked for before, and passes over it."""
-        self._head(HTTPStatus.OK, "text/event-stream; charset=utf-8")
-        self.send_header("Connection", "close")
-        self.end_headers()
         self.close_connection = True
+        self._head(HTTPStatus.OK, "text/event-stream; charset=utf-8")
+        self.end_headers()
         with contextlib.suppress(OSError):
             for event, data in self.served.follow(begin):
                 self.wfile.write(b": \n\n" if not event else b"event: %s\ndata: %s\n\n" % (event.encode(), data))

@@ -49,3 +49,27 @@ def test_what_is_no_trace_is_told(tmp_path: Path) -> None:
     (tmp_path / "trace.mcap.part").write_bytes(b"this is no trace at all")
     with pytest.raises(UsageError, match="not a trace"):
         TraceFollower(tmp_path / "trace.mcap").more()
+
+
+def test_boundaries_that_a_renaming_keeps_back_come_the_next_time(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "trace.mcap"
+    follower = TraceFollower(path)
+    writer = TraceWriter(path, trace.header)
+    for record in trace.boundaries[:3]:
+        writer.boundary(record)
+    assert follower.more() == trace.boundaries[:3]
+    for record in trace.boundaries[3:]:
+        writer.boundary(record)
+    writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+
+    def renamed(at: Path) -> bool:
+        raise UsageError(f"cannot read the trace {at}: No such file or directory")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("lingjing.trace.reader.ends_properly", renamed)
+        with pytest.raises(UsageError):
+            follower.more()
+    assert follower.more() == trace.boundaries[3:]
+    assert follower.trace is not None and follower.trace.complete

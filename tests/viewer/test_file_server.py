@@ -55,6 +55,9 @@ def test_nobody_without_the_token_gets_a_byte(server: TraceFileServer) -> None:
         status, _, body = ask(server, path=path)
         assert status in (403, 404) and body == b""
     assert ask(server, Host="evil.example")[0] == 421
+    assert ask(server, Origin="https://evil.example")[0] == 403
+    assert ask(server, Origin=ORIGIN)[2] == ask(server, Origin="file://")[2] == DATA
+    assert ask(server, "OPTIONS", path="/trace.mcap", Origin=ORIGIN)[0] == 403
     assert parse_qs(urlsplit(server.url).query)["ds.url"] == [server.file_url] and server.url.startswith(ORIGIN)
 
 

@@ -144,6 +144,8 @@ def test_what_is_hidden_and_not_found_is_not_sent(
         ("/?token={token}x", {}, 403),
         (f"/?{'a=1&' * 20}token={{token}}", {}, 403),
         ("/?token={token}", {"Host": "a"}, 421),
+        ("/?token={token}", {"Origin": "https://evil.example"}, 403),
+        ("/?token={token}", {"Origin": "null"}, 403),
     ],
 )
 def test_nobody_without_the_token_or_under_another_name_is_let_in(
@@ -161,6 +163,28 @@ def test_nobody_without_the_token_or_under_another_name_is_let_in(
         pass
     assert caught.value.response.status_code == status
     assert server.address.startswith("ws://127.0.0.1:") and server.token in server.url
+
+
+@pytest.mark.parametrize("origin", ["https://app.foxglove.dev", "file://"])
+def test_foxgloves_own_pages_are_let_in(play: Callable[..., FoxgloveServer], origin: str) -> None:
+    protocols = [*foxglove_server.PROTOCOLS]
+    with connect(play(1).address, origin=origin, subprotocols=protocols, open_timeout=PATIENCE_S) as connection:
+        assert json.loads(connection.recv(timeout=PATIENCE_S))["op"] == "serverInfo"
+
+
+def test_connections_without_a_request_are_dropped_and_keep_no_client_out(
+    play: Callable[..., FoxgloveServer],
+) -> None:
+    server = play(1)
+    port = int(server.address.split(":")[2].split("/")[0])
+    with contextlib.ExitStack() as held:
+        silent = [
+            held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)) for _ in range(100)
+        ]
+        client = Follower(server)
+        client.until("/score", 1)
+        client.open.close()
+        assert all(one.recv(1) == b"" for one in silent)
 
 
 def test_nonsense_does_no_harm(play: Callable[..., FoxgloveServer]) -> None:

@@ -6,6 +6,8 @@ import contextlib
 import http.client
 import json
 import socket
+import threading
+import time
 import zlib
 from collections.abc import Iterator
 from urllib.parse import quote
@@ -14,10 +16,11 @@ import pytest
 
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
+from lingjing.viewer import admission
 from lingjing.viewer.narrated import CHUNK
 from lingjing.viewer.page import policy
 from lingjing.viewer.served import ServedTrace
-from lingjing.viewer.server import ViewServer
+from lingjing.viewer.server import MOST_CONNECTIONS, ViewServer
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +132,93 @@ def test_it_listens_on_the_loopback_address_and_a_taken_port_is_told(server: Vie
     assert server.url.startswith("http://127.0.0.1:") and len(server.token) >= 32
     with pytest.raises(UsageError, match=f"cannot listen on port {port_of(server)}"):
         ViewServer(ServedTrace(trace, truth=False), port_of(server))
+
+
+def raw(server: ViewServer, text: str) -> bytes:
+    """The answer to a request as it is written here."""
+    with socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) as connection:
+        connection.sendall(text.encode())
+        return b"".join(iter(lambda: connection.recv(65536), b""))
+
+
+def test_two_host_headers_get_no_answer(server: ViewServer) -> None:
+    host, target = f"Host: 127.0.0.1:{port_of(server)}\r\n", f"/page-start?token={server.token}"
+    for hosts in (host * 2, f"Host: evil.example\r\n{host}", f"{host}Host: evil.example\r\n"):
+        answer = raw(server, f"GET {target} HTTP/1.1\r\n{hosts}\r\n")
+        assert answer.startswith(b"HTTP/1.1 421 "), answer[:200]
+    assert raw(server, f"GET {target} HTTP/1.1\r\n\r\n").startswith(b"HTTP/1.1 421 ")
+    assert raw(server, f"GET {target} HTTP/1.1\r\n{host}Connection: close\r\n\r\n").startswith(b"HTTP/1.1 200 ")
+
+
+@pytest.mark.parametrize(
+    "origin", ["https://evil.example", "null", "http://127.0.0.1", "http://localhost:1", "file://"]
+)
+def test_a_page_of_another_site_gets_no_answer(server: ViewServer, origin: str) -> None:
+    assert ask(server, "/page-start", Origin=origin)[0] == 403
+    assert ask(server, "/page-start", Origin=f"http://127.0.0.1:{port_of(server)}")[0] == 200
+
+
+def test_a_connection_without_a_request_is_dropped(server: ViewServer) -> None:
+    silent = socket.create_connection(("127.0.0.1", port_of(server)), timeout=300)
+    slow = socket.create_connection(("127.0.0.1", port_of(server)), timeout=300)
+    begun = time.monotonic()
+    with silent, slow:
+        slow.sendall(b"GET /page-start HTTP/1.1\r\nX: ")
+        with pytest.raises(OSError):
+            while True:  # a byte now and then is no request either
+                slow.sendall(b"x")
+                time.sleep(0.05)
+        assert silent.recv(1) == b""
+    assert time.monotonic() - begun >= admission.ADMISSION_S
+
+
+def test_a_connection_that_showed_the_token_stays(server: ViewServer) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=300)
+    for wait in (0.0, 1.5 * admission.ADMISSION_S):
+        time.sleep(wait)
+        connection.request("GET", f"/page-start?token={server.token}")
+        answer = connection.getresponse()
+        assert (answer.status, bool(answer.read())) == (200, True)
+    connection.request("GET", "/page-start?token=x")
+    answer = connection.getresponse()
+    assert (answer.status, answer.headers["Connection"]) == (403, "close"), "one without the token ends the connection"
+
+
+def test_many_silent_connections_of_one_address_keep_no_reader_out(
+    server: ViewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(admission, "ADMISSION_S", 3600.0)  # they are displaced and not late
+    with contextlib.ExitStack() as held:
+        silent = [
+            held.enter_context(socket.create_connection(("127.0.0.1", port_of(server)), timeout=300))
+            for _ in range(4 * MOST_CONNECTIONS)
+        ]
+        assert ask(server, "/page-start")[0] == 200
+        assert all(one.recv(1) == b"" for one in silent[: -admission.MOST_WAITING]), "the oldest are dropped"
+        while threading.active_count() >= MOST_CONNECTIONS:  # the dropped ones' threads end
+            time.sleep(0.01)
+    monkeypatch.undo()
+    assert ask(server, "/page-start")[0] == 200
+
+
+def test_other_addresses_of_this_machine_have_a_limit_too(server: ViewServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admission, "ADMISSION_S", 3600.0)
+    with contextlib.ExitStack() as held:
+        for number in range(2 * admission.MOST_WAITING_IN_ALL):
+            source = (f"127.0.{number // admission.MOST_WAITING}.1", 0)
+            held.enter_context(
+                socket.create_connection(("127.0.0.1", port_of(server)), timeout=300, source_address=source)
+            )
+        assert ask(server, "/page-start")[0] == 200
+        while threading.active_count() >= 2 * admission.MOST_WAITING_IN_ALL:  # the dropped ones' threads end
+            time.sleep(0.01)
+
+
+def test_of_admitted_connections_there_are_so_many_at_a_time(server: ViewServer) -> None:
+    with contextlib.ExitStack() as held:
+        for _ in range(MOST_CONNECTIONS):
+            connection = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=300)
+            held.callback(connection.close)
+            connection.request("GET", f"/page-start?token={server.token}")
+            assert connection.getresponse().read()
+        assert ask(server, "/page-start")[0] == 503

@@ -5,5 +5,6 @@ policy is told of its model, and the profile that comes of both → `asking` ask
 retries (`retry`: backoff within a deadline) and bills. Below it are `chat` (the values and `ModelClient`), `direct`
 (the OpenAI chat protocol; `dialect` remembers what a service refuses to be told) or `through_litellm` (everything
 litellm speaks), both over `wire` (one bounded HTTP exchange), within the service's `limits` and behind `guard` (nothing
-passes with a key or password in it: `redaction`; `address` takes them out of URLs).
+passes with a key or password in it: `redaction`; `address` takes them out of URLs). `probing` asks a service, apart
+from any policy, if it can be reached.
 """
