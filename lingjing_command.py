@@ -7,8 +7,9 @@ Installed beside this project, that package hides the whole of it or overwrites 
 from __future__ import annotations
 
 import sys
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 
 _OWN = Path(__file__).resolve().with_name("lingjing")
 _USAGE = 2
@@ -40,14 +41,13 @@ def _stranger() -> str:
 
 
 def _advice(is_hidden: bool) -> str:
-    """The lines that mend it, by the metadata; read from a file, since the package itself cannot be imported."""
-    spec = spec_from_file_location("lingjing_installation", _OWN / "installation.py")
-    if spec is None or spec.loader is None or not (_OWN / "installation.py").is_file():
-        return "install this project again"
-    module = module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return str(module.repair_advice(is_hidden))
+    """The lines that mend it. A package without an `__init__.py`, of this project's folder, stands in for the other."""
+    own = ModuleType("lingjing")
+    own.__path__ = [str(_OWN)]
+    sys.modules["lingjing"] = own
+    from lingjing.installation import repair_advice
+
+    return repair_advice(is_hidden)
 
 
 if __name__ == "__main__":

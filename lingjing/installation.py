@@ -12,12 +12,11 @@ import re
 import shlex
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, entry_points
+from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-GROUP = "lingjing"
-"""The group of entry points by which plug-ins are found."""
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 
 
 class OwnDistribution(NamedTuple):
@@ -51,7 +50,7 @@ def installed(own: OwnDistribution) -> Distribution | None:
         found = _named(name)
         if found is not None and _is(own, found):
             return found
-    return next((point.dist for point in entry_points(group=GROUP) if point.value == own.plugin), None)
+    return next((point.dist for point in find_entries(PLUGINS).points if point.value == own.plugin), None)
 
 
 def name_of(own: OwnDistribution) -> str:
@@ -100,7 +99,7 @@ def earlier_left() -> tuple[Distribution, ...]:
 def earlier_requirements() -> Iterator[EarlierRequirement]:
     """The plug-ins whose distributions ask for ours by an earlier name, and would have another party's installed."""
     present = {own.earlier: name_of(own) for own in OWN}
-    plugins = {point.name: point.dist for point in entry_points(group=GROUP) if point.dist is not None}
+    plugins = {point.name: point.dist for point in find_entries(PLUGINS).points if point.dist is not None}
     for plugin, found in sorted(plugins.items()):
         if any(_is(own, found) for own in OWN):
             continue
@@ -165,11 +164,14 @@ def _named(name: str) -> Distribution | None:
 
 
 def _is(own: OwnDistribution, found: Distribution) -> bool:
-    return any(_declares(own, point) for point in found.entry_points)
+    try:
+        return any(_declares(own, point) for point in found.entry_points)
+    except Exception:  # noqa: BLE001 - a stranger's file that cannot be parsed
+        return False
 
 
 def _declares(own: OwnDistribution, point: EntryPoint) -> bool:
-    return point.group == GROUP and point.value == own.plugin
+    return point.group == PLUGINS and point.value == own.plugin
 
 
 def _selects(marker: str, extra: str) -> bool:

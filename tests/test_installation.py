@@ -174,7 +174,9 @@ def test_the_command_names_a_package_that_hides_this_project(tmp_path: Path) -> 
 def test_the_command_names_a_package_that_was_overwritten(tmp_path: Path, text: str | None, fault: str) -> None:
     package = tmp_path / "site" / "lingjing"
     (package / "cli").mkdir(parents=True)
-    for name in ("lingjing_command.py", "lingjing/installation.py", "lingjing/cli/main.py"):
+    (package / "installed_plugins").mkdir()
+    installed = [f"lingjing/installed_plugins/{name}.py" for name in ("__init__", "entry_points")]
+    for name in ("lingjing_command.py", "lingjing/installation.py", "lingjing/cli/main.py", *installed):
         (tmp_path / "site" / name).write_bytes((ROOT / name).read_bytes())
     if text is not None:
         (package / "__init__.py").write_text(text)

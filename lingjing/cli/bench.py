@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from lingjing.cli.arguments import check_counts, parse_seeds
 from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
+from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
@@ -101,6 +102,7 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.plugins.host import PluginHost
 
     _check_numbers(args)
+    warn_of_broken_plugins()
     path = find_suite(args.suite)
     if is_attribution_suite(path):
         return measure(path, args)

@@ -220,6 +220,9 @@ def check_plugins() -> Finding:
         host = PluginHost()
     except LingjingError as error:
         return Finding(name="plugins", ok=False, found=str(error), advice="reinstall or remove that plug-in")
+    if host.faults:
+        found = "; ".join(map(str, host.faults))
+        return Finding(name="plugins", ok=False, found=found, advice="mend or uninstall it; what does not use it plays")
     found = f"{len(host.engines)} engines, {len(host.policies)} policies, {len(host.scenes)} scenes"
     ok = bool(host.engines and host.policies and host.scenes)
     return Finding(name="plugins", ok=ok, found=found, advice="" if ok else _AGENTS_ADVICE)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import msgspec
 
 from lingjing.cli.files import print_columns
 from lingjing.cli.option_listing import OptionSpec, option_specs
-from lingjing.cli.process import say
+from lingjing.cli.process import say, say_error
 from lingjing.errors import ExitCode, PluginError, UsageError
-from lingjing.mission.kinds import scene_kind
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
+from lingjing.mission.kinds import described_by, scene_kind
 from lingjing.mission.kinds_format import SceneOption
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
@@ -22,11 +23,9 @@ from lingjing.plugins.options import declared_model
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest
 
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
-
-
 _Offered = TypeVar("_Offered")
+
+_BROKEN = "mend or uninstall it; what does not use it plays without it"
 
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,14 +53,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print the list; if a plug-in is broken, print which ones load and which do not, and fail as it did. Where one
-    offers no models or detectors for a fault of its own, of a list of models say, the rest is printed before it fails.
-    """
-    try:
-        host = PluginHost()
-    except PluginError:
-        _print_entry_points()
-        raise
+    """Print the list, then every plug-in that does not load or fails in a hook; 2 if there is one."""
+    host = PluginHost()
     faults: list[PluginError] = []
     found = tuple(offers(host, faults)) if args.name is None else tuple(offers_called(args.name, host))
     if args.output_format == "json":
@@ -70,11 +63,14 @@ def handler(args: argparse.Namespace) -> int:
         print_columns([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
     else:
         _print_options(found)
+    sys.stdout.flush()
     _report_earlier_requirements()
-    if faults:
-        sys.stdout.flush()
-        raise faults[0]
-    return ExitCode.OK
+    if args.name is None:
+        faults += [PluginError(str(fault), hint=_BROKEN) for fault in host.faults]
+        faults += _faulty_descriptions()
+    for error in faults:
+        say_error(error)
+    return ExitCode.USAGE if faults else ExitCode.OK
 
 
 def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[Offer]:
@@ -178,28 +174,20 @@ def _policy_offer(policy: PolicyPlugin, source: str, options: tuple[OptionSpec, 
     return Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
 
 
+def _faulty_descriptions() -> Iterator[PluginError]:
+    for point in find_entries(PLUGINS).points:
+        try:
+            described_by(point.name)
+        except PluginError as error:
+            yield error
+
+
 def _report_earlier_requirements() -> None:
     from lingjing.installation import earlier_requirements
 
     for one in earlier_requirements():
         say(f"warning: plug-in `{one.plugin}` ({one.owner}) requires `{one.required}`, another party's package")
         say(f"hint: {one.advice}")
-
-
-def _print_entry_points() -> None:
-    from importlib.metadata import entry_points
-
-    for entry in sorted(entry_points(group="lingjing"), key=lambda entry: entry.name):
-        distribution = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "?"
-        say(f"{entry.name}  {entry.value}  {distribution}  {_load_result(entry)}")
-
-
-def _load_result(entry: EntryPoint) -> str:
-    try:
-        entry.load()
-    except Exception as error:  # noqa: BLE001 - a stranger's module may raise anything; it is shown, not hidden
-        return f"does not load: {type(error).__name__}: {error}"
-    return "loads"
 
 
 def _print_options(found: Iterable[Offer]) -> None:

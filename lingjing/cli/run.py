@@ -14,6 +14,7 @@ from typing import NoReturn
 import msgspec
 
 from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings, whole_number
+from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.process import restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
@@ -98,6 +99,7 @@ def handler(args: argparse.Namespace) -> int:
     """Play, print, and answer with the exit code."""
     if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
         raise KeyboardInterrupt
+    warn_of_broken_plugins()
     errors = ErrorCollector()
     _take_watch(args, errors)
     jobs = _jobs(args, errors)

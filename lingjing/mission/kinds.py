@@ -17,7 +17,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.errors import Fault, UsageError
+from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.mission.geometry2d import Polygon, left_of
 from lingjing.mission.instance import Option, SceneSpec
 from lingjing.mission.kinds_format import EngineKind, KindsFile, SceneKind, SceneOption, joined, names_of
@@ -58,13 +58,18 @@ def builtin_engines() -> dict[str, EngineKind]:
 
 def scene_kind(name: str) -> SceneKind | None:
     """What is known of a scene; None for one that no file describes. `PluginError` for a file that cannot be read."""
-    return builtin_scenes().get(name) or next((f.by_scene[name] for f in _plugins() if name in f.by_scene), None)
+    if name in builtin_scenes():
+        return builtin_scenes()[name]
+    file = _describing("scene", name)
+    return file.by_scene[name] if file is not None else None
 
 
 def engine_kind(name: str) -> EngineKind:
     """What is known of an engine; where no file describes it, that its entities act."""
-    found = builtin_engines().get(name)
-    return found or next((f.by_engine[name] for f in _plugins() if name in f.by_engine), EngineKind(name=name))
+    if name in builtin_engines():
+        return builtin_engines()[name]
+    file = _describing("engine", name)
+    return file.by_engine[name] if file is not None else EngineKind(name=name)
 
 
 def least_value(kind: EngineKind, verb: str, argument: str) -> float:
@@ -77,7 +82,7 @@ def is_described(kind: Literal["scene", "engine"], name: str) -> bool:
     """Whether a file describes a scene or an engine of that name. `PluginError` for a file that cannot be read."""
     if kind == "scene":
         return scene_kind(name) is not None
-    return name in builtin_engines() or any(name in file.by_engine for file in _plugins())
+    return name in builtin_engines() or _describing("engine", name) is not None
 
 
 def described_by(plugin: str) -> KindsFile:
@@ -186,9 +191,30 @@ def _builtin() -> KindsFile:
 
 
 @cache
-def _plugins() -> tuple[KindsFile, ...]:
-    """The files of the plug-ins that are installed, in the order of their names."""
-    return tuple(_read(file, name) for name, file in _files() if not file.samefile(_BUILTIN))
+def _describing(kind: Literal["scene", "engine"], name: str) -> KindsFile | None:
+    """The plug-in's file that describes a kind of that name. A file with faults is passed over, unless its text names
+    the kind and no other file describes it: then `PluginError`."""
+    fault: PluginError | None = None
+    for plugin, file in _files():
+        if file.samefile(_BUILTIN):
+            continue
+        try:
+            described = _read(file, plugin)
+        except PluginError as error:
+            fault = fault or (error if _mentions(file, name) else None)
+            continue
+        if name in (described.by_scene if kind == "scene" else described.by_engine):
+            return described
+    if fault is not None:
+        raise fault
+    return None
+
+
+def _mentions(file: Path, name: str) -> bool:
+    try:
+        return msgspec.json.encode(name) in file.read_bytes()
+    except OSError:
+        return False
 
 
 def _read(file: Path, plugin: str) -> KindsFile:
@@ -199,14 +225,10 @@ def _read(file: Path, plugin: str) -> KindsFile:
 
 def _files() -> Iterator[tuple[str, Path]]:
     """The plug-ins that have a file, each by the name of its entry point."""
-    from importlib.metadata import entry_points
-    from importlib.util import find_spec
+    from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, package_folders
 
-    for point in sorted(entry_points(group="lingjing"), key=lambda point: point.name):
-        top, *below = point.module.split(".")
-        spec = find_spec(top)  # a package within it is not asked for: that would import the ones around it
-        for folder in (spec.submodule_search_locations or ()) if spec else ():
-            within = Path(folder, *below)
+    for point in find_entries(PLUGINS).points:
+        for within in package_folders(point.module):
             file = (within if within.is_dir() else within.parent) / FILE
             if file.is_file():
                 yield point.name, file

@@ -1,4 +1,8 @@
-"""The plug-in host: an object that finds plug-ins through entry points and answers by name."""
+"""The plug-in host: an object that finds plug-ins through entry points and answers by name.
+
+An installed plug-in that does not load, or whose hook fails, is left out and kept in `faults`: it stops nothing that
+does not use it. Plug-ins that the caller gives raise at once.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,21 @@ from typing import Protocol, TypeVar
 import pluggy
 
 from lingjing.errors import LingjingError, PluginError, UsageError
+from lingjing.installed_plugins.discovery import (
+    InstalledPlugins,
+    LoadablePlugin,
+    PluginFault,
+    installed_plugins,
+    is_core,
+)
+from lingjing.installed_plugins.entry_points import label
 from lingjing.plugins import hookspecs
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
+from lingjing.plugins.loading import one_line
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.suggest import nearest_or
@@ -39,18 +52,35 @@ _DECLARATIONS: dict[str, tuple[type, str]] = {
 }
 """What each hook offers, and the field of it that makes the thing, if one does."""
 
+HOOKS = tuple(_DECLARATIONS)
+"""The names of all hooks."""
+
 
 class PluginHost:
-    """Everything the installed plug-ins offer. Two plug-ins with one name are an error that names both."""
+    """Everything the plug-ins offer. Two things of one kind and name are an error that names both plug-ins; an
+    installed plug-in cannot take a name from this project's own or from `extra`.
+
+    `faults`: the installed plug-ins that are left out, whole or for one hook. `sources`: the plug-in of each hook and
+    name.
+    """
 
     def __init__(self, *, entry_points: bool = True, extra: Iterable[object] = ()) -> None:
         self._manager = pluggy.PluginManager("lingjing")
         self._manager.add_hookspecs(hookspecs)
-        if entry_points:
-            self._load_entry_points()
-        for plugin in extra:
-            self._manager.register(plugin)
+        self._order: list[str] = []
+        self._strangers: dict[str, LoadablePlugin] = {}
+        self._clashes: dict[tuple[str, str], str] = {}
+        self.faults: list[PluginFault] = []
         self.sources: dict[tuple[str, str], str] = {}
+        found = installed_plugins() if entry_points else InstalledPlugins((), (), ())
+        self.faults += found.faults
+        for point in found.own:
+            self._load(LoadablePlugin(point))
+        for plugin in extra:
+            self.register(plugin)
+        for stranger in found.strangers:
+            self._load(stranger)
+            self._strangers[stranger.point.name] = stranger
         self.engines: dict[str, EnginePlugin] = self._collect("lingjing_engines")
         self.policies: dict[str, PolicyPlugin] = self._collect("lingjing_policies")
         self.scenes: dict[str, ScenePlugin] = self._collect("lingjing_scenes")
@@ -73,55 +103,112 @@ class PluginHost:
 
     def engine(self, name: str) -> EnginePlugin:
         """The engine of that name, or a `UsageError` that lists what there is."""
-        return self._get("engine", self.engines, name)
+        return self._get("engine", "lingjing_engines", self.engines, name)
 
     def policy(self, name: str) -> PolicyPlugin:
         """The policy of that name, or a `UsageError` that lists what there is."""
-        return self._get("policy", self.policies, name)
+        return self._get("policy", "lingjing_policies", self.policies, name)
 
     def scene(self, name: str) -> ScenePlugin:
         """The scene provider of that name, or a `UsageError` that lists what there is."""
-        return self._get("scene", self.scenes, name)
+        return self._get("scene", "lingjing_scenes", self.scenes, name)
 
     def evaluator(self, name: str) -> EvaluatorPlugin:
         """The evaluator of that name, or a `UsageError` that lists what there is."""
-        return self._get("evaluator", self.evaluators, name)
+        return self._get("evaluator", "lingjing_evaluators", self.evaluators, name)
 
     def detector(self, name: str) -> DetectorPlugin:
         """The detector of that name, or a `UsageError` that lists what there is."""
-        return self._get("detector", self.detectors, name)
+        return self._get("detector", "lingjing_detectors", self.detectors, name)
 
-    def _load_entry_points(self) -> None:
+    def register(self, plugin: object, name: str | None = None) -> None:
+        """Add a plug-in object; its hooks are called when what they offer is asked for."""
+        self._order.append(str(self._manager.register(plugin, name=name)))
+
+    def hook_fault(self, hook: str) -> str:
+        """Call a hook of all plug-ins: the reason for which it fails, or ""."""
         try:
-            self._manager.load_setuptools_entrypoints("lingjing")
-        except Exception as error:
-            raise PluginError(f"a plug-in could not be loaded: {error}", hint="run `lingjing plugins`") from error
+            self._collect(hook)
+        except PluginError as error:
+            return _reason(error, hook)
+        return ""
+
+    def _load(self, plugin: LoadablePlugin) -> None:
+        name, owner = plugin.point.name, label(plugin.point.dist)
+        try:
+            self.register(plugin.point.load(), name)
+        except (Exception, SystemExit) as error:
+            fault = PluginFault(name, owner, f"does not load: {one_line(error)}")
+            if is_core(plugin.point):
+                raise PluginError(str(fault), hint="install this project again") from error
+            self.faults.append(fault)
+            if self._manager.has_plugin(name):  # its hooks were refused after some of them had been added
+                self._manager.unregister(name=name)
 
     def _collect(self, hook: str) -> dict[str, NamedT]:
+        """What the plug-ins offer in a hook, by name: this project's own first, then `extra`, then strangers."""
         found: dict[str, NamedT] = {}
-        for implementation in getattr(self._manager.hook, hook).get_hookimpls():
-            source = implementation.plugin_name
-            offered: Iterable[NamedT] = self._call(hook, implementation.function, source)
-            for item in offered:
-                _check(item, hook, source)
-                other = self.sources.setdefault((hook, item.name), source)
-                if item.name in found:
-                    raise PluginError(f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{source}`")
-                found[item.name] = item
-        return dict(sorted(found.items()))
+        implementations = {one.plugin_name: one.function for one in getattr(self._manager.hook, hook).get_hookimpls()}
+        for source in sorted(implementations, key=self._order.index):
+            stranger = self._strangers.get(source)
+            if stranger is None:
+                offered: tuple[NamedT, ...] = self._offered(hook, implementations[source], source)
+                for item in offered:
+                    other = self.sources.setdefault((hook, item.name), source)
+                    if item.name in found:
+                        raise PluginError(f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{source}`")
+                    found[item.name] = item
+            elif hook not in stranger.barred:
+                found |= self._offered_by(stranger, hook, implementations[source])
+        return {name: found[name] for name in sorted(found) if (hook, name) not in self._clashes}
 
-    def _call(self, hook: str, function: object, source: str) -> Iterable[NamedT]:
+    def _offered_by(self, stranger: LoadablePlugin, hook: str, function: object) -> dict[str, NamedT]:
+        """What a stranger's hook offers under names of its own; what is wrong with it goes to `faults`."""
+        name, owner = stranger.point.name, label(stranger.point.dist)
         try:
-            return tuple(function())  # type: ignore[operator]
-        except Exception as error:
-            hint = error.hint if isinstance(error, LingjingError) else ""
-            raise PluginError(f"plug-in `{source}` failed in {hook}: {error}", hint=hint) from error
+            offered: tuple[NamedT, ...] = self._offered(hook, function, name)
+        except PluginError as error:
+            self.faults.append(PluginFault(name, owner, f"failed in {hook}: {_reason(error, hook)}"))
+            return {}
+        found: dict[str, NamedT] = {}
+        for item in offered:
+            other = self.sources.setdefault((hook, item.name), name)
+            if other == name and item.name not in found:
+                found[item.name] = item
+                continue
+            clash = f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{name}`"
+            self.faults.append(PluginFault(name, owner, clash))
+            if other in self._strangers:
+                self._clashes[hook, item.name] = clash
+        return found
 
-    def _get(self, kind: str, table: dict[str, NamedT], name: str) -> NamedT:
+    def _offered(self, hook: str, function: object, source: str) -> tuple[NamedT, ...]:
+        try:
+            offered: tuple[NamedT, ...] = tuple(function())  # type: ignore[operator]
+        except (Exception, SystemExit) as error:
+            hint = error.hint if isinstance(error, LingjingError) else ""
+            said = error if isinstance(error, Exception) else one_line(error)
+            raise PluginError(f"plug-in `{source}` failed in {hook}: {said}", hint=hint) from error
+        for item in offered:
+            _check(item, hook, source)
+        return offered
+
+    def _get(self, kind: str, hook: str, table: dict[str, NamedT], name: str) -> NamedT:
         if name in table:
             return table[name]
+        if (hook, name) in self._clashes:
+            raise PluginError(self._clashes[hook, name], hint="uninstall one of them")
         proposal = nearest_or(name, table, f"known: {', '.join(table) or 'none'};")
-        raise UsageError(f"no {kind} is called `{name}`", hint=f"{proposal} see `lingjing plugins`")
+        broken = ", ".join(dict.fromkeys(f"`{fault.plugin or fault.distribution}`" for fault in self.faults))
+        listed = (
+            f"see `lingjing plugins`, which says why {broken} is not loaded" if broken else "see `lingjing plugins`"
+        )
+        raise UsageError(f"no {kind} is called `{name}`", hint=f"{proposal} {listed}")
+
+
+def _reason(error: PluginError, hook: str) -> str:
+    """The part of a hook's error after the names of the plug-in and the hook."""
+    return str(error).partition(f" failed in {hook}: ")[2] or str(error)
 
 
 def _check(item: object, hook: str, source: str) -> None:

@@ -42,9 +42,9 @@ def acme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[lingjing]\nacme = acme.inner.plugin\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()
     yield package / "inner" / "kinds.json"
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()
     assert "acme" not in sys.modules
 
 
@@ -81,12 +81,12 @@ def test_validate_imports_no_plug_in_whose_kinds_are_described(
         said = capsys.readouterr()
         assert "installed" not in said.out + said.err
     acme.unlink()  # the mission is not known to be good once the plug-in has changed
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()
     installed._offers.cache_clear()
-    with pytest.raises(PluginError, match="imported"):
-        installed.offers("scene")
-    assert main(["validate", str(file)]) == ExitCode.USAGE
-    assert "imported" in capsys.readouterr().err
+    assert "canyon" not in installed.offers("scene")
+    assert "warning: plug-in `acme` (acme 1.0): does not load: RuntimeError: imported" in capsys.readouterr().err
+    assert main(["validate", str(file)]) == ExitCode.OK
+    assert "no engine called `balloon` is installed" in capsys.readouterr().out
 
 
 def test_a_strangers_engine_says_where_its_bodies_may_be(acme: Path) -> None:
@@ -147,7 +147,15 @@ def test_a_kind_may_be_like_another(acme: Path) -> None:
 def test_a_file_that_is_none_is_named(acme: Path, text: str) -> None:
     acme.write_text(text)
     with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):
-        kinds.scene_kind("canyon")
+        kinds.described_by("acme")
+    assert kinds.scene_kind("canyon") is None  # which it does not name, so that it may be another plug-in's
+
+
+def test_a_kind_that_a_faulty_file_names_is_not_guessed(acme: Path) -> None:
+    acme.write_text('{"scenes": [{"name": "canyon", "extent_m": "wide"}], "engines": [{"name": "balloon"}]}')
+    for described in (kinds.scene_kind, kinds.engine_kind):
+        with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):
+            described("canyon")
 
 
 def kinds_document(**scene: object) -> str:
@@ -158,7 +166,7 @@ def faults_of(acme: Path, text: str) -> list[tuple[str, str]]:
     """The faults of a file: path and message."""
     acme.write_text(text)
     with pytest.raises(PluginError, match=r"plug-in `acme`: .*kinds\.json does not") as raised:
-        kinds.scene_kind("canyon")
+        kinds.described_by("acme")
     assert raised.value.hint
     return [(fault.where, fault.message) for fault in raised.value.faults]
 

@@ -124,17 +124,10 @@ def test_the_line_of_a_hint_installs_what_is_missing(bare: Path, tmp_path: Path)
 def test_a_foreign_package_installed_over_the_wheel_is_named(wheels: tuple[Path, Path], tmp_path: Path) -> None:
     venv.create(tmp_path / "env", with_pip=True)
     environment = tmp_path / "env" / "bin"
-    install = (
-        environment / "python",
-        "-m",
-        "pip",
-        "--disable-pip-version-check",
-        "install",
-        "-q",
-        "--no-index",
-        "--no-deps",
-    )
-    call(*install, wheels[0], foreign_wheel(tmp_path), cwd=tmp_path)
+    pip = (environment / "python", "-m", "pip", "--disable-pip-version-check")
+    install = (*pip, "install", "-q", "--no-index", "--no-deps")
+    call(*install, wheels[0], cwd=tmp_path)
+    call(*install, foreign_wheel(tmp_path), cwd=tmp_path)
     refused = call(environment / "lingjing", "--version", cwd=tmp_path, code=2).stderr
     assert "another package `lingjing` was installed over this project's" in refused
     (hint,) = re.findall(r"hint: (.+)", refused)

@@ -229,7 +229,7 @@ def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch:
         "@hookimpl\ndef lingjing_scenes():\n    yield ScenePlugin(name='moon', build=lambda spec: None)\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()
     with pytest.raises(kit.ConformanceError, match="does not describe the scenes moon that `acme` offers"):
         kit.check_kinds("acme")
     file = package / "kinds.json"
@@ -242,7 +242,7 @@ def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch:
     with pytest.raises(PluginError) as told:
         kit.check_kinds("acme")
     assert {fault.where for fault in told.value.faults} == {"scenes[0].extent_m", "scenes[0].lacks[0]"}
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()
 
 
 def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -256,9 +256,9 @@ def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, mo
     (package / "__init__.py").write_text(code)
     (package / "kinds.json").write_text(file)
     monkeypatch.syspath_prepend(str(tmp_path))
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()
     kit.check_kinds("page")
     kit.check_scene(SceneSpec(kind="canyon", options={"depth_m": 50.0}))
     with pytest.raises(UsageError, match="`depth` is 5"):
         kit.check_scene(SceneSpec(kind="canyon", options={"depth_m": 5.0}))
-    kinds._plugins.cache_clear()
+    kinds._describing.cache_clear()

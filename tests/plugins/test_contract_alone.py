@@ -45,7 +45,8 @@ def texts(tree: ast.Module) -> set[str]:
 
 
 def test_the_contract_can_be_read_in_a_sitting() -> None:
-    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES) < 3100
+    contract = [path for path in MODULES if path.name != "host.py"]  # which finds plug-ins and is none of their matter
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in contract) < 3000
 
 
 def test_there_are_types_and_missions_to_look_for() -> None:

@@ -15,7 +15,6 @@ from pathlib import Path
 from lingjing.data import data_path
 from lingjing.errors import PluginError
 
-GROUP = "lingjing.std"
 DEEPEST, LONGEST = 8, 100
 """Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
 
@@ -77,26 +76,26 @@ def _files(folder: str) -> list[str]:
 
 
 def _plugin_names() -> list[str]:
-    from importlib.metadata import entry_points
+    from lingjing.installed_plugins.entry_points import TYPES, find_entries
 
-    return sorted(point.name for point in entry_points(group=GROUP))
+    return sorted(point.name for point in find_entries(TYPES).points)
 
 
 def _plugin_folder(name: str) -> str | None:
-    from importlib.metadata import entry_points
-    from importlib.util import find_spec
+    from lingjing.installed_plugins.entry_points import TYPES, find_entries, package_folders
 
-    points = sorted(entry_points(group=GROUP, name=name), key=lambda point: point.value)
+    found = find_entries(TYPES)
+    points = [point for point in found.points if point.name == name]
+    broken = next((one for one in found.broken if one.name == name), None)
+    if broken is not None:
+        raise PluginError(f"the types `{name}` of {broken.distribution}: {broken.reason}", hint="reinstall the plug-in")
     if not points:
         return None
     if len({point.value for point in points}) > 1:
         both = " and ".join(f"`{point.value}`" for point in points)
         raise PluginError(f"two packages offer the types `{name}`: {both}", hint="uninstall one of them")
-    try:
-        spec = find_spec(points[0].value)
-    except (ImportError, ValueError) as error:
-        raise PluginError(f"the types `{name}` cannot be found: {error}", hint="reinstall the plug-in") from error
-    places = list(spec.submodule_search_locations or ()) if spec else []
-    if not places:
-        raise PluginError(f"the types `{name}` name `{points[0].value}`, which is no package")
-    return places[0]
+    folder = next((place for place in package_folders(points[0].value) if place.is_dir()), None)
+    if folder is None:
+        message = f"the types `{name}` name `{points[0].value}`, which is no package"
+        raise PluginError(message, hint="reinstall the plug-in")
+    return str(folder)

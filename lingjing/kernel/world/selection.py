@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 
 from lingjing.errors import ErrorCollector, UsageError
 from lingjing.mission.instance import Instance
+from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import one_line
 
 CAMERA = "camera"
 
@@ -39,7 +42,7 @@ def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
     places |= {
         name: plugin.place
         for name, plugin in host.engines.items()
-        if plugin.wanted is not None and not plugin.sensor and plugin.wanted(instance)
+        if not plugin.sensor and _is_wanted(plugin, instance)
     }
     return EngineSelection(
         local=tuple(sorted(name for name, place in places.items() if place == "world")),
@@ -51,6 +54,16 @@ def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
 def takes_pictures_unasked(instance: Instance) -> bool:
     """Whether pictures are sure to be taken: some camera takes one each tick."""
     return any(camera.capture == "each_tick" for entity in instance.entities for camera in entity.cameras)
+
+
+def _is_wanted(plugin: EnginePlugin, instance: Instance) -> bool:
+    """True if an engine takes part without entities. One whose `wanted` fails does not: no mission names it."""
+    try:
+        return plugin.wanted is not None and bool(plugin.wanted(instance))
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's function; it is named, not hidden
+        problem = f"engine `{plugin.name}` is left out: its `wanted` failed: {one_line(error)}"
+        warnings.warn(problem, RuntimeWarning, stacklevel=2)
+        return False
 
 
 def _place(host: PluginHost, engine: str, entity: str) -> str:

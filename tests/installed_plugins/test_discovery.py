@@ -1,0 +1,253 @@
+"""A plug-in that raises, ends its process, never returns or has broken metadata is named, and stops nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli import doctor
+from lingjing.cli.main import main
+from lingjing.data import data_path
+from lingjing.errors import PluginError, UsageError
+from lingjing.installed_plugins import discovery
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
+from lingjing.kernel.world.selection import select_engines
+from lingjing.mission.kinds import engine_kind
+from lingjing.plugins.host import PluginHost
+
+OFFER = """
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.policy import PolicyPlugin
+from lingjing.plugins.engine import EnginePlugin
+@hookimpl
+def lingjing_policies():
+    return [PolicyPlugin(name={name!r}, factory=object)]
+"""
+FAULTS = {
+    "raises": ("raise RuntimeError('no licence')", "does not load: RuntimeError: no licence"),
+    "exits": ("raise SystemExit(0)", "does not load: SystemExit: 0"),
+    "ends": ("import os; os._exit(0)", "ends its process with code 0 while importing `ends`"),
+    "aborts": ("import os; os.abort()", "ends its process by signal 6 while importing `aborts`"),
+    "broken": ("def (", "does not load: SyntaxError"),
+    "lost": (None, "does not load: ModuleNotFoundError: No module named 'lost'"),
+    "absent": ("from numpy import no_such_thing", "does not load: ImportError"),
+    "scribbles": (
+        "import os, sys; os.write(int(sys.argv[1]), b'junk'); os._exit(0)",
+        "wrote into the answer of its trial",
+    ),
+    "wrong": (
+        "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_policies(world): return []",
+        "does not load: PluginValidationError",
+    ),
+    "hook": (
+        "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_scenes(): raise ValueError('no map')",
+        "failed in lingjing_scenes: no map",
+    ),
+    "leaves": (
+        "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_models(): raise SystemExit(3)",
+        "failed in lingjing_models: SystemExit: 3",
+    ),
+}
+
+
+PARENT = """
+import subprocess, sys, time
+subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(3600)", __file__])
+time.sleep(3600)
+"""
+
+
+class Site:
+    """A folder of Python's path with installed plug-ins."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def add(self, name: str, code: str | None, *, value: str | None = None, entry_points: bytes | None = None) -> None:
+        """Install a plug-in: its module, unless `code` is None, and its metadata."""
+        info = self.folder / f"lingjing_{name}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lingjing-{name}\nVersion: 1.0\n")
+        written = f"[lingjing]\n{name} = {value or name}\n".encode()
+        (info / "entry_points.txt").write_bytes(written if entry_points is None else entry_points)
+        if code is not None:
+            (self.folder / f"{name}.py").write_text(code)
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    monkeypatch.setenv(discovery.KNOWN, "{}")
+    yield Site(folder)
+    for name in [name for name, module in sys.modules.items() if str(folder) in str(getattr(module, "__file__", ""))]:
+        del sys.modules[name]
+
+
+def faults_of(host: PluginHost) -> dict[str, str]:
+    return {fault.plugin: fault.reason for fault in host.faults}
+
+
+def test_every_broken_plugin_is_named_and_the_others_work(site: Site, capsys) -> None:
+    for name, (code, _) in FAULTS.items():
+        site.add(name, code)
+    site.add("good", OFFER.format(name="good"))
+    host = PluginHost()
+    assert "good" in host.policies and "heuristic" in host.policies and "multirotor" in host.engines
+    reasons = faults_of(host)
+    assert reasons.keys() == FAULTS.keys()
+    for name, (_, reason) in FAULTS.items():
+        assert reasons[name].startswith(reason), name
+    assert main(["plugins"]) == 2
+    printed = capsys.readouterr()
+    for name in ("good", "heuristic", "multirotor"):
+        assert re.search(rf"^(policy|engine) +{name} ", printed.out, re.MULTILINE)
+    for name, (_, reason) in FAULTS.items():
+        assert f"error: plug-in `{name}` (lingjing-{name} 1.0): {reason}" in printed.err
+    assert "Traceback" not in printed.err
+    finding = doctor.check_plugins()
+    assert not finding.ok and all(f"`{name}`" in finding.found for name in FAULTS)
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "stage"),
+    [
+        ("spins", "while True: pass", "importing `spins`"),
+        ("sleeps", PARENT, "importing `sleeps`"),
+        (
+            "waits",
+            "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_engines():\n    while True: pass",
+            "calling lingjing_engines",
+        ),
+    ],
+)
+def test_a_plugin_that_never_returns_is_killed_with_its_children(
+    site: Site, name: str, code: str, stage: str, monkeypatch: pytest.MonkeyPatch, descendants
+) -> None:
+    before = descendants(os.getpid())
+    monkeypatch.setattr(discovery, "DEADLINE_S", 1.5)
+    site.add(name, code)
+    host = PluginHost()
+    assert faults_of(host)[name].endswith(f"s while {stage}") or faults_of(host)[name].endswith("s while starting")
+    assert "multirotor" in host.engines
+    assert descendants(os.getpid()) == before
+    commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
+    assert not [command for command in commands if str(site.folder).encode() in command]
+
+
+def test_a_trial_is_not_repeated_by_the_processes_that_are_started(site: Site, monkeypatch) -> None:
+    site.add("raises", "open('tried', 'a').write('x'); raise RuntimeError('no licence')")
+    monkeypatch.chdir(site.folder)
+    PluginHost()
+    PluginHost()
+    code = "from lingjing.plugins.host import PluginHost; print(*PluginHost().faults)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "no licence" in said
+    assert (site.folder / "tried").read_text() == "x"
+
+
+BROKEN_METADATA = [
+    (b"[lingjing]\nno equals sign\n", "its entry_points.txt cannot be read"),
+    (b"[lingjing]\nodd = \xff\xfe\n", "its entry_points.txt cannot be read (UnicodeDecodeError)"),
+    (b"[lingjing]\nodd = two words!\n", "has the value 'two words!', which names no module"),
+]
+
+
+@pytest.mark.parametrize(("text", "reason"), BROKEN_METADATA)
+def test_broken_metadata_is_named_and_hides_no_other_plugin(site: Site, text: bytes, reason: str) -> None:
+    site.add("odd", None, entry_points=text)
+    site.add("good", OFFER.format(name="good"))
+    (fault,) = PluginHost().faults
+    assert (fault.distribution, reason in fault.reason) == ("lingjing-odd 1.0", True)
+    assert "good" in PluginHost().policies
+    assert engine_kind("no-such-engine").name == "no-such-engine"
+
+
+def test_a_distribution_without_metadata_is_named(site: Site) -> None:
+    site.add("nameless", "raise RuntimeError('boom')")
+    (site.folder / "lingjing_nameless-1.0.dist-info" / "METADATA").unlink()
+    (fault,) = PluginHost().faults
+    assert (fault.plugin, fault.distribution) == ("nameless", "an unnamed distribution (no version)")
+
+
+def test_metadata_of_strangers_that_is_broken_elsewhere_is_no_matter(site: Site) -> None:
+    site.add("other", None, entry_points=b"[console_scripts]\nno equals sign\n")
+    assert find_entries(PLUGINS).broken == ()
+
+
+def test_no_plugin_takes_the_place_of_ours(site: Site) -> None:
+    site.add("builtin", "raise RuntimeError('loaded')", value="impostor")
+    site.add("first", OFFER.format(name="heuristic").replace("@hookimpl", "@hookimpl(trylast=True)"))
+    host = PluginHost()
+    assert host.sources["lingjing_policies", "heuristic"] == "agents"
+    assert host.sources["lingjing_engines", "multirotor"] == "builtin"
+    assert faults_of(host) == {
+        "builtin": "lingjing-sim 0.1.0 has a plug-in of the same name",
+        "first": "`heuristic` is offered twice by lingjing_policies: in `agents` and in `first`",
+    }
+
+
+def test_a_name_that_two_strangers_offer_is_an_error_where_it_is_used(site: Site) -> None:
+    site.add("one", OFFER.format(name="twin"))
+    site.add("two", OFFER.format(name="twin"))
+    host = PluginHost()
+    assert "twin" not in host.policies and host.policy("heuristic")
+    with pytest.raises(PluginError, match="`twin` is offered twice by lingjing_policies: in `one` and in `two`"):
+        host.policy("twin")
+
+
+def test_a_name_that_is_not_there_points_to_what_does_not_load(site: Site) -> None:
+    site.add("raises", "raise RuntimeError('no licence')")
+    with pytest.raises(UsageError, match="no policy is called `scout`") as caught:
+        PluginHost().policy("scout")
+    assert "says why `raises` is not loaded" in caught.value.hint
+
+
+def test_an_engine_whose_wish_fails_takes_no_part(site: Site, instance_of, uav) -> None:
+    code = "\n@hookimpl\ndef lingjing_engines():\n    return [EnginePlugin('odd', object, wanted=lambda one: 1 / 0)]\n"
+    site.add("good", OFFER.format(name="good") + code)
+    with pytest.warns(RuntimeWarning, match="engine `odd` is left out: its `wanted` failed: ZeroDivisionError"):
+        assert select_engines(instance_of([uav()]), PluginHost()).local == ("multirotor",)
+
+
+def test_the_broken_description_of_one_plugin_hides_no_other(site: Site, capsys) -> None:
+    site.add("bad", None, value="bad.plugin")
+    (site.folder / "bad").mkdir()
+    (site.folder / "bad" / "kinds.json").write_text('{"engines": [{"name": "hover", "nonsense": 1}]}')
+    assert engine_kind("elsewhere").name == "elsewhere"
+    with pytest.raises(PluginError, match="bad"):
+        engine_kind("hover")
+    assert main(["plugins"]) == 2
+    assert "plug-in `bad`: " in (said := capsys.readouterr().err) and "kinds.json does not describe kinds" in said
+
+
+def test_without_the_core_there_is_one_error_and_without_the_agents_the_rest_works(site: Site, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "lingjing_agents.plugin", None)
+    host = PluginHost()
+    assert "multirotor" in host.engines and faults_of(host)["agents"].startswith("does not load: ModuleNotFoundError")
+    monkeypatch.setitem(sys.modules, "lingjing.engines.builtin", None)
+    with pytest.raises(PluginError, match=r"plug-in `builtin` .*does not load"):
+        PluginHost()
+
+
+@pytest.mark.slow
+def test_a_run_that_uses_no_broken_plugin_plays_and_names_it(site: Site, tmp_path: Path) -> None:
+    for name in ("raises", "ends", "scribbles"):
+        site.add(name, FAULTS[name][0])
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    (tmp_path / "short.ljs").write_text(text.replace("ticks <= 60", "ticks <= 10"), encoding="utf-8")
+    call = [sys.executable, "-m", "lingjing.cli.main", "run", "short.ljs", "--policy", "random", "--json"]
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["mission"] == "ssr"
+    for name in ("raises", "ends", "scribbles"):
+        assert done.stderr.count(f"warning: plug-in `{name}` (lingjing-{name} 1.0)") == 1
