@@ -1,9 +1,9 @@
 """What the mission of a `resetScenario` document has that the document does not say and no note tells.
 
 `silent_guesses` reads the document again, by rules of its own: the place of each entity and hidden thing that was
-placed (east = X/100, north = -Y/100, elevation = Z/100 m, or degrees on the scene's origin), its heading (`heading`,
-`raw`, or 90 degrees more than `yaw`), how many of each list are played, and that the document written back reads as
-the same mission.
+placed (east = X/100, north = -Y/100, elevation = Z/100 m, or all in metres where a note tells so, or degrees on the
+scene's origin), its heading (`heading`, `raw`, or 90 degrees more than `yaw`; a `raw` of 0 beside `yaw` is a
+placeholder), how many of each list are played, and that the document written back reads as the same mission.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ def silent_guesses(
     whole = json.loads(text)
     groups = {group.name: group for group in mission.groups}
     origin = origin_of(mission)
+    unit_m = 1.0 if _in_metres(whole, notes) else 0.01
+    planar = any("lon and lat are taken for X and Y in metres" in note for note in notes)
     raised: set[float] = set()
     for member, path in mission.origin.places.items():
         row = _at(whole, path.removesuffix(".data"))
@@ -51,18 +53,18 @@ def silent_guesses(
             continue
         yield from (f"{path} says two things of {name}" for name in _ambiguous(place))
         played = _value(groups, member, "position")
-        said = _said(place, origin)
+        said = _said(place, origin, unit_m, planar=planar)
         if said is None or played is None or max(abs(a - b) for a, b in zip(said, played, strict=False)) > SAME_M:
             yield f"{path} says {said}, {member} lies at {played}"
         heights = [one for one in (_first(place, ("z",)), _first(place, ALTITUDE)) if one is not None]
         if len(heights) == 1 and played is not None:
-            metres = heights[0] / (1.0 if _first(place, ("z",)) is None else 100.0)
+            metres = heights[0] * (1.0 if _first(place, ("z",)) is None else unit_m)
             raised.add(round(metres - (played[2] if len(played) > 2 else math.inf), 3))
         turn, turned = _turn(row, place), _value(groups, member, "heading_deg")
         if turn is not None and (turned is None or abs((turn - turned + 180.0) % 360.0 - 180.0) > SAME_M):
             yield f"{path} turns to {turn}, {member} to {turned}"
-    moved = "datum_m" in text or any("heights begin at" in note for note in notes)
-    if len(raised) > 1 or (raised - {0.0} and not moved):
+    moved = "datum_m" in text or any("heights begin at" in note or "heights of Z" in note for note in notes)
+    if len(raised) > 1 + any("heights of Z" in note for note in notes) or (raised - {0.0} and not moved):
         yield f"heights are lowered by {sorted(raised)[:4]} m"
     yield from _uncounted(whole, mission, notes)
     yield from _changed(mission, templates)
@@ -134,22 +136,43 @@ def _ambiguous(place: GuessedRow) -> Iterator[str]:
             yield names[0]
 
 
-def _said(place: GuessedRow, origin: tuple[float, float]) -> tuple[float, float] | None:
+def _in_metres(whole: Any, notes: Sequence[str]) -> bool:
+    """Whether X, Y and Z are metres: by the `lingjing` object, a coordinate system, or a note."""
+    scenario = _get(_get(whole, "data") or whole, "scenario") or _get(whole, "scenario") or whole
+    said = _get(_get(scenario, "lingjing"), "unit")
+    if said is not None:
+        return bool(said == "m")
+    return any("are taken for metres" in note for note in notes) or '_m"' in json.dumps(
+        [_get(row, "coordinate_system") for row in _rows(scenario)]
+    )
+
+
+def _rows(scenario: Any) -> list[Any]:
+    """The scenario, its tasks and their initial states."""
+    tasks = _get(scenario, "taskMatrix")
+    listed = tasks if isinstance(tasks, list) else [tasks]
+    return [scenario, *listed, *(_get(task, "initial_state") for task in listed)]
+
+
+def _said(place: GuessedRow, origin: tuple[float, float], unit_m: float, *, planar: bool) -> tuple[float, float] | None:
     """East and north in metres; None where one is no number."""
     x, y, longitude, latitude = (_first(place, names) for names in (EAST, NORTH, LONGITUDE, LATITUDE))
     pair = (latitude, longitude) if x is None or y is None else (x, y)
     if not all(isinstance(one, int | float) and not isinstance(one, bool) and abs(one) < math.inf for one in pair):
         return None
     if x is None or y is None:
+        if planar:
+            return longitude, -(latitude or 0.0)
         return frames.from_geodetic(latitude or 0.0, longitude or 0.0, origin)
-    return x / 100.0, -y / 100.0
+    return x * unit_m, -y * unit_m
 
 
 def _turn(row: GuessedRow, place: GuessedRow) -> float | None:
     """The compass heading that is said, degrees."""
     yaw = _first(row, ("yaw",))
     yaw = _first(place, ("yaw",)) if yaw is None else yaw
-    given = (_first(row, ("heading",)), _first(row, ("raw",)), None if yaw is None else yaw + 90.0)
+    raw, turned = _first(row, ("raw",)), None if yaw is None else yaw + 90.0
+    given = (_first(row, ("heading",)), *((turned, raw) if raw == 0 else (raw, turned)))
     return next((one for one in given if one is not None), None)
 
 

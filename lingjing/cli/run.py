@@ -15,10 +15,10 @@ import msgspec
 
 from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings, whole_number
 from lingjing.cli.installed import warn_of_broken_plugins
-from lingjing.cli.process import restore_terminal, results_alone
+from lingjing.cli.process import restore_terminal, results_alone, say
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
-from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.loading.load import load_noted
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
 from lingjing.kernel.world.forking import ForkServerClient
@@ -174,7 +174,10 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         path = errors.attempt(lambda: str(find_mission(str(named))), None)
     else:
         errors.add(UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr"))
-    mission = errors.attempt(lambda: load_mission(path), None) if path is not None else None
+    mission, notes = errors.attempt(lambda: load_noted(path), (None, ())) if path is not None else (None, ())
+    if args.end_with is None:  # else the process that started this one has printed them
+        for note in notes:
+            say(f"note: {note}")
     pairs = parse_pairs("--set", args.set, errors)
     mappings: dict[str, Mapping[str, object]] = {
         "policies_for": parse_pairs("--policy-for", args.policy_for, errors, "policies_for"),

@@ -12,7 +12,7 @@ from lingjing.kernel.budgets import limit_key
 from lingjing.kernel.context import RuntimeContext
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Value
-from lingjing.trace.records import CLEARED, DORMANT
+from lingjing.trace.records import CLEARED, DEAD, DORMANT
 
 HANDOFF_M = 50.0
 """How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
@@ -49,6 +49,17 @@ def _assigned(at: RuntimeContext, resource: Value, target: Value) -> Value:
         or any(math.dist((item.east, item.north), point) <= SAME_POINT_M for point in reported)
         for item in at.registry.assignments.get(resource.id, ())
     )
+
+
+def _alive(at: RuntimeContext, asset: Value) -> Value:
+    """The asset is there and not dead."""
+    state = at.states.get(asset.id) if isinstance(asset, Entity) else None
+    return state is not None and state.status not in (DEAD, DORMANT)
+
+
+def _photographed(at: RuntimeContext, asset: Value) -> Value:
+    """A camera of the asset has taken a picture; reference pictures are no asset's."""
+    return isinstance(asset, Entity) and any(frame.entity == asset.id for frame in at.registry.frames.values())
 
 
 def _inspected(at: RuntimeContext, inspection: Value) -> Value:
@@ -94,6 +105,8 @@ FACTS: Mapping[str, Callable[..., Value]] = {
     "truth": _truth,
     "emitted": _emitted,
     "assigned": _assigned,
+    "alive": _alive,
+    "photographed": _photographed,
     "inspected": _inspected,
     "clear": _clear,
     "replans": _replans,

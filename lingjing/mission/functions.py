@@ -258,6 +258,14 @@ _SIGNATURES = (
         where="rule",
         doc="an assignment of the asset to the target was delivered, or a command for it admitted",
     ),
+    Signature("alive", (_p("asset", ENTITY),), FLAG, where="rule", doc="the asset is there and not dead"),
+    Signature(
+        "photographed",
+        (_p("asset", ENTITY),),
+        FLAG,
+        where="rule",
+        doc="a camera of the asset has taken a picture",
+    ),
     Signature(
         "inspected",
         (_p("inspection", INSPECTION),),
@@ -344,6 +352,8 @@ OPERATIONS: Mapping[str, Operation] = {
         _fact("truth", words="the true box of {0} in {1}", secret=True, settled=True),
         _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),
+        _fact("alive", words="{0} is alive", of_time=True, at_start=True),
+        _fact("photographed", words="{0} has taken a picture", at_start=False),
         _fact("inspected", words="the whole route of {0} has been inspected", of_time=True, about=("inspection",)),
         _fact("clear", words="nothing blocks the route of {0}", of_time=True, secret=True, about=("inspection",)),
         _fact("replans", words="the number of replans of {0}", about=("inspection",), at_start=0.0),

@@ -18,7 +18,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.errors import Fault, PluginError, UsageError
-from lingjing.mission.geometry2d import Polygon, left_of
+from lingjing.mission.geometry2d import Polygon, Vector2, left_of
 from lingjing.mission.instance import Option, SceneSpec
 from lingjing.mission.kinds_format import EngineKind, KindsFile, SceneKind, SceneOption, joined, names_of
 
@@ -161,9 +161,10 @@ def land(spec: SceneSpec) -> tuple[Polygon, ...]:
     """Outlines of dry land that the text alone tells of, metres from the scene's origin."""
     kind = scene_kind(spec.kind)
     shore = spec.options.get("shore") if has_shore(spec) else None
+    own = tuple(_moved(outline, centre_m(spec)) for outline in kind.land) if kind else ()
     if kind is None or not shore or _coordinates(shore, 2) is None:
-        return kind.land if kind else ()
-    return *kind.land, left_of(shore, LINE_MOST_M)  # type: ignore[arg-type]
+        return own
+    return *own, left_of(shore, LINE_MOST_M)  # type: ignore[arg-type]
 
 
 def extent_m(spec: SceneSpec) -> float | None:
@@ -173,8 +174,14 @@ def extent_m(spec: SceneSpec) -> float | None:
     return float(given) if isinstance(given, int | float) and given > 0 else None
 
 
+def centre_m(spec: SceneSpec) -> Vector2:
+    """East and north of the middle of a scene, metres; the origin where the mission names no `centre`."""
+    metres = _coordinates(spec.options.get("centre", ()), 1)
+    return (metres[0], metres[1]) if metres else (0.0, 0.0)
+
+
 def reach_m(spec: SceneSpec) -> float | None:
-    """How far a scene's city spans from its origin to every side, if that is known."""
+    """How far a scene's city spans from its centre to every side, if that is known."""
     kind, extent = scene_kind(spec.kind), extent_m(spec)
     if kind is None or extent is None or any(name in spec.options for name in kind.wider_by):
         return None
@@ -274,14 +281,21 @@ def _value_fault(spec: SceneSpec, kind: SceneKind, option: SceneOption, value: O
         metres = _coordinates(value, least)
         if metres is None:
             return f"is no line of {least} or more points", "write [(0 m, 0 m), (10 m, 0 m)]"
-        most = (extent_m(spec) if option.within else None) or LINE_MOST_M
-        reach = max(map(abs, metres), default=0.0)
-        return (f"reaches {reach:g} m from the origin", f"{most:g} m at most") if reach > most else ("", "")
+        within = extent_m(spec) if option.within else None
+        east, north = centre_m(spec) if within else (0.0, 0.0)
+        away = (abs(metre - (north if k % 2 else east)) for k, metre in enumerate(metres))
+        reach, most = max(away, default=0.0), within or LINE_MOST_M
+        middle = "origin" if (east, north) == (0.0, 0.0) else "scene's centre"
+        return (f"reaches {reach:g} m from the {middle}", f"{most:g} m at most") if reach > most else ("", "")
     low = -math.inf if option.low is None else option.low
     high = math.inf if option.high is None else option.high
     if isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high:
         return "", ""
     return f"is {value!r}", _bounds(option.low, option.high)
+
+
+def _moved(outline: Polygon, by: Vector2) -> Polygon:
+    return tuple((east + by[0], north + by[1]) for east, north in outline)
 
 
 def _bounds(low: float | None, high: float | None) -> str:

@@ -5,7 +5,7 @@ the search lies south of -750), but water reaches 1.6 km around the origin, so o
 only the point itself, inside (85..585, -712..-425), is land. The layout is fixed; the seed decides what floats where,
 where rocks and trees stand and how boats lie.
 
-Options: `distractors`, things afloat per square kilometre.
+Options: `distractors`, things afloat per square kilometre; `centre`, where the bay's middle lies.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from random import Random
 
 from lingjing.mission.geometry2d import Polygon, rectangle
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.kinds import builtin_scenes, check_scene, reach_m
+from lingjing.mission.kinds import builtin_scenes, centre_m, check_scene, reach_m
 from lingjing.scene.city import City, Land, Prop, Solid, Water
 from lingjing.scene.districts.draft import stream
 from lingjing.scene.outlines import within
+from lingjing.scene.translation import translated
 
 APRON_TOP_M = 0.9
 """Elevation of the UAV apron: the listing's 1.1 m less the height of a quadrotor's legs."""
@@ -67,10 +68,11 @@ def build(spec: SceneSpec) -> City:
     level = spec.datum_m
     density = _density(spec)
     lands = _lands(level)
-    return City(
+    east, north = centre_m(spec)
+    city = City(
         id=f"bay-{spec.seed}",
         origin=spec.origin,
-        bounds=(-REACH_M, -REACH_M, REACH_M, REACH_M),
+        bounds=(east - REACH_M, north - REACH_M, east + REACH_M, north + REACH_M),
         datum_m=level,
         waters=(Water(polygon=_box(-REACH_M, -REACH_M, REACH_M, REACH_M), level_m=level),),
         lands=lands,
@@ -84,6 +86,7 @@ def build(spec: SceneSpec) -> City:
         ),
         attribution="procedural",
     )
+    return translated(city, (east, north))
 
 
 def _density(spec: SceneSpec) -> float:

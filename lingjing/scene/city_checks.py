@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.kinds import extent_m
+from lingjing.mission.kinds import centre_m, extent_m
 from lingjing.scene.city import City, Pieces
 
 _LEAST = {"polygon": 3, "top": 3, "path": 2, "shape": 2}
@@ -22,8 +22,8 @@ def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
     west, south, east, north = city.bounds
     if not (west < east and south < north):
         yield f"its bounds {city.bounds} are no (west, south, east, north)"
-    half_m = (extent_m(spec) or 0.0) / 2.0
-    if half_m and not (west <= -half_m and south <= -half_m and half_m <= east and half_m <= north):
+    half_m, (x, y) = (extent_m(spec) or 0.0) / 2.0, centre_m(spec)
+    if half_m and not (west <= x - half_m and south <= y - half_m and x + half_m <= east and y + half_m <= north):
         yield f"its bounds {city.bounds} do not hold the {2.0 * half_m:g} m that the scene is wide"
     if not (-85.0 <= city.origin[0] <= 85.0 and -180.0 <= city.origin[1] <= 180.0):
         yield f"its origin {city.origin} is no latitude and longitude"

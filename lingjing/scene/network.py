@@ -29,7 +29,7 @@ import msgspec
 from lingjing.data import cache_folder
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.installation import install_line
-from lingjing.mission.geometry2d import signed_area
+from lingjing.mission.geometry2d import Vector2, signed_area
 from lingjing.mission.instance import Vector
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import Junction, Lane, Road
@@ -125,6 +125,22 @@ def build_network(
         return ["--node-files", str(folder / "n.nod.xml"), "--edge-files", str(folder / "e.edg.xml"), *_STREET_OPTIONS]
 
     return _cached(key, origin, arguments, "the streets")
+
+
+def moved_streets(
+    nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], by: Vector2
+) -> tuple[Sequence[StreetNode], Sequence[StreetEdge]]:
+    """The same streets, `by` metres farther east and north."""
+    if by == (0.0, 0.0):
+        return nodes, edges
+    east, north = by
+    return (
+        [msgspec.structs.replace(node, east=node.east + east, north=node.north + north) for node in nodes],
+        [
+            msgspec.structs.replace(edge, shape=tuple((x + east, y + north, z) for x, y, z in edge.shape))
+            for edge in edges
+        ],
+    )
 
 
 def network_from_osm(

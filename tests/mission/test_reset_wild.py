@@ -180,7 +180,7 @@ def test_the_origin_is_where_the_degrees_lie_and_the_ground_is_the_lowest_height
     lists["autoVehicleEntityList"][0]["data"] = _in_degrees(50.0, -50.0)
     instance, notes = play(whole)
     assert instance.scene.origin == pytest.approx(ORDOS, abs=1e-3)
-    assert at(instance, "truck") == [pytest.approx((50.0, -50.0), abs=1.0)]
+    assert at(instance, "truck") == [pytest.approx((50.0, -75.0), abs=1.0)]  # the middle of the range lies 25 m north
     heights = {e.group: e.position[2] for e in instance.entities}
     assert heights["uav"] - heights["truck"] == pytest.approx(10.0)
     assert any("origin is taken to be at 39.83, 109.9" in note for note in notes), notes
@@ -511,11 +511,11 @@ def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_di
     assert re.search(re.escape(at) + r"\d+ m away, on the nearest road that suits\n", said)
     assert re.search(r"goalFirePosition\[0\]: `fire\[1\]` is put .*\d+ m higher, on the nearest roof", said)
     assert "`uav" not in said
-    whole["scenario"]["equipmentList"]["droneEntityList"][1]["data"]["x"] = 700_000.0
+    whole["scenario"]["equipmentList"]["droneEntityList"][1]["data"]["x"] = 1_900_000.0
     file.write_text(json.dumps(whole))
-    assert main(["validate", str(file)]) == ExitCode.MISSION
+    assert main(["validate", str(file)]) == ExitCode.MISSION  # 19 km: no scene is as wide
     told = capsys.readouterr().out
-    assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (7,000 m" in told
+    assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (19,000 m" in told
 
 
 def test_what_is_beside_a_scenario_stays_beside_it() -> None:
@@ -562,6 +562,10 @@ def test_a_length_in_another_unit_is_a_fault_and_places_in_a_few_metres_are_note
     play(document({"goalFirePosition": [{**PLACE, "unit": "cm"}], "unit": "Brigade 3"}, drones=1))
     near = document({"goalFirePosition": [{"x": 90, "y": -120, "z": 0}]}, drones=1)
     near["scenario"]["equipmentList"]["droneEntityList"][0]["data"] = {"x": 109.94, "y": 39.83, "z": 2}
+    with pytest.raises(MissionError, match="X and Y may be centimetres or metres") as raised:
+        play(near)
+    assert raised.value.hint is not None and '"lingjing": {"unit": "cm"}' in raised.value.hint
+    near["scenario"]["lingjing"] = {"unit": "cm"}
     assert any("all X and Y lie within 1.2 m of the origin" in note for note in play(near)[1])
 
 

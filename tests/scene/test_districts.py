@@ -316,3 +316,19 @@ def test_a_large_compound_has_more_houses_than_there_are_colours() -> None:
     wide = ((-800.0, -800.0), (700.0, -800.0), (700.0, 700.0), (-800.0, 700.0))
     city = district("residential", 3, extent_m=2000.0, blocks_rows=8.0, blocks_columns=8.0, inside=wide)
     assert len(city.buildings) > 300
+
+
+@pytest.mark.parametrize("kind", ["residential", "coastal"])
+def test_a_district_elsewhere_is_the_same_district(kind: str) -> None:
+    """Every point of it, its net's too, lies as much farther as its centre does."""
+    east, north = -4000.0, 2500.0
+    options = {"extent_m": 400.0, "blocks_rows": 2.0, "blocks_columns": 2.0}
+    here, there = district(kind, **options), district(kind, **options, centre=((east, north),))
+    assert there.bounds == tuple(edge + (north if k % 2 else east) for k, edge in enumerate(here.bounds))
+    for one, other in zip(here.buildings, there.buildings, strict=True):
+        assert other.polygon == tuple((pytest.approx(x + east), pytest.approx(y + north)) for x, y in one.polygon)
+    for one, other in zip(here.roads, there.roads, strict=True):
+        assert other.lanes[0].shape[0][:2] == pytest.approx(
+            (one.lanes[0].shape[0][0] + east, one.lanes[0].shape[0][1] + north), abs=0.02
+        )
+    assert len(there.props) == len(here.props) and there.sha256 != here.sha256

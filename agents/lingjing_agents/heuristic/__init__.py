@@ -7,6 +7,7 @@
 - `bridge_inspector` follows a bridge's `centreline`
 - routes are inspected by `route_inspector`, replanned by `route_coordinator` and driven by `route_driver`
 - goods are brought by `delivery_driver`, in the order of `delivery_coordinator`, by what both see (`delivery_view`)
+- `errand_rules`: a picture is taken where the mission is won by pictures, a place flown to where one is shown
 - `line_counter` counts people who stand in line
 - `dogs`: rules of agents that command a walking body; `guidance`: of those who lead one
 

@@ -6,11 +6,13 @@ from types import MappingProxyType
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import exchanged, flying_camera, sends, vehicle, vessel
+from lingjing_agents.errands import camera_body, wants_pictures
 from lingjing_agents.heuristic.aerial_searcher import AerialSearcher
 from lingjing_agents.heuristic.bridge_inspector import BridgeInspector
 from lingjing_agents.heuristic.delivery_coordinator import DeliveryCoordinator
 from lingjing_agents.heuristic.delivery_driver import DeliveryDriver
 from lingjing_agents.heuristic.dogs.dog_rules import DogRules, walking_body
+from lingjing_agents.heuristic.errand_rules import GoalFlyer, PictureTaker
 from lingjing_agents.heuristic.guidance.to_leak import LeakGuidance
 from lingjing_agents.heuristic.line_counter import LineCounter
 from lingjing_agents.heuristic.rescuer import Rescuer
@@ -36,7 +38,8 @@ ROLE_RULES: tuple[type[RoleRules], ...] = (
     LeakGuidance,
     DogRules,
 )
-"""All rules there are; each says which roles and message records it serves."""
+"""All rules of agents that exchange messages; each says which roles and message records it serves. Those of agents that
+have an errand of their own are `errand_rules`."""
 
 
 class HeuristicPolicy:
@@ -63,6 +66,8 @@ def learned_policy() -> HeuristicPolicy:
 
 def rules_for(brief: Brief, trained: TrainedDetectors = MappingProxyType({})) -> RoleRules | None:
     """The rules that fit an agent's abilities, or None: by whether it flies, sails, drives, walks or only speaks."""
+    if wants_pictures(brief) and (body := camera_body(brief)) is not None:
+        return PictureTaker(body)
     if (camera := flying_camera(brief)) is not None:
         return _flying(brief, camera, trained)
     if (boat := vessel(brief)) is not None:
@@ -74,8 +79,9 @@ def rules_for(brief: Brief, trained: TrainedDetectors = MappingProxyType({})) ->
     return None if any(resource.embodied for resource in brief.resources) else _speaking(brief)
 
 
-def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRules | None:
-    """Cells are searched, routes inspected, people counted, long things followed; who may guide somebody does so."""
+def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRules:
+    """Cells are searched, routes inspected, people counted, long things followed; who may guide somebody does so; any
+    other aircraft flies to the place that it is shown."""
     if brief.cells:
         return AerialSearcher(brief, camera, trained)
     if exchanged(brief, "trafficJam"):
@@ -84,7 +90,9 @@ def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRu
         return LineCounter(brief, camera)
     if sends(brief, "guidance") is not None:
         return LeakGuidance(brief, camera)
-    return BridgeInspector(brief, camera, trained) if target_type_of(brief, (GAPS,)) is not None else None
+    if target_type_of(brief, (GAPS,)) is not None:
+        return BridgeInspector(brief, camera, trained)
+    return GoalFlyer(brief, camera)
 
 
 def _driving(brief: Brief, car: Resource) -> RoleRules:

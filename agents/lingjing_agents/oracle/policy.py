@@ -8,6 +8,7 @@ from lingjing_agents.oracle.aircraft import aircraft_abilities
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.deliveries import delivery_abilities
 from lingjing_agents.oracle.dogs import dog_abilities
+from lingjing_agents.oracle.errands import errand_abilities
 from lingjing_agents.oracle.hub import hub_abilities
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState, privileged
 from lingjing_agents.oracle.reporting import ReportAbility, report_abilities
@@ -49,4 +50,5 @@ def abilities(brief: Brief, plan: InstanceIndex) -> tuple[Ability, ...]:
         *delivery_abilities(brief, plan, composer),
         *vehicle_abilities(brief, plan, composer),
         *hub_abilities(brief, plan, composer),
+        *errand_abilities(brief, plan),
     )

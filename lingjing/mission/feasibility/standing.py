@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, spelled
 from lingjing.mission.geometry2d import contains
-from lingjing.mission.kinds import engine_kind, land, levels_m, reach_m, scene_kind, spoken
+from lingjing.mission.kinds import centre_m, engine_kind, land, levels_m, reach_m, scene_kind, spoken
 
 UNDER_M = 1.0
 """So far below the lowest surface an asset is under it, and not a leg's length short."""
@@ -44,9 +44,11 @@ def _out_of_scene(body: Body, outline: Outline) -> Iterator[Proof]:
     east, north, _ = body.entity.position
     if reach is None or engine_kind(body.entity.engine).anywhere:
         return
-    if max(abs(east), abs(north)) > reach + body.where.loose_m:
+    middle = centre_m(outline.instance.scene)
+    if max(abs(east - middle[0]), abs(north - middle[1])) > reach + body.where.loose_m:
         hint = "move it into the scene, or give the scene a larger `extent`"
-        message = f"{_shown(body)}, outside of the scene, which spans {spelled(reach)} m to every side"
+        about = "" if middle == (0.0, 0.0) else f" of ({spelled(middle[0])} m, {spelled(middle[1])} m)"
+        message = f"{_shown(body)}, outside of the scene, which spans {spelled(reach)} m to every side{about}"
         yield Proof("LJ0211", body.path, message, hint, subject=body.id)
 
 

@@ -25,7 +25,8 @@ class Parsed:
     """A document that was read: the scenario, the JSON path of the scenario, its plain values without nulls under the
     keys of this module; and the notes and faults found so far.
 
-    `placed` are the JSON paths of what has been placed, by the ids of the entities. With faults the values are mended
+    `placed` are the JSON paths of what has been placed, by the ids of the entities; `understood` the keys, folded, that
+    are read beyond those of the shapes. With faults the values are mended
     (`repair`), `place` standing in for places that are none; `decided` says whether what tells the template is as it
     was.
     """
@@ -41,6 +42,7 @@ class Parsed:
     decided: bool = True
     place: Mapping[str, float] = field(default_factory=dict)
     placed: dict[str, str] = field(default_factory=dict)
+    understood: set[str] = field(default_factory=set)
 
     @property
     def task(self) -> TaskRow:

@@ -27,7 +27,7 @@ from lingjing.mission.weather_words import word_for
 
 PERSON_FIELD, FIRE_FIELD = "rescuePersonPosition", "goalFirePosition"
 
-OWN_FIELDS = {"fire_source": FIRE_FIELD, "delivery_door": "goalPosition"}
+OWN_FIELDS = {"fire_source": FIRE_FIELD, "delivery_door": "goalPosition", "air_goal": "goalPosition"}
 """The fields of target types that are not the first of any field."""
 
 Json = bool | int | float | str | list["Json"] | dict[str, "Json"] | None

@@ -112,7 +112,7 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
     if kind == "extra_forbidden":
         return (
             f"unknown field '{key}'",
-            "the object 'lingjing' knows mission, mode, settings, seed, origin, datum_m and targets",
+            "the object 'lingjing' knows mission, mode, settings, seed, origin, datum_m, unit and targets",
         )
     if kind == "value_error":
         said = str(one["msg"]).removeprefix("Value error, ")

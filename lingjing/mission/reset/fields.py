@@ -8,7 +8,7 @@ and digits alone. What is neither a list nor an object is a fault, except under 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,7 +75,7 @@ FIELDS: tuple[HiddenField, ...] = (
         "reference_building delivery_door destination bridge_fracture pipeline_leak",
         "goalpoint targetposition 目标位置",
         general=True,
-        also="delivery_point",
+        also="delivery_point air_goal",
     ),
     _field(
         "taskPoints",
@@ -94,19 +94,33 @@ REMARKS = frozenset({
 """Spellings that name the thing and not its place: a text or a number under them may be a remark on it."""
 
 
+PENDING = ("pending", "tbd", "tobe", "unknown", "later", "notset", "notready", "unset", "undefined", "none", "待", "未")
+"""Words, folded, by which a value without coordinates says that its place is not known yet."""
+
+_REMARK_KEYS = frozenset({"status", "state", "note", "remark", "comment", "description", "状态", "备注", "说明"})
+
+_COORDINATES = frozenset({
+    "x", "y", "z", "lon", "lng", "long", "longitude", "lat", "latitude", "alt", "altitude", "经度", "纬度", "海拔",
+})  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A hidden field of a document: what it is, the key and JSON path it stands at, and its entries."""
+    """A hidden field of a document: what it is, the key and JSON path it stands at, its entries and their paths.
+
+    `pending`: it has entries, and all of them say that their place comes later.
+    """
 
     field: HiddenField
     key: str
     path: str
     targets: tuple[HiddenPlace, ...]
-    single: bool
+    paths: tuple[str, ...]
+    pending: bool = False
 
     def at(self, index: int) -> str:
         """JSON path of one entry."""
-        return self.path if self.single else f"{self.path}[{index}]"
+        return self.paths[index]
 
 
 def field_of(key: str) -> HiddenField | None:
@@ -138,11 +152,43 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
                 hint = "give X and Y in centimetres, or lon and lat in degrees"
                 parsed.report(where, f"a place or a list of places is due, this is {kind_of(value)}", hint)
             continue
-        one = isinstance(value, dict)
-        paths = [where] if one else [f"{where}[{k}]" for k in range(len(items))]
+        paths = [where] if isinstance(value, dict) else [f"{where}[{k}]" for k in range(len(items))]
+        given = len(items)
+        paths, items = _present(paths, items, parsed)
         spelt_before = len(parsed.spelt.faults)
         unified = [parsed.spelt.unify(item, HiddenPlace, at) for item, at in zip(items, paths, strict=True)]
         parsed.faults.extend(parsed.spelt.faults[spelt_before:])
         read = [parsed.converted(item, HiddenPlace, at) for item, at in zip(unified, paths, strict=True)]
         parsed.notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes)
-        yield Found(field, key, where, tuple(read), one)
+        yield Found(field, key, where, tuple(read), tuple(paths), pending=bool(given) and not items)
+
+
+def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tuple[list[str], list[Any]]:
+    """The entries without those that say that their place comes later, which are noted."""
+    later = [isinstance(item, dict) and _is_pending(item) for item in items]
+    parsed.notes.extend(
+        f"{path}: has no place yet ({_words(item)}); taken as absent"
+        for path, item, absent in zip(paths, items, later, strict=True)
+        if absent
+    )
+    kept = [k for k, absent in enumerate(later) if not absent]
+    return [paths[k] for k in kept], [items[k] for k in kept]
+
+
+def _is_pending(item: Mapping[str, Any]) -> bool:
+    """Whether an entry has no coordinates and says that it will have some."""
+    inner = [one for one in item.values() if isinstance(one, Mapping)]
+    keys = {folded(key) for holder in (item, *inner) for key in holder}
+    return not keys & _COORDINATES and any(word in folded(said) for said in _texts(item) for word in PENDING)
+
+
+def _texts(item: Mapping[str, Any]) -> Iterator[str]:
+    for key, value in item.items():
+        if isinstance(value, Mapping):
+            yield from _texts(value)
+        elif isinstance(value, str) and folded(key) in _REMARK_KEYS:
+            yield value
+
+
+def _words(item: Mapping[str, Any]) -> str:
+    return ", ".join(f"'{said[:40]}'" for said in _texts(item))

@@ -1,27 +1,42 @@
-"""Where a `resetScenario` lies: the scene's origin in degrees, and the height in the document that counts as 0.
+"""Where a `resetScenario` lies: the unit of its lengths, the scene's origin in degrees, the height that counts as 0.
 
-Both stand in the `lingjing` object (`origin`, `datum_m`), else they are worked out, with a note, where the document
-lies elsewhere than its template: the origin from its degrees, the datum from the lowest thing on the ground.
+All stand in the `lingjing` object (`unit`, `origin`, `datum_m`), else they are worked out, with a note, where the
+document lies elsewhere than its template: the origin from its degrees, the datum from the lowest thing on the ground.
+The unit is `unit`'s.
 """
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from lingjing.errors import Fault
 from lingjing.mission import frames
 from lingjing.mission.instance_entities import FARTHEST_M
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.shapes import LISTS, Coordinates
+from lingjing.mission.reset.unit import (
+    CENTIMETRE_M,
+    CROWDED_M,
+    METRE_M,
+    SYSTEM,
+    WIDEST_M,
+    bodies_of,
+    stated_fault,
+    system_is_understood,
+    unit_of,
+)
 
 FAR_M = 20_000.0
 """A scene is a few kilometres wide: what lies farther off is noted, and degrees farther off give the origin."""
 
-NEAR_M = 10.0
-"""Where all that a document places by centimetres lies within this of the origin, they may be metres or degrees."""
+UNTIED_M = 100_000.0
+"""Degrees farther from the template's origin have nothing to do with lengths that are given from that origin."""
+
+NULL_ISLAND_DEG = 0.1
+"""Degrees nearer to 0, 0 are taken from X = Y = 0: no mission of this project lies in the Gulf of Guinea."""
 
 LOW_M = -100.0
 GROUND_HIGH_M, HIDDEN_HIGH_M, FLYING_HIGH_M = 80.0, 450.0, 3_000.0
@@ -32,57 +47,201 @@ ON_THE_GROUND = ("quadruped", "road", "vessel")
 
 
 class DocumentFrame(msgspec.Struct, frozen=True):
-    """The origin's latitude and longitude in degrees, and what is taken off heights, metres."""
+    """How a document's coordinates become metres.
+
+    `origin`: latitude and longitude of X = Y = 0, degrees. `datum_m`: taken off heights, metres; `alt_datum_m`: off
+    those of `alt`, where they begin elsewhere than those of `Z`. `unit_m`: length of one of X, Y, Z, metres. `planar`:
+    `lon` and `lat` hold X and Y in metres. `untied`: some places are in degrees that have nothing to do with the X and
+    Y of the others, which is reported.
+    """
 
     origin: tuple[float, float]
     datum_m: float = 0.0
+    alt_datum_m: float | None = None
+    unit_m: float = CENTIMETRE_M
+    planar: bool = False
+    untied: bool = False
 
     def place(self, data: Coordinates) -> tuple[float, ...] | None:
         """East, north and, if given, elevation in metres; None without coordinates.
 
-        Centimetres win over degrees; a height is read with either, of two the one of the same kind counts.
+        X and Y win over degrees; a height is read with either, of two the one of the same kind counts.
         """
-        above = None if data.z is None else frames.from_unreal(0.0, 0.0, data.z)[2]
+        above = None if data.z is None else self.lengths(0.0, 0.0, data.z)[2] - self.datum_m
+        alt_datum_m = self.datum_m if self.alt_datum_m is None else self.alt_datum_m
+        alt = None if data.alt is None else data.alt - alt_datum_m
         if data.x is not None and data.y is not None:
-            east, north, _ = frames.from_unreal(data.x, data.y, 0.0)
-            height = data.alt if above is None else above
+            east, north, _ = self.lengths(data.x, data.y, 0.0)
+            height = alt if above is None else above
         elif data.lon is not None and data.lat is not None:
-            east, north = frames.from_geodetic(data.lat, data.lon, self.origin)
-            east, north = round(east, 4), round(north, 4)
-            height = above if data.alt is None else data.alt
+            east, north = self._from_degrees(data.lon, data.lat)
+            height = above if alt is None else alt
         else:
             return None
-        return (east, north) if height is None else (east, north, self._over_datum(height))
+        if height is None:
+            return east, north
+        return east, north, round(height, 4) if self.datum_m or self.alt_datum_m else height
 
-    def _over_datum(self, height: float) -> float:
-        return round(height - self.datum_m, 4) if self.datum_m else height
+    def lengths(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """X, Y and Z as east, north and elevation, metres."""
+        return (x, 0.0 - y, z) if self.unit_m == METRE_M else frames.from_unreal(x, y, z)
+
+    def _from_degrees(self, lon: float, lat: float) -> tuple[float, float]:
+        if self.planar:
+            return lon, -lat
+        east, north = frames.from_geodetic(lat, lon, self.origin)
+        return round(east, 4), round(north, 4)
 
 
 def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]) -> DocumentFrame:
     """The frame of a document whose template has its origin at `origin`."""
-    given = parsed.scenario.lingjing
     on_ground, hidden, flying = _places(parsed, found)
     every = [*hidden, *on_ground, *flying]
-    frame = DocumentFrame(origin)
-    if given is not None and given.origin is not None:
-        if not (-90.0 <= given.origin[0] <= 90.0 and -180.0 <= given.origin[1] <= 180.0):
-            where = f"{parsed.at('lingjing')}.origin"
-            parsed.report(where, "is no latitude and longitude", "write degrees: [39.83, 109.94]")
-        else:
-            frame = DocumentFrame(given.origin)
-    elif (worked_out := _origin(every, origin)) is not None:
-        parsed.notes.append(
-            f"{parsed.path}: the scene's origin is taken to be at {worked_out[0]:g}, {worked_out[1]:g}, where the "
-            'document\'s degrees lie; "lingjing": {"origin": [latitude, longitude]} would say'
-        )
-        frame = DocumentFrame(worked_out)
+    if (fault := stated_fault(parsed)) is not None:
+        parsed.faults.append(fault)
+    unit_m = unit_of(parsed, every)
+    if system_is_understood(parsed):
+        parsed.understood.add(SYSTEM)
+    planar = unit_m == METRE_M and _are_planar(parsed, every)
+    frame = DocumentFrame(origin, unit_m=unit_m, planar=planar)
+    frame = _with_origin(parsed, every, frame)
+    if unit_m == CENTIMETRE_M and not any("may be centimetres or metres" in one.message for one in parsed.faults):
+        _note_crowded(parsed, every)
+    given = parsed.scenario.lingjing
     if given is not None and given.datum_m is not None:
-        return DocumentFrame(frame.origin, given.datum_m)
-    if (crowded := _crowded(every)) is not None:
+        return msgspec.structs.replace(frame, datum_m=given.datum_m)
+    return _with_datum(parsed, frame, on_ground, hidden, flying)
+
+
+# -- the origin ------------------------------------------------------------------------------------------------------
+
+
+def _with_origin(parsed: Parsed, every: Sequence[Coordinates], frame: DocumentFrame) -> DocumentFrame:
+    """The frame with the origin that the document says or that its degrees show, if they do."""
+    given = parsed.scenario.lingjing
+    if given is not None and given.origin is not None:
+        if -90.0 <= given.origin[0] <= 90.0 and -180.0 <= given.origin[1] <= 180.0:
+            return msgspec.structs.replace(frame, origin=given.origin)
+        where = f"{parsed.at('lingjing')}.origin"
+        parsed.report(where, "is no latitude and longitude", "write degrees: [39.83, 109.94]")
+        return frame
+    if frame.planar:
+        return frame
+    worked_out = _origin(every, frame)
+    if worked_out is None:
+        fault = _untied(parsed, every, frame.origin)
+        if fault is None or parsed.faults:  # places that are none may only seem to be elsewhere
+            return frame
+        parsed.faults.append(fault)
+        return msgspec.structs.replace(frame, untied=True)
+    parsed.notes.append(
+        f"{parsed.path}: the scene's origin is taken to be at {worked_out[0]:g}, {worked_out[1]:g}, where the "
+        'document\'s degrees lie; "lingjing": {"origin": [latitude, longitude]} would say'
+    )
+    return msgspec.structs.replace(frame, origin=worked_out)
+
+
+def untied_fault(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]) -> Fault | None:
+    """The fault of a document whose degrees have nothing to do with the X and Y of its other places, if they do not."""
+    every = [data for group in _places(parsed, found) for data in group]
+    frame = DocumentFrame(origin)
+    given = parsed.scenario.lingjing
+    tied = (given is not None and given.origin is not None) or _origin(every, frame) is not None
+    return None if tied else _untied(parsed, every, origin)
+
+
+def _are_planar(parsed: Parsed, places: Sequence[Coordinates]) -> bool:
+    """Whether `lon` and `lat` hold metres: beside X and Y in metres, they are no degrees of one scene. It is noted."""
+    pairs = _degrees(places)
+    if len(pairs) < 2 or len(pairs) == len(places):
+        return False
+    middle = _middle(pairs)
+    wide = max(max(map(abs, frames.from_geodetic(*pair, middle))) for pair in pairs)
+    if 2.0 * wide <= WIDEST_M:
+        return False
+    parsed.notes.append(
+        f"{parsed.path}: lon and lat are taken for X and Y in metres: as degrees they lie {2.0 * wide / 1000:.0f} km "
+        'apart; "lingjing": {"origin": [latitude, longitude]} would say that they are degrees'
+    )
+    return True
+
+
+def _degrees(places: Iterable[Coordinates]) -> list[tuple[float, float]]:
+    """Latitude and longitude of the places that have nothing else."""
+    return [
+        (data.lat, data.lon)
+        for data in places
+        if data.lat is not None and data.lon is not None and (data.x is None or data.y is None)
+    ]
+
+
+def _middle(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The middle of the range of latitudes and longitudes."""
+    latitudes, longitudes = zip(*pairs, strict=True)
+    return (
+        round((min(latitudes) + max(latitudes)) / 2.0, 7),
+        round((min(longitudes) + max(longitudes)) / 2.0, 7),
+    )
+
+
+def _origin(places: Sequence[Coordinates], frame: DocumentFrame) -> tuple[float, float] | None:
+    """Where the origin must be for the document's degrees to lie in the scene; None where the template's will do.
+
+    A place with both spellings ties them together; else the middle of all degrees is the middle of the scene.
+    """
+    pairs = _degrees(places)
+    far = [pair for pair in pairs if max(map(abs, frames.from_geodetic(*pair, frame.origin))) > FAR_M]
+    if not pairs or len(far) < len(pairs):  # one that lies far off is noted, all of them are another place
+        return None
+    for data in places:
+        if None not in (data.x, data.y, data.lat, data.lon):
+            east, north, _ = frame.lengths(data.x or 0.0, data.y or 0.0, 0.0)
+            there = frames.to_geodetic(-east, -north, (data.lat or 0.0, data.lon or 0.0))
+            return round(there[0], 7), round(there[1], 7)
+    if len(pairs) == len(places):
+        return _middle(pairs)
+    # The others are in lengths from X = Y = 0, which the degrees do not tell, unless they count from there too.
+    return (0.0, 0.0) if all(max(map(abs, pair)) < NULL_ISLAND_DEG for pair in pairs) else None
+
+
+def _untied(parsed: Parsed, places: Sequence[Coordinates], origin: tuple[float, float]) -> Fault | None:
+    """The fault of a document that gives some places in lengths and some in degrees that are nowhere near."""
+    pairs = _degrees(places)
+    if not pairs or len(pairs) == len(places):
+        return None
+    if min(max(map(abs, frames.from_geodetic(*pair, origin))) for pair in pairs) <= UNTIED_M:
+        return None
+    named = {id(body.data): body.path for body in bodies_of(parsed)}
+    lengths = next((named.get(id(one), parsed.state_path) for one in places if one.x is not None), parsed.path)
+    degrees = next((named.get(id(one), parsed.state_path) for one in places if one.x is None), parsed.path)
+    return Fault(
+        degrees,
+        f"is in degrees and {lengths} in X and Y, and nothing ties the two together",
+        '"lingjing": {"origin": [latitude, longitude]} of X = Y = 0 does, or one place that has both',
+    )
+
+
+# -- heights ---------------------------------------------------------------------------------------------------------
+
+
+def _with_datum(
+    parsed: Parsed,
+    frame: DocumentFrame,
+    on_ground: Sequence[Coordinates],
+    hidden: Sequence[Coordinates],
+    flying: Sequence[Coordinates],
+) -> DocumentFrame:
+    """The frame with the height that is taken for the ground, where heights cannot be over the scene."""
+    every = [*on_ground, *hidden, *flying]
+    by_alt = [data for data in every if data.x is None or data.y is None]
+    by_z = [data for data in every if data.x is not None and data.y is not None]
+    lows = [min(heights) for group in (by_z, by_alt) if (heights := _heights(frame, group))]
+    if len(lows) == 2 and abs(lows[0] - lows[1]) > HIDDEN_HIGH_M:
         parsed.notes.append(
-            f"{parsed.path}: all X and Y lie within {crowded:.2g} m of the origin, as centimetres; "
-            "are they metres or degrees?"
+            f"{parsed.path}: heights of Z begin at {lows[0]:g} m and those of alt at {lows[1]:g} m, which are both "
+            'taken for the ground; "lingjing": {"datum_m": metres} would say'
         )
+        return msgspec.structs.replace(frame, datum_m=lows[0], alt_datum_m=lows[1])
     heights = _heights(frame, [*on_ground, *hidden]) or _heights(frame, flying)
     high_m = (
         GROUND_HIGH_M if _heights(frame, on_ground) else HIDDEN_HIGH_M if _heights(frame, hidden) else FLYING_HIGH_M
@@ -93,7 +252,7 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
         f"{parsed.path}: heights begin at {min(heights):g} m, which is taken for the ground; "
         '"lingjing": {"datum_m": metres} would say'
     )
-    return DocumentFrame(frame.origin, min(heights))
+    return msgspec.structs.replace(frame, datum_m=min(heights))
 
 
 def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], list[Coordinates], list[Coordinates]]:
@@ -109,36 +268,17 @@ def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], 
     return on_ground, hidden, flying
 
 
-def _crowded(places: Sequence[Coordinates]) -> float | None:
-    """How far from the origin the farthest of several places lies, metres, where that is hardly anywhere."""
+def _note_crowded(parsed: Parsed, places: Sequence[Coordinates]) -> None:
+    """Note that all X and Y lie so near to the origin, as centimetres, that they may be something else."""
     given = [abs(one) / 100.0 for data in places for one in (data.x, data.y) if one is not None]
     farthest = max(given, default=0.0)
-    return farthest if len(given) > 2 and 0.0 < farthest < NEAR_M else None
+    if len(given) > 2 and 0.0 < farthest < CROWDED_M:
+        parsed.notes.append(
+            f"{parsed.path}: all X and Y lie within {farthest:.2g} m of the origin, as centimetres; "
+            "are they metres or degrees?"
+        )
 
 
 def _heights(frame: DocumentFrame, places: Iterable[Coordinates]) -> list[float]:
     found = (frame.place(data) for data in places)
     return [place[2] for place in found if place is not None and len(place) == 3]
-
-
-def _origin(places: Sequence[Coordinates], origin: tuple[float, float]) -> tuple[float, float] | None:
-    """Where the origin must be for the document's degrees to lie in the scene; None where the template's will do.
-
-    A place with both spellings ties them together; else the middle of all degrees is the middle of the scene.
-    """
-    plain = [
-        (data.lat, data.lon)
-        for data in places
-        if data.lat is not None and data.lon is not None and (data.x is None or data.y is None)
-    ]
-    far = [pair for pair in plain if max(map(abs, frames.from_geodetic(*pair, origin))) > FAR_M]
-    if not plain or len(far) < len(plain):  # one that lies far off is noted, all of them are another place
-        return None
-    for data in places:
-        if None not in (data.x, data.y, data.lat, data.lon):
-            east, north, _ = frames.from_unreal(data.x or 0.0, data.y or 0.0, 0.0)
-            there = frames.to_geodetic(-east, -north, (data.lat or 0.0, data.lon or 0.0))
-            return round(there[0], 7), round(there[1], 7)
-    if len(plain) < len(places):  # the others are in the template's centimetres
-        return None
-    return round(statistics.fmean(p[0] for p in plain), 7), round(statistics.fmean(p[1] for p in plain), 7)

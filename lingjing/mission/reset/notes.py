@@ -20,22 +20,23 @@ def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str
         f"{where}: stands more than once in its object; the last one counts" for where in jsontext.repeated(text)
     )
     yield from _codes(parsed)
+    known = frozenset({"tasktype", *parsed.understood})
     equipment, state = parsed.scenario.equipment_list, parsed.task.initial_state
     if parsed.envelope is not None:
-        yield from _unread([parsed.envelope], "$")
-    yield from _unread([parsed.scenario], parsed.path)
-    yield from _unread([equipment], parsed.lists_path)
+        yield from _unread([parsed.envelope], "$", known)
+    yield from _unread([parsed.scenario], parsed.path, known)
+    yield from _unread([equipment], parsed.lists_path, known)
     for one in LISTS:
         rows = getattr(equipment, one.attribute)
-        yield from _unread(rows, f"{parsed.list_path(one.name)}[]")
-        yield from _unread([row.data for row in rows], f"{parsed.list_path(one.name)}[].data")
-    yield from _unread([parsed.task], parsed.task_path)
-    yield from _unread([state], parsed.state_path)
-    yield from _unread(state.rescue_range, f"{parsed.in_state('rescueRange')}[]")
+        yield from _unread(rows, f"{parsed.list_path(one.name)}[]", known)
+        yield from _unread([row.data for row in rows], f"{parsed.list_path(one.name)}[].data", known)
+    yield from _unread([parsed.task], parsed.task_path, known)
+    yield from _unread([state], parsed.state_path, known)
+    yield from _unread(state.rescue_range, f"{parsed.in_state('rescueRange')}[]", known)
     for field in found:
-        yield from _unread(field.targets, f"{field.path}[]")
+        yield from _unread(field.targets, f"{field.path}[]", known)
         inner = [part for target in field.targets for part in (target.data, target.position) if part is not None]
-        yield from _unread(inner, f"{field.path}[].data")
+        yield from _unread(inner, f"{field.path}[].data", known)
 
 
 def _codes(parsed: Parsed) -> Iterator[str]:
@@ -47,14 +48,14 @@ def _codes(parsed: Parsed) -> Iterator[str]:
         yield f"{parsed.lists_path}: an equipmentCode stands more than once: {', '.join(shared)}"
 
 
-def _unread(parts: Iterable[DocumentPart], where: str) -> Iterator[str]:
-    """One note for all keys of these parts that nothing reads: not the two spellings of a task type, nor hidden places
+def _unread(parts: Iterable[DocumentPart], where: str, known: frozenset[str]) -> Iterator[str]:
+    """One note for all keys of these parts that nothing reads: not those that are known, folded, nor hidden places
     where these may stand."""
     unknown = dict.fromkeys(
         key
         for part in parts
         for key in part.model_extra or ()
-        if folded(key) != "tasktype" and not (isinstance(part, Scenario | TaskRow | InitialState) and field_of(key))
+        if folded(key) not in known and not (isinstance(part, Scenario | TaskRow | InitialState) and field_of(key))
     )
     if unknown:
         yield f"{where}: {', '.join(repr(key) for key in unknown)} not understood and kept"

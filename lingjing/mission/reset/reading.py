@@ -18,18 +18,20 @@ import msgspec
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
-from lingjing.mission.instance import Weather
+from lingjing.mission.instance import SceneSpec, Weather
 from lingjing.mission.instantiate import choose_settings
 from lingjing.mission.reset.document import Parsed, parse
 from lingjing.mission.reset.faults import document_error, foreign_lengths
 from lingjing.mission.reset.fields import Found, hidden_fields
-from lingjing.mission.reset.frame import DocumentFrame, frame_of
+from lingjing.mission.reset.frame import DocumentFrame, frame_of, untied_fault
 from lingjing.mission.reset.groups import Spot, draw_of, filled, origin_of, plays, point, with_default, world
 from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.repair import followed
+from lingjing.mission.reset.row_goals import GOALS, goal_text, row_goals
+from lingjing.mission.reset.scene_fit import fitted_template
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
-from lingjing.mission.reset.template import fleet_of, template_name
+from lingjing.mission.reset.template import FREE, fleet_of, template_name
 from lingjing.mission.vocabulary import MODES
 from lingjing.mission.weather_words import RAINY, sky_of
 
@@ -54,9 +56,11 @@ def instantiate_document(
         raise document_error(path, parsed.faults)
     try:
         name, where, why = template_name(parsed, found)
-    except MissionError:
+    except MissionError as error:
         if first > before:  # what hidden places could not be read may have told the template
             raise document_error(path, parsed.faults) from None
+        if (fault := untied_fault(parsed, found, SceneSpec(kind="").origin)) is not None:
+            raise document_error(path, [*error.faults, fault]) from None
         raise
     try:
         template = templates(name)
@@ -65,8 +69,10 @@ def instantiate_document(
             where, f"there is no template '{name[:60]}'", "name one of the missions in scenarios/"
         ) from None
     parsed.notes.insert(0, f"template '{name}': {why}")
+    goals = row_goals(parsed, found) if name == GOALS else None
+    found = (goals.found,) if goals else found
     template = _of_several(template, parsed, found, templates)
-    mission = _placed(template, parsed, found)
+    template, mission = _placed(template, parsed, found, goals.order if goals else ())
     parsed.faults.extend(foreign_lengths(parsed.raw, parsed.path))
     if parsed.faults:
         raise document_error(path, followed(parsed.faults, first, parsed.task_path))
@@ -111,12 +117,36 @@ def _several(template: model.Mission, parsed: Parsed, found: Sequence[Found]) ->
 # -- the parts of the mission ---------------------------------------------------------------------------------------
 
 
-def _placed(template: model.Mission, parsed: Parsed, found: Sequence[Found]) -> model.Mission:
-    mission = _worded(_configured(template, parsed), parsed)
-    frame = frame_of(parsed, found, origin_of(mission))
-    mission = _with_origin(mission, frame)
+def _placed(
+    template: model.Mission, parsed: Parsed, found: Sequence[Found], order: Sequence[int]
+) -> tuple[model.Mission, model.Mission]:
+    """The template, with a scene that reaches the document's places, and the mission that it becomes. `order` is that
+    of the UAVs, if it is not the document's."""
+    plain = _worded(_configured(template, parsed), parsed)
+    frame = frame_of(parsed, found, origin_of(plain))
+    if frame.untied:
+        return plain, plain
+    plain = _with_origin(plain, frame)
+    before = len(parsed.notes)
+    mission = _filled(plain, parsed, found, frame, order)
+    if parsed.faults:
+        return plain, mission
+    fitted = fitted_template(plain, mission, parsed)
+    if fitted is None:
+        return plain, mission
+    told = parsed.notes[-1]
+    del parsed.notes[before:]
+    parsed.notes.append(told)
+    return fitted, _filled(fitted, parsed, found, frame, order)
+
+
+def _filled(
+    plain: model.Mission, parsed: Parsed, found: Sequence[Found], frame: DocumentFrame, order: Sequence[int]
+) -> model.Mission:
+    """The mission with everything where the document says."""
+    mission = plain
     for one in LISTS:
-        mission = _equipped(mission, parsed, one, frame)
+        mission = _equipped(mission, parsed, one, frame, order if one.engine == "multirotor" else ())
     outline = _outline(mission, parsed, frame)
     if outline is not None:
         mission = _with_region(mission, search_region(mission), outline)
@@ -174,7 +204,9 @@ def _collaborating(template: model.Mission, parsed: Parsed) -> model.Mission:
 def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """Title, goal and weather."""
     state = parsed.task.initial_state
-    if len(parsed.scenario.task_matrix) > 1:
+    own = mission.name == GOALS
+    mission = _bounded(mission, parsed) if own or mission.name in dict(FREE) else mission
+    if len(parsed.scenario.task_matrix) > 1 and not own:
         parsed.notes.append(
             f"{parsed.at('taskMatrix')}: the first of {len(parsed.scenario.task_matrix)} rows is played"
         )
@@ -182,8 +214,29 @@ def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     return msgspec.structs.replace(
         mission,
         title=parsed.scenario.scene_name or mission.title,
-        goal=parsed.task.goal or mission.goal,
+        goal=(goal_text(parsed) if own else parsed.task.goal) or mission.goal,
         weather=_weather(mission.weather, state.weather, parsed.in_state("weather"), parsed),
+    )
+
+
+_MAX_STEPS, _STEPS_MOST = "max_steps", 10_000
+
+
+def _bounded(mission: model.Mission, parsed: Parsed) -> model.Mission:
+    """The mission with the document's `max_steps` as its budget of ticks."""
+    held = ((path, holder) for holder, path in parsed.holders())
+    where, steps = next(((f"{path}.{_MAX_STEPS}", one[_MAX_STEPS]) for path, one in held if _MAX_STEPS in one), ("", 0))
+    if not where:
+        return mission
+    parsed.understood.add(folded(_MAX_STEPS))
+    if not isinstance(steps, int) or isinstance(steps, bool) or not 1 <= steps <= _STEPS_MOST:
+        parsed.notes.append(
+            f"{where}: is no number of ticks from 1 to {_STEPS_MOST}; kept, the template's budget stands"
+        )
+        return mission
+    parsed.notes.append(f"{where}: is the budget of {steps} ticks")
+    return msgspec.structs.replace(
+        mission, budget=msgspec.structs.replace(mission.budget, ticks=ex.Number(float(steps)))
     )
 
 
@@ -233,8 +286,10 @@ def _weather(
     return (*(p for p in given if p.name not in ("visibility_m", "cloud")), *changed)
 
 
-def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: DocumentFrame) -> model.Mission:
-    """Put one of the six lists into the groups of the template that its engine drives."""
+def _equipped(
+    mission: model.Mission, parsed: Parsed, one: EntityList, frame: DocumentFrame, order: Sequence[int]
+) -> model.Mission:
+    """Put one of the six lists into the groups of the template that its engine drives, in its own order or another."""
     where = parsed.list_path(one.name)
     listed: tuple[Equipment, ...] = getattr(parsed.scenario.equipment_list, one.attribute)
     driven = [g for g in mission.groups if g.role == "asset" and g.engine == one.engine and plays(mission, g)]
@@ -250,6 +305,8 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: Do
             )
         return mission
     spots = tuple(Spot(item, f"{where}[{k}].data") for k, item in enumerate(listed))
+    if order:
+        listed, spots = tuple(listed[k] for k in order), tuple(spots[k] for k in order)
     # With several groups of one engine the name tells whose an entity is; without such a name it goes to the first.
     own = {group.name for group in driven}
     stems = [item.name.partition("[")[0] for item in listed]

@@ -250,8 +250,9 @@ class Equipment(DocumentPart):
 
     @property
     def headings(self) -> Mapping[str, float]:
-        """As of a hidden place, with `raw` after `heading`."""
-        return _headings({"heading": self.heading, "raw": self.raw}, self.yaw, self.data)
+        """As of a hidden place, with `raw` after `heading`; a `raw` of 0 is a placeholder and comes after `yaw`."""
+        given = _headings({"heading": self.heading, "raw": self.raw}, self.yaw, self.data)
+        return given if given.get("raw") else {**{k: one for k, one in given.items() if k != "raw"}, **given}
 
 
 class Satellite(Equipment):
@@ -321,8 +322,8 @@ class TaskRow(DocumentPart):
 
 class Lingjing(DocumentPart):
     """What this project adds to a document so that the way back is exact: the template, how it was set, the scene's
-    origin (latitude and longitude), the height that counts as 0 (metres), and the places of target groups that no
-    field of the document stands for. It is this project's own, so an unknown key is an error."""
+    origin (latitude and longitude), the height that counts as 0 (metres), the unit of X, Y and Z, and the places of
+    target groups that no field of the document stands for. It is this project's own, so an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -332,6 +333,7 @@ class Lingjing(DocumentPart):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = None
     origin: Annotated[tuple[float, float], Field(strict=False)] | None = None
     datum_m: float | None = Field(default=None, alias="datum_m")
+    unit: Literal["cm", "m"] | None = None
     targets: dict[str, Annotated[tuple[HiddenPlace, ...], Field(strict=False)]] = {}
 
 

@@ -35,7 +35,7 @@ def targeted(
         mission = filled(mission, group, tuple(map(Spot, targets, paths)), frame, parsed, where)
         claimed[name] = where
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
-    for one in sorted(found, key=lambda one: not one.targets):
+    for one in sorted(found, key=lambda one: not (one.targets or one.pending)):
         mission = _claimed(mission, parsed, one, claimed, frame, outline)
     played = (g for g in mission.groups if g.role == "target" and plays(mission, g))
     silent = [group.name for group in played if group.name not in claimed]
@@ -76,7 +76,8 @@ def _claimed(
         return mission
     claimed[group.name] = one.path
     if not one.targets and not (group.count is not None and allows_none(mission, group)):
-        parsed.notes.append(f"{one.path}: is empty; the template places '{group.name}'")
+        lacks = "has no place yet" if one.pending else "is empty"
+        parsed.notes.append(f"{one.path}: {lacks}; the template places '{group.name}'")
         return mission
     paths = [one.at(k) for k in range(len(one.targets))]
     _told_apart(parsed, one.targets, paths)

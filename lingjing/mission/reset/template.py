@@ -14,10 +14,21 @@ import msgspec
 from lingjing.data import data_path
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
+from lingjing.mission.reset.row_goals import GOALS, has_row_goals, rows_with_goals
 from lingjing.mission.reset.shapes import LISTS, folded
 
 _FILLERS = ("task", "mission", "scenario", "任务", "场景")
 """What a task type may begin or end with, folded, and mean the same."""
+
+
+FREE: tuple[tuple[str, frozenset[str]], ...] = (
+    ("free", frozenset({"multirotor", "quadruped", "road", "plane", "satellite"})),
+    ("free_sea", frozenset({"multirotor", "vessel", "plane", "satellite"})),
+)
+"""The missions of documents that hide nothing, and the engines whose bodies they take."""
+
+BY_AIR = "air_delivery"
+"""The mission of UAVs that share what is delivered."""
 
 
 class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -81,7 +92,8 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
     full = [one for one in found if one.targets]
     said, unknown = _named(parsed, full)
     if not said:
-        return _recognised(parsed, full, unknown)
+        own = _of_bodies_alone(parsed, full)
+        return (own[0], parsed.lists_path, own[1] + unknown) if own else _recognised(parsed, full, unknown)
     common = [one for one in said[0][0] if all(one in fitting for fitting, _, _ in said)]
     if not common:
         each = "; ".join(f"{where.rpartition('.')[2]} names {_either(fitting)}" for fitting, where, _ in said)
@@ -94,10 +106,26 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
             lacks = "; ".join(f"'{one.mission}' {_lacks(one, _engines(parsed))}" for one in agreed)
             message = f"may be any of {_either(agreed)}, and the lists of entities fit none: {lacks}"
             raise parsed.fault(said[0][1], message, "list what one of them needs, or name another task type")
+    if len(agreed) > 1 and not full and (own := _of_bodies_alone(parsed, full)):
+        return own[0], said[0][1], f"{said[0][2]}, which may be {_either(agreed)}: {own[1]}"
     if len(agreed) > 1:
         hint = _name_it(agreed[0].mission)
         raise parsed.fault(said[0][1], f"may be any of {_either(agreed)}; nothing in the document tells which", hint)
+    if agreed[0].mission == BY_AIR and has_row_goals(parsed, found) and rows_with_goals(parsed) > 1:
+        return GOALS, said[0][1], f"{said[0][2]}, with a goal in each row"
     return agreed[0].mission, said[0][1], " and ".join(dict.fromkeys(why for _, _, why in said)) + unknown
+
+
+def _of_bodies_alone(parsed: Parsed, full: Sequence[Found]) -> tuple[str, str] | None:
+    """The mission of a document whose UAVs have goals of their own, or that hides nothing, and why it is that one."""
+    engines = _engines(parsed)
+    if full:
+        titled = any(one.named(folded(parsed.scenario.scene_name), full) for one in _fitting(engines, full))
+        return (GOALS, "recognised by UAVs and their goals") if has_row_goals(parsed, full) and not titled else None
+    for name, taken in FREE:
+        if engines and engines <= taken:
+            return name, "no target is given, so bodies are placed and take pictures"
+    return None
 
 
 def fleet_of(mission: str) -> str:

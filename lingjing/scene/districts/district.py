@@ -23,8 +23,17 @@ from lingjing.scene.districts.rectangles import Rect, around, bounds
 from lingjing.scene.districts.streets import APRON_M, CityBlock, StreetGrid, blocks, grid, network
 from lingjing.scene.districts.zones import fill, heights, surface
 from lingjing.scene.lines import project
-from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, network_folder, read_roads
+from lingjing.scene.network import (
+    Network,
+    StreetEdge,
+    StreetNode,
+    build_network,
+    moved_streets,
+    network_folder,
+    read_roads,
+)
 from lingjing.scene.outlines import inside
+from lingjing.scene.translation import translated
 
 GUTTER_M = 0.4
 """Asphalt reaches this far under the kerb."""
@@ -82,6 +91,7 @@ def build_district(plan: DistrictPlan) -> City:
 
 
 def _city(plan: DistrictPlan, pieces: Pieces, net: Network) -> City:
+    pieces = translated(pieces, plan.centre)
     digest = hashlib.sha256(msgspec.msgpack.encode(pieces) + net.sha256.encode()).hexdigest()
     light = frame(plan, net)
     return msgspec.structs.replace(
@@ -92,7 +102,8 @@ def _city(plan: DistrictPlan, pieces: Pieces, net: Network) -> City:
 def lay_out(
     plan: DistrictPlan, made: StreetGrid, kind_of: Callable[[CityBlock], str], tree_gap_m: float = 16.0
 ) -> tuple[Pieces, Network]:
-    """Everything of a plan on a grid, each block filled as a part of the district that `kind_of` names."""
+    """Everything of a plan on a grid, each block filled as a part of the district that `kind_of` names: pieces about
+    0, and the net where the district's centre lies."""
     draft = Draft()
     _ground(draft, plan)
     gates = _site(draft, plan)
@@ -101,12 +112,13 @@ def lay_out(
             _block(draft, plan, block, kind_of(block), tree_gap_m)
     nodes, edges = _streets(plan, made, gates)
     _pave(draft, nodes, edges)
-    net = build_network(nodes, edges, origin=plan.origin)
+    net = build_network(*moved_streets(nodes, edges, plan.centre), origin=plan.origin)
     roads, junctions = read_roads(net.path)
+    ways = translated(Pieces(roads=roads, junctions=junctions), (-plan.centre[0], -plan.centre[1]))
     if plan.bridge:
-        coast.fit_ramp(draft, plan, roads)
+        coast.fit_ramp(draft, plan, ways.roads)
     _outskirts(draft, plan)
-    return msgspec.structs.replace(draft.pieces(), roads=roads, junctions=junctions), net
+    return msgspec.structs.replace(draft.pieces(), roads=ways.roads, junctions=ways.junctions), net
 
 
 def frame(plan: DistrictPlan, net: Network) -> City:
@@ -117,14 +129,15 @@ def frame(plan: DistrictPlan, net: Network) -> City:
         boxes.append(plan.site.inset(-40.0))
     if plan.bridge:
         boxes.append(bounds(plan.bridge).inset(-200.0))
+    east, north = plan.centre
     return City(
         id=f"{plan.kind}-{plan.layout}",
         origin=plan.origin,
         bounds=(
-            min(box.west for box in boxes),
-            min(box.south for box in boxes),
-            max(box.east for box in boxes),
-            max(box.north for box in boxes),
+            min(box.west for box in boxes) + east,
+            min(box.south for box in boxes) + north,
+            max(box.east for box in boxes) + east,
+            max(box.north for box in boxes) + north,
         ),
         datum_m=plan.datum_m,
         attribution="procedural",

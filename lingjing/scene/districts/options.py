@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.geometry2d import Polygon, Vector2
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.kinds import builtin_scenes, check_scene, extent_m
+from lingjing.mission.kinds import builtin_scenes, centre_m, check_scene, extent_m
 from lingjing.scene.districts.rectangles import Rect, bounds
 
 _SPACING_M = {"city": 250.0}
@@ -14,14 +14,15 @@ _SPACING_M = {"city": 250.0}
 
 @dataclass(frozen=True, slots=True)
 class DistrictPlan:
-    """A district to build: square of `extent_m` about the origin, streets every `spacing` metres east and north.
+    """A district to build: square of `extent_m` about `centre`, streets every `spacing` metres east and north.
 
     `layout` feeds the streams of what stays from episode to episode, `seed` those of what an episode's seed may change:
     what floats on the water (0 where nothing does: inland, and in a whole city, which is built once). `inside` is an
     area without public streets (a compound, a factory), `homes` one whose blocks hold dwellings of different colours
     whatever the rest of the district is, `pipeline`, `shore` and `bridge` are lines; empty where the mission names
-    none. `height_m` is the range of building heights, `deck_m` the elevation of the bridge's deck, `outskirts_m` how
-    far trees stand around the square.
+    none. All of these are relative to the centre: the district is laid out about 0 and carried there. `height_m` is the
+    range of building heights, `deck_m` the elevation of the bridge's deck, `outskirts_m` how far trees stand around the
+    square.
     """
 
     kind: str
@@ -39,10 +40,11 @@ class DistrictPlan:
     shore: Polygon = ()
     bridge: Polygon = ()
     deck_m: float = 0.0
+    centre: Vector2 = (0.0, 0.0)
 
     @property
     def half_m(self) -> float:
-        """From the origin to the edge of the built-up square."""
+        """From the centre to the edge of the built-up square."""
         return self.extent_m / 2.0
 
     @property
@@ -80,6 +82,7 @@ def plan(spec: SceneSpec) -> DistrictPlan:
         shore=shore,
         bridge=_line(spec, "bridge"),
         deck_m=_number(spec, "deck_m", sum(kind.default("deck"))),
+        centre=centre_m(spec),
     )
 
 
@@ -93,7 +96,9 @@ def _number(spec: SceneSpec, name: str, default: float) -> float:
 
 def _line(spec: SceneSpec, name: str) -> Polygon:
     value = spec.options.get(name, ())
-    return tuple(point for point in value if isinstance(point, tuple)) if isinstance(value, tuple) else ()
+    points = (point for point in value if isinstance(point, tuple)) if isinstance(value, tuple) else ()
+    east, north = centre_m(spec)
+    return tuple(points) if (east, north) == (0.0, 0.0) else tuple((x - east, y - north) for x, y in points)
 
 
 def _default_shore(kind: str, extent: float) -> Polygon:

@@ -1,0 +1,157 @@
+"""Goals that belong to one UAV each: a place in every row of the task matrix, to fly to or to deliver at.
+
+Only documents that list UAVs alone have them here, and only where no other hidden place is given: dogs and cars have
+missions of their own for such places. A row names its UAV by `uav_id` or by a name or code in its goal; else rows and
+UAVs go together in their order. One goal for several UAVs is everybody's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.fields import FIELDS, Found, field_of
+from lingjing.mission.reset.shapes import LISTS, Equipment, HiddenPlace, folded
+
+GOALS = "goals"
+"""The template for such documents."""
+
+FIELD = next(field for field in FIELDS if field.name == "goalPosition")
+
+_OWNER_KEYS = frozenset({"uavid", "droneid", "equipmentcode", "assignee", "uavname", "dronename"})
+
+
+class _Row(NamedTuple):
+    """One goal: its place, its JSON path, and the words of its row that may name its UAV."""
+
+    place: HiddenPlace
+    path: str
+    goal: str
+    owner: str
+
+
+class RowGoals(NamedTuple):
+    """The goals of UAVs. `found` holds them in the order of `order`, which are numbers of UAVs in their list: first
+    those that have a goal, then the others."""
+
+    found: Found
+    order: tuple[int, ...]
+
+
+def has_row_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
+    """Whether UAVs are all that is listed, and goals all that is hidden."""
+    listed = {one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute)}
+    return listed == {"multirotor"} and _only_goals(found) and next(_entries(parsed), None) is not None
+
+
+def rows_with_goals(parsed: Parsed) -> int:
+    """How many rows of the task matrix have a goal."""
+    return len({path.partition("]")[0] for _, path, _, _ in _entries(parsed)})
+
+
+def row_goals(parsed: Parsed, found: Sequence[Found]) -> RowGoals | None:
+    """The goals and whose they are; None where there are none. What nothing tells is reported or noted."""
+    drones = parsed.scenario.equipment_list.drone_entity_list
+    if not drones or not _only_goals(found):
+        return None
+    rows = [_Row(_place(parsed, item, path), path, goal, owner) for item, path, goal, owner in _entries(parsed)]
+    if not rows:
+        return None
+    owners = _owners(rows, drones, parsed)
+    if owners is None:
+        return None
+    if len(owners) > len(rows):
+        rows *= len(owners)
+    ranked = sorted(zip(owners, rows, strict=True), key=lambda pair: pair[0])
+    idle = [k for k in range(len(drones)) if k not in owners]
+    if idle:
+        names = ", ".join(f"'{drones[k].name or drones[k].code}'" for k in idle)
+        parsed.notes.append(f"{parsed.at('taskMatrix')}: no goal is that of {names}, which nobody commands")
+    entries = tuple(row.place for _, row in ranked), tuple(row.path for _, row in ranked)
+    goals = Found(FIELD, FIELD.name, parsed.at("taskMatrix"), *entries)
+    return RowGoals(goals, (*(owner for owner, _ in ranked), *idle))
+
+
+def goal_text(parsed: Parsed) -> str:
+    """The goals of all rows as one text, each once."""
+    texts = dict.fromkeys(row.goal for row in parsed.scenario.task_matrix if row.goal)
+    return " ".join(texts)
+
+
+# -- private
+
+
+def _only_goals(found: Sequence[Found]) -> bool:
+    return all(one.field is FIELD for one in found if one.targets)
+
+
+def _entries(parsed: Parsed) -> Iterator[tuple[dict[str, Any], str, str, str]]:
+    """Each goal of each row, its JSON path, and the words that may name its UAV."""
+    rows = parsed.raw.get("taskMatrix")
+    for k, row in enumerate(rows if isinstance(rows, list) else ()):
+        if not isinstance(row, dict):
+            continue
+        where = f"{parsed.at('taskMatrix')}[{k}]"
+        state = row.get("initial_state")
+        inner: Mapping[str, Any] = state if isinstance(state, dict) else {}
+        owner = next((str(v) for holder in (inner, row) for key, v in holder.items() if _names_owner(key)), "")
+        for holder, path in ((inner, f"{where}.{parsed.spelt.key(row, 'initial_state')}"), (row, where)):
+            for key, value in holder.items():
+                if field_of(key) is not FIELD:
+                    continue
+                items = value if isinstance(value, list) else [value]
+                paths = [f"{path}.{key}[{j}]" for j in range(len(items))] if items is value else [f"{path}.{key}"]
+                for item, at in zip(items, paths, strict=True):
+                    if isinstance(item, dict):
+                        yield item, at, str(row.get("goal", "")), owner
+
+
+def _names_owner(key: str) -> bool:
+    return folded(key) in _OWNER_KEYS
+
+
+def _place(parsed: Parsed, item: dict[str, Any], path: str) -> HiddenPlace:
+    before = len(parsed.spelt.faults)
+    place = parsed.converted(parsed.spelt.unify(item, HiddenPlace, path), HiddenPlace, path)
+    parsed.faults.extend(fault for fault in parsed.spelt.faults[before:] if fault not in parsed.faults)
+    return place
+
+
+def _owners(rows: Sequence[_Row], drones: Sequence[Equipment], parsed: Parsed) -> list[int] | None:
+    """The number of the UAV of each row; None, with a fault, where that cannot be told."""
+    where = parsed.at("taskMatrix")
+    named = [_named(row, drones) for row in rows]
+    if None not in named:
+        owners = [k for k in named if k is not None]
+        twice = next((k for k in owners if owners.count(k) > 1), None)
+        if twice is None:
+            return owners
+        said = f"gives '{drones[twice].name or drones[twice].code}' {owners.count(twice)} goals"
+        parsed.report(where, said, "give each UAV one goal")
+        return None
+    if len(rows) == 1 and len(drones) > 1:
+        parsed.notes.append(f"{rows[0].path}: one goal for {len(drones)} UAVs: each flies there")
+        return list(range(len(drones)))
+    if len(rows) > len(drones):
+        said = f"holds {len(rows)} goals for {len(drones)} UAVs, and nothing says whose each is"
+        parsed.report(where, said, 'name the UAV of each row: "uav_id" in its initial_state')
+        return None
+    if len(rows) < len(drones):
+        parsed.notes.append(f"{where}: {len(rows)} goals for {len(drones)} UAVs: they go to the first, in order")
+    return list(range(len(rows)))
+
+
+def _named(row: _Row, drones: Sequence[Equipment]) -> int | None:
+    """The one UAV that a row names."""
+    words = [{word for word in (one.name, one.code) if word} for one in drones]
+    for text in (row.owner, row.goal):
+        fitting = [k for k, names in enumerate(words) if any(_holds(text, name) for name in names)]
+        if len(fitting) == 1:
+            return fitting[0]
+    return None
+
+
+def _holds(text: str, name: str) -> bool:
+    return re.search(rf"(?<![0-9A-Za-z_]){re.escape(name)}(?![0-9A-Za-z_])", text) is not None

@@ -1,0 +1,56 @@
+"""Documents that fit their template's scene keep that scene and their instance: hashes of what they compile to.
+
+`pytest tests/mission/test_reset_frozen.py --update` writes the hashes anew; a commit that does so says which and why.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.dsl.loading.load import templates_beside
+from lingjing.mission.document import read
+from lingjing.mission.instantiate import instantiate
+
+ROOT = Path(__file__).resolve().parents[2]
+GOLDEN = Path(__file__).parent / "golden" / "reset_frozen.json"
+FILES = (
+    *sorted((ROOT / "scenarios" / "reset").glob("*.json")),
+    *sorted((Path(__file__).parent / "wild").glob("*.json")),
+    *sorted((Path(__file__).parent / "made_up").glob("1[45]-*.json")),
+)
+SEEDS = (0, 1, 2)
+
+
+def frozen(file: Path, seed: int) -> str:
+    """The hash of a document's scene, budget, regions, cells, and bodies with their places, headings and properties."""
+    mission, _ = read(file.read_text(encoding="utf-8"), file.name, templates_beside(ROOT / "nowhere"))
+    instance = instantiate(mission, seed=seed)
+    bodies = [
+        (one.id, one.type, one.engine, one.position, one.heading_deg, one.label, one.properties, one.hidden)
+        for one in instance.entities
+    ]
+    parts = (
+        instance.scene,
+        instance.clock,
+        instance.budget,
+        instance.weather,
+        instance.regions,
+        instance.cells,
+        bodies,
+    )
+    return hashlib.sha256(msgspec.json.encode(parts)).hexdigest()[:16]
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_a_document_that_fits_keeps_its_scene_and_its_instance(file: Path, request: pytest.FixtureRequest) -> None:
+    known = json.loads(GOLDEN.read_text(encoding="utf-8")) if GOLDEN.is_file() else {}
+    found = [frozen(file, seed) for seed in SEEDS]
+    if request.config.getoption("--update"):
+        GOLDEN.write_text(json.dumps(known | {file.stem: found}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    else:
+        assert found == known[file.stem]
