@@ -100,6 +100,7 @@ class Projector:
             loss=instance.comms.loss,
             road_network="" if self._city is None else self._city.network,
             route_ends=self._route_ends,
+            decision_s=instance.budget.policy_s,
         )
 
     @cached_property

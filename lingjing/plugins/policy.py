@@ -100,7 +100,8 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     to places within `bounds` (west, south, east, north in metres; None: anywhere). A message of at most `payload_bytes`
     arrives `delay_ticks` after it was sent, at agents whose bodies are within `range_m` (None: at any distance), and is
     lost with probability `loss`. `road_network` is the file of the roads (`lingjing.plugins.roads` reads it) or "".
-    `route_ends` are those of the routes that are to be inspected.
+    `route_ends` are those of the routes that are to be inspected. A decision that takes longer than `decision_s`
+    seconds (None: not known) is replaced by one to do nothing; a policy that stops waiting before that can say why.
     """
 
     agent: str
@@ -130,6 +131,7 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     loss: float = 0.0
     road_network: str = ""
     route_ends: tuple[RouteEnds, ...] = ()
+    decision_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

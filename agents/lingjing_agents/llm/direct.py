@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import socket
+import ssl
 from base64 import b64encode
 from dataclasses import dataclass, field, replace
 from typing import Annotated
@@ -211,4 +214,18 @@ def _sent(error: httpx.HTTPError) -> bool:
 
 
 def _reason(error: Exception) -> str:
-    return str(error) or type(error).__name__
+    """The words of the error, with those of the system's or of TLS behind it, which httpx leaves out of some errors."""
+    words, cause = str(error) or type(error).__name__, error.__cause__ or error.__context__
+    while cause is not None:
+        text = _system_words(cause) if isinstance(cause, OSError) else ""
+        if text not in words:
+            words = f"{words} ({text})"
+        cause = cause.__cause__ or cause.__context__
+    return words
+
+
+def _system_words(error: OSError) -> str:
+    """The system's words for an error number; a failure of TLS or of a look-up of a name has words of its own."""
+    if error.errno and not isinstance(error, ssl.SSLError | socket.gaierror):
+        return os.strerror(error.errno)
+    return error.strerror or str(error)

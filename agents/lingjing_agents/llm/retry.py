@@ -26,10 +26,16 @@ class CallDeadline:
 
 @dataclass(slots=True)
 class Attempts:
-    """How many calls were made, failed ones included, and how many of these may have been billed all the same."""
+    """The calls of one question. `calls`: their number, failed ones included. `billed`: those of the failed ones that
+    may have been billed all the same. `failure`: the last failure that was not a lack of time, in words, or ""."""
 
     calls: int = 0
     billed: int = 0
+    failure: str = ""
+
+    def told(self, message: str) -> str:
+        """The message of a lack of time, with the failure before it, which is why there is no answer."""
+        return f"{message}; before that: {self.failure}" if self.failure else message
 
 
 async def complete_with_retries(
@@ -50,6 +56,10 @@ async def complete_with_retries(
             if error.adapted:
                 continue
             failures += 1
+            if error.fault == "time":
+                error.args = (attempts.told(str(error)),)
+            else:
+                attempts.failure = str(error)
             if not error.transient or failures >= tries:
                 raise
             wait = error.retry_after_s if error.retry_after_s is not None else pause
@@ -57,7 +67,7 @@ async def complete_with_retries(
                 raise
             await asyncio.sleep(wait)
             pause = min(pause * 2, LONGEST_PAUSE_S)
-    raise ModelError(f"no usable answer within the deadline of {deadline.seconds:g} s", fault="time")
+    raise ModelError(attempts.told(f"no usable answer within the deadline of {deadline.seconds:g} s"), fault="time")
 
 
 async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> ModelCompletion:

@@ -45,6 +45,9 @@ from lingjing_agents.react.step import CROPS_TOLD, MEMORY_TOLD, Crop, ModelStep,
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
 
+DECISION_SHARE = 0.9
+"""The share of the kernel's wait for a decision after which the policy gives up, so that it can name the cause."""
+
 LONGEST_SIDE = 4096
 """Pictures are sent at their own size up to this many pixels on the longer side, where nothing else is known."""
 
@@ -198,11 +201,16 @@ class ReactPolicy:
             hint=remedy(error, shown, self._schema) or "see that the service runs and answers, then run it again",
         )
 
+    def _patience_s(self) -> float:
+        """The seconds that one decision may take: what the options say, and less than the kernel waits."""
+        limit_s, own_s = self._brief.decision_s, self._options.deadline_s
+        return own_s if limit_s is None else min(own_s, DECISION_SHARE * limit_s)
+
     async def _settle(
         self, tick: int, messages: tuple[ChatMessage, ...], pictures: Sequence[Picture]
     ) -> tuple[ModelStep, str]:
         """The step that is decided on at last: crops are shown and faults are told in between."""
-        deadline = CallDeadline(self._options.deadline_s)
+        deadline = CallDeadline(self._patience_s())
         repairs, crops, fault = self._options.repairs, self._options.crops, ""
         while True:
             completion = await self._model.ask(tick, messages, deadline, schema=self._schema)
