@@ -14,6 +14,7 @@ from lingjing.errors import UsageError
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.map_data import LONGEST_TEXT, MapData
 from lingjing.scene.osm.read import read
+from lingjing.scene.osm.summary import read_summary
 from lingjing.scene.osm.xml_format import LONGEST_TOKEN
 from lingjing.scene.tiles import Tiles
 from tests.scene.osm_maps import Map, square, town
@@ -387,3 +388,15 @@ def test_the_command_line_says_so_in_one_line(tmp_path: Path, capsys: pytest.Cap
     assert main(["scene", "build", str(path)]) == 2
     said = capsys.readouterr().err
     assert "Overpass JSON" in said and "[out:xml]" in said and "Traceback" not in said
+
+
+@pytest.mark.parametrize("name", [b"\xff\xfe.osm", b"a\nb.osm", b"\x1b[31m.osm"])
+def test_a_map_may_have_any_name(tmp_path: Path, name: bytes) -> None:
+    path = tmp_path / os.fsdecode(name)
+    try:
+        path.write_text(f"<osm>{NODES}{HOUSE}</osm>")
+    except OSError:
+        pytest.skip("this file system has no such names")
+    assert main(["scene", "build", str(path), "-o", str(tmp_path / "city")]) == 0
+    summary = read_summary(tmp_path / "city")
+    assert summary is not None and summary.city.isprintable() and summary.source.name.isprintable()

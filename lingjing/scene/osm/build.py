@@ -7,6 +7,7 @@ that decide the outcome. Without a folder of the caller's a city is kept in `cit
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from html import unescape
@@ -76,7 +77,7 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
     if folder is not None:
         check_free(folder)
     say("looking at the map")
-    source = MapSource(name=path.name, sha256=read.digest(path), bytes=path.stat().st_size)
+    source = MapSource(name=_readable(path.name), sha256=read.digest(path), bytes=path.stat().st_size)
     versions = _versions()
     key = _key(source, options, versions)
     known = None if cache_is_off() else cities_folder() / key[:40]
@@ -157,7 +158,7 @@ def _assemble(
     if not any(getattr(pieces, name) for name in Pieces.__struct_fields__):
         raise UsageError(f"`{path}` holds nothing to build a city from", hint="choose a part with streets or buildings")
     light = City(
-        id=f"map-{path.name.split('.')[0]}",
+        id=f"map-{_readable(path.name).split('.')[0]}",
         origin=frame.origin,
         bounds=frame.bounds,
         datum_m=0.0,
@@ -230,6 +231,12 @@ def _kept(folder: Path, key: str) -> tuple[City, Summary] | None:
         return None
     city = whole(folder)
     return None if city is None else (city, summary)
+
+
+def _readable(name: str) -> str:
+    """A file's name as text, whatever its bytes are: one that is not UTF-8 cannot be written into a city."""
+    text = os.fsencode(name).decode("utf-8", "replace")
+    return "".join(character if character.isprintable() else "\ufffd" for character in text)
 
 
 def _text(box: DegreeBox | None) -> str | None:
