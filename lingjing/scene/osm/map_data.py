@@ -190,7 +190,8 @@ class MapCollector:
         versions = self._versions[kind]
         if version < versions.get(ref, 0):
             return False
-        versions[ref] = version
+        if version:
+            versions[ref] = version
         return True
 
     def _lay_lines(self) -> None:
