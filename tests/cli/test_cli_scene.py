@@ -14,7 +14,7 @@ from PIL import Image
 
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
-from tests.scene.osm_maps import Map, square, town
+from tests.scene.osm_maps import Map, convert, square, town
 
 
 @pytest.fixture(autouse=True)
@@ -165,11 +165,11 @@ class _InterruptedWhileLoading:
 def test_an_interrupt_while_a_library_loads_is_one(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    town().write(folder / "town.osm")
+    convert(town().write(folder / "town.osm"), folder / "town.osm.pbf")
     for name in [name for name in sys.modules if name.partition(".")[0] == "osmium"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [_InterruptedWhileLoading(), *sys.meta_path])
-    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.INTERRUPTED
+    assert main(["scene", "build", "town.osm.pbf", "-o", "city"]) == ExitCode.INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
     assert not (folder / "city").exists()
 

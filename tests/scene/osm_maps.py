@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+import osmium
+
 from lingjing.mission.frames import to_geodetic
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.frame import choose
@@ -71,6 +73,15 @@ class Map:
     def features(self, folder: Path) -> Features:
         data = read(self.write(folder / "small.osm"))
         return collect(data, choose(data, None))
+
+
+def convert(path: Path, target: Path) -> Path:
+    """The map in the format that the target's name says."""
+    header = osmium.io.Reader(str(path)).header()  # it says what the map covers
+    with osmium.SimpleWriter(str(target), header=header) as writer:
+        for item in osmium.FileProcessor(str(path)):
+            writer.add(item)
+    return target
 
 
 def _tags(tags: dict[str, str]) -> str:

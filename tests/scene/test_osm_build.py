@@ -20,7 +20,7 @@ from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.summary import read_summary, reason_text
 from lingjing.scene.store import cities_folder
 from lingjing.scene.tiles import Tiles
-from tests.scene.osm_maps import Map, square, town
+from tests.scene.osm_maps import Map, convert, square, town
 
 
 @pytest.fixture(autouse=True)
@@ -72,13 +72,6 @@ def test_formats_orders_and_places_give_one_city(tmp_path: Path) -> None:
               for k, path in enumerate((plain, turned, packed, binary, bzipped))]  # fmt: skip
     assert len({city.sha256 for city in cities}) == 1
     assert build(plain, Options(seed=1), tmp_path / "other").city.sha256 != cities[0].sha256
-
-
-def convert(path: Path, target: Path) -> None:
-    header = osmium.io.Reader(str(path)).header()  # it says what the map covers
-    with osmium.SimpleWriter(str(target), header=header) as writer:
-        for item in osmium.FileProcessor(str(path)):
-            writer.add(item)
 
 
 def test_a_second_build_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

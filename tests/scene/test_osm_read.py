@@ -4,6 +4,7 @@ import bz2
 import gzip
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import osmium
@@ -17,7 +18,7 @@ from lingjing.scene.osm.read import read
 from lingjing.scene.osm.summary import read_summary
 from lingjing.scene.osm.xml_format import LONGEST_TOKEN
 from lingjing.scene.tiles import Tiles
-from tests.scene.osm_maps import Map, square, town
+from tests.scene.osm_maps import Map, convert, square, town
 
 CORNERS = {1: (31.2, 121.5), 2: (31.2, 121.5003), 3: (31.2003, 121.5003), 4: (31.2003, 121.5)}
 NODES = "".join(f'<node id="{ref}" lat="{lat}" lon="{lon}"/>' for ref, (lat, lon) in CORNERS.items())
@@ -378,7 +379,7 @@ def test_an_element_without_end_is_refused_before_it_is_held(tmp_path: Path) -> 
     path = tmp_path / "endless.osm.gz"
     begun = f'<osm version="0.6">{NODES}<tag k="a" v="'.encode()
     path.write_bytes(gzip.compress(begun + os.urandom(1 << 20).hex().encode() * (LONGEST_TOKEN // (1 << 20))))
-    with pytest.raises(UsageError, match="line 1 begins an element of more than 32 MB"):
+    with pytest.raises(UsageError, match="line 1 begins an element of more than 8 MB"):
         read(path)
 
 
@@ -397,6 +398,16 @@ def test_a_map_may_have_any_name(tmp_path: Path, name: bytes) -> None:
         path.write_text(f"<osm>{NODES}{HOUSE}</osm>")
     except OSError:
         pytest.skip("this file system has no such names")
-    assert main(["scene", "build", str(path), "-o", str(tmp_path / "city")]) == 0
+    build(path, Options(), tmp_path / "city")
     summary = read_summary(tmp_path / "city")
     assert summary is not None and summary.city.isprintable() and summary.source.name.isprintable()
+
+
+def test_only_pbf_needs_osmium(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = town().write(tmp_path / "town.osm")
+    binary = convert(plain, tmp_path / "town.osm.pbf")
+    monkeypatch.setitem(sys.modules, "osmium", None)
+    assert len(read(plain).ways) > 5
+    with pytest.raises(UsageError, match="needs the package `osmium`") as caught:
+        read(binary)
+    assert "pip install" in caught.value.hint or "make setup" in caught.value.hint

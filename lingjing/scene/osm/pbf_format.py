@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from typing import Any, NamedTuple
 
 from lingjing.errors import UsageError
@@ -60,12 +61,11 @@ def read_pbf(source: MapFile, collector: MapCollector) -> None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what reads PBF."""
+    """Version of what reads PBF, known without loading it."""
     try:
-        import osmium.version
-    except ImportError:
-        return {"osmium": "none", "libosmium": "none"}
-    return {"osmium": osmium.version.pyosmium_release, "libosmium": osmium.version.libosmium_version}
+        return {"osmium": metadata.version("osmium")}
+    except metadata.PackageNotFoundError:
+        return {"osmium": "none"}
 
 
 # -- private

@@ -23,7 +23,7 @@ from lingjing.scene.osm.map_data import (
 )
 from lingjing.scene.osm.source import HINT, MapFile
 
-LONGEST_TOKEN = 32 << 20
+LONGEST_TOKEN = 8 << 20
 """Bytes of one element's start: expat reads an unfinished one anew with each chunk."""
 
 _Attributes = dict[str, str]
