@@ -24,7 +24,8 @@ NASTY = (
 TAGS = (
     ("building", "yes"), ("building:part", "yes"), ("height", "12 m"), ("building:levels", "3"), ("min_height", "4"),
     ("roof:shape", "gabled"), ("roof:height", "3"), ("roof:direction", "90"), ("roof:levels", "1"), ("layer", "1"),
-    ("building:colour", "red"), ("natural", "water"), ("natural", "coastline"), ("natural", "tree_row"),
+    ("building:colour", "red"), ("est_height", "~20"), ("height", "3-5"), ("place", "town"), ("population", "25000"),
+    ("natural", "water"), ("natural", "coastline"), ("natural", "tree_row"),
     ("water", "river"), ("waterway", "river"), ("waterway", "riverbank"), ("width", "10"), ("highway", "primary"),
     ("highway", "motorway"), ("highway", "service"), ("highway", "footway"), ("highway", "steps"),
     ("highway", "construction"), ("lanes", "4"), ("lanes:forward", "2"), ("oneway", "-1"), ("maxspeed", "50"),
@@ -130,7 +131,7 @@ def _swapped_refs(text: str, chance: random.Random) -> str:
 
 
 def _moved_node(text: str, chance: random.Random) -> str:
-    by = chance.choice((0.0, 1e-7, 1e-4, 1.0, 100.0))
+    by = chance.choice((0.0, 1e-7, -1e-4, 1e-4, 1e-3, 1.0, 100.0))
     return _replaced(text, re.compile(r'lat="([^"]*)"'), chance, lambda found: f'lat="{_plus(found[1], by)}"')
 
 
