@@ -342,6 +342,16 @@ def test_what_is_no_map_is_named_with_what_to_do(tmp_path: Path, content: str, m
         assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize("filling", [" ", "\n", "<!---->", "<!-- a -->\n", "<?xml?>", "<title>"])
+def test_what_stands_before_a_map_takes_no_time(tmp_path: Path, filling: str) -> None:
+    head = '<?xml version="1.0"?>' + 9000 * filling
+    if filling.startswith(("<?", "<t")):
+        with pytest.raises(UsageError):
+            reading(tmp_path, "", head=f"<!doctype html>{head}")
+    else:
+        assert len(reading(tmp_path, NODES, head=f"{head}<osm>").nodes) == 4
+
+
 def test_a_map_of_streets_may_have_lanelets_too(tmp_path: Path) -> None:
     both = LANELET.replace('lat=""', 'lat="49"').replace('lon=""', 'lon="8"') + ROAD
     assert len(reading(tmp_path, both).ways) == 2

@@ -60,7 +60,9 @@ _BRACKETED: tuple[tuple[bytes, str, str], ...] = (
 )
 """Texts that begin with a bracket: a pattern, the format, the way out."""
 
-_PAGE = re.compile(rb"(?:<\?xml[^>]*>|<!--.*?-->|\s+)*(?:<!doctype\s+html|<html[\s>])", re.IGNORECASE | re.DOTALL)
+_PAGE = re.compile(rb"(?>\s+|<\?xml[^>]*>|<!--.*?-->)*+(?:<!doctype\s+html|<html[\s>])", re.IGNORECASE | re.DOTALL)
+"""The beginning of a web page. Nothing is matched in a second way: a file of blanks and comments would take forever."""
+
 _TITLE = re.compile(rb"<title[^>]*>(.*?)</title>", re.IGNORECASE | re.DOTALL)
 _ERROR = re.compile(rb"</strong>\s*:\s*([^<]{1,200})")
 """The sentence in which an error page of Overpass says what went wrong."""
@@ -175,7 +177,7 @@ def _beginning(text: bytes) -> str:
 
 def _web_page(path: Path, head: bytes) -> UsageError:
     """Servers answer with a page where they cannot answer with a map."""
-    said = _ERROR.search(head) or _TITLE.search(head)
+    said = _ERROR.search(head) or _TITLE.search(head[:4096])
     words = " ".join(said[1].decode("utf-8", "replace").split())[:120] if said else ""
     title = f", `{words}`" if words.isprintable() and words else ""
     return UsageError(

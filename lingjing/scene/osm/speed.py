@@ -74,7 +74,8 @@ def limits(tags: Mapping[str, str]) -> tuple[float | None, float | None]:
 
 def limit_kmh(text: str) -> float | None:
     """The lowest speed that a value names, km/h; None if it names none."""
-    always = _AT_TIMES.sub("", text.casefold()).replace("km/h", "kmh")
+    plain = text.casefold().replace("km/h", "kmh")
+    always = _AT_TIMES.sub("", plain) if "@" in plain else plain
     values = [_single(part.strip()) for part in _SEPARATORS.split(always)]
     if all(value is None for value in values):
         values = [_single("".join(found.groups(""))) for found in _WITHIN.finditer(always)]
