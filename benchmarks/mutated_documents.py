@@ -3,8 +3,8 @@
 `python -m benchmarks.mutated_documents [--count 100000] [--seed 1]` takes the shipped documents, changes one to four
 things in each (a value of another kind, a key renamed, removed, doubled, nulled or spelt twice, a list cut or repeated,
 a number made huge), reads them and counts how they ended. The documents of other systems that the tests have
-(`tests/mission/wild`) are among those that are changed. What may not be is counted, printed, and makes it fail: an
-exception that is no `LingjingError` that names the file, and a silent guess (`benchmarks/silent_guesses.py`).
+(`tests/mission/wild` and `made_up`) are among those that are changed. What may not be is counted, printed, and makes it
+fail: an exception that is no `LingjingError` that names the file, and a silent guess (`benchmarks/silent_guesses.py`).
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ def ended(text: str, templates: Callable[[str], Mission]) -> tuple[str, str]:
 def read_mutated(count: int, seed: int, tell: Callable[[int, Mapping[str, int]], object]) -> Mapping[str, int]:
     """How so many documents ended, by kind of error; what may not be is printed."""
     chance = random.Random(seed)
-    folders = (ROOT / "scenarios" / "reset", ROOT / "tests" / "mission" / "wild")
+    tests = ROOT / "tests" / "mission"
+    folders = (ROOT / "scenarios" / "reset", tests / "wild", tests / "made_up")
     texts = [
         without_comments(file.read_text(encoding="utf-8"))
         for folder in folders

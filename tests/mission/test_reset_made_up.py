@@ -320,3 +320,46 @@ def test_run_prints_the_notes_that_compile_prints(tmp_path: Path, capsys: pytest
     assert any("are taken for metres" in note for note in notes)
     assert main(["run", path, "--policy", "nobody", "-o", str(tmp_path / "out")]) == ExitCode.USAGE
     assert [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")] == notes
+
+
+def test_delivery_points_of_several_rows_are_goals_and_those_of_one_row_are_shared() -> None:
+    def deliver(scenario: Json) -> None:
+        for row in scenario["taskMatrix"]:
+            row["initial_state"]["delivery_point"] = row["initial_state"].pop("goalPosition")
+
+    def in_one_row(scenario: Json) -> None:
+        deliver(scenario)
+        points = [row["initial_state"]["delivery_point"] for row in scenario["taskMatrix"]]
+        del scenario["taskMatrix"][1:]
+        state(scenario)["delivery_point"] = points
+
+    for task in ("", "deliverytask"):
+        instance, _ = loaded("16", lambda scenario, task=task: (deliver(scenario), scenario.update(task_type=task)))
+        assert instance.mission == "goals" and len(at(instance, "goal")) == 3
+        instance, _ = loaded("16", lambda scenario, task=task: (in_one_row(scenario), scenario.update(task_type=task)))
+        assert instance.mission == "air_delivery" and len(at(instance, "point")) == 3
+
+
+def test_a_goal_is_no_leak_and_no_fracture_unless_a_word_says_so() -> None:
+    def with_dog(scenario: Json, goal: str = "Go to the goal.") -> None:
+        dog = {"equipmentCode": "D", "data": {"X": 500.0, "Y": 0.0}}
+        scenario["equipmentList"]["unmannedDogEntityList"] = [dog]
+        scenario["taskMatrix"][0]["goal"] = goal
+
+    assert loaded("11", with_dog)[0].mission != "upr"
+    assert loaded("11", lambda scenario: with_dog(scenario, "Find the leak and seal it."))[0].mission == "upr"
+    _, notes = loaded("16", lambda scenario: scenario.update(task_type="bridge"))
+    assert "the first of 3 rows is played; 2 hidden places of the others are kept, not played" in notes
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("free", {"dogs": 2, "cars": 1, "planes": 1, "satellites": 1}),
+        ("free_sea", {"uavs": 2}),
+        ("goals", {"goals": 1}),
+    ],
+)
+def test_the_templates_come_back_from_a_document(name: str, settings: dict[str, float]) -> None:
+    again, _ = read(emit(TEMPLATES(name), seed=1, settings=settings), "w.json", TEMPLATES)
+    assert instantiate(again, seed=1) == instantiate(TEMPLATES(name), seed=1, settings=settings)

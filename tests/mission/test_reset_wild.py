@@ -183,7 +183,7 @@ def test_the_origin_is_where_the_degrees_lie_and_the_ground_is_the_lowest_height
     assert at(instance, "truck") == [pytest.approx((50.0, -75.0), abs=1.0)]  # the middle of the range lies 25 m north
     heights = {e.group: e.position[2] for e in instance.entities}
     assert heights["uav"] - heights["truck"] == pytest.approx(10.0)
-    assert any("origin is taken to be at 39.83, 109.9" in note for note in notes), notes
+    assert any("origin is taken to be at 39.8302, 109.9" in note for note in notes), notes
     whole["scenario"]["lingjing"] = {"origin": [*ORDOS], "datum_m": 1340.0}
     instance, notes = play(whole)
     assert instance.scene.origin == ORDOS and not [note for note in notes if "is taken" in note]

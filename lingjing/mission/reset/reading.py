@@ -27,7 +27,7 @@ from lingjing.mission.reset.frame import DocumentFrame, frame_of, untied_fault
 from lingjing.mission.reset.groups import Spot, draw_of, filled, origin_of, plays, point, with_default, world
 from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.repair import followed
-from lingjing.mission.reset.row_goals import GOALS, goal_text, row_goals
+from lingjing.mission.reset.row_goals import GOALS, goal_text, row_goals, unplayed_places
 from lingjing.mission.reset.scene_fit import fitted_template
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
@@ -207,9 +207,9 @@ def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     own = mission.name == GOALS
     mission = _bounded(mission, parsed) if own or mission.name in dict(FREE) else mission
     if len(parsed.scenario.task_matrix) > 1 and not own:
-        parsed.notes.append(
-            f"{parsed.at('taskMatrix')}: the first of {len(parsed.scenario.task_matrix)} rows is played"
-        )
+        rows, others = len(parsed.scenario.task_matrix), unplayed_places(parsed)
+        beside = f"; {others} hidden places of the others are kept, not played" if others else ""
+        parsed.notes.append(f"{parsed.at('taskMatrix')}: the first of {rows} rows is played{beside}")
     mission = _at_height(mission, parsed)
     return msgspec.structs.replace(
         mission,

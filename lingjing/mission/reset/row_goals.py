@@ -1,7 +1,8 @@
 """Goals that belong to one UAV each: a place in every row of the task matrix, to fly to or to deliver at.
 
 Only documents that list UAVs alone have them here, and only where no other hidden place is given: dogs and cars have
-missions of their own for such places. A row names its UAV by `uav_id` or by a name or code in its goal; else rows and
+missions of their own for such places. A delivery point or a destination is such a goal where several rows have one; in
+one row it is what all UAVs share. A row names its UAV by `uav_id` or by a name or code in its goal; else rows and
 UAVs go together in their order. One goal for several UAVs is everybody's.
 """
 
@@ -19,6 +20,8 @@ GOALS = "goals"
 """The template for such documents."""
 
 FIELD = next(field for field in FIELDS if field.name == "goalPosition")
+PLACES = (FIELD, *(field for field in FIELDS if field.name in ("deliveryPoints", "destinationPosition")))
+"""The fields that may hold a goal."""
 
 _OWNER_KEYS = frozenset({"uavid", "droneid", "equipmentcode", "assignee", "uavname", "dronename"})
 
@@ -43,7 +46,7 @@ class RowGoals(NamedTuple):
 def has_row_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
     """Whether UAVs are all that is listed, and goals all that is hidden."""
     listed = {one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute)}
-    return listed == {"multirotor"} and _only_goals(found) and next(_entries(parsed), None) is not None
+    return listed == {"multirotor"} and _only_goals(parsed, found) and next(_entries(parsed), None) is not None
 
 
 def rows_with_goals(parsed: Parsed) -> int:
@@ -54,7 +57,7 @@ def rows_with_goals(parsed: Parsed) -> int:
 def row_goals(parsed: Parsed, found: Sequence[Found]) -> RowGoals | None:
     """The goals and whose they are; None where there are none. What nothing tells is reported or noted."""
     drones = parsed.scenario.equipment_list.drone_entity_list
-    if not drones or not _only_goals(found):
+    if not drones or not _only_goals(parsed, found):
         return None
     rows = [_Row(_place(parsed, item, path), path, goal, owner) for item, path, goal, owner in _entries(parsed)]
     if not rows:
@@ -74,6 +77,18 @@ def row_goals(parsed: Parsed, found: Sequence[Found]) -> RowGoals | None:
     return RowGoals(goals, (*(owner for owner, _ in ranked), *idle))
 
 
+def unplayed_places(parsed: Parsed) -> int:
+    """How many hidden places the rows after the first have."""
+    count = 0
+    rows = parsed.raw.get("taskMatrix")
+    for row in rows[1:] if isinstance(rows, list) else ():
+        state = row.get("initial_state") if isinstance(row, dict) else None
+        for holder in (state, row):
+            values = [one for key, one in holder.items() if field_of(key)] if isinstance(holder, dict) else []
+            count += sum(len(one) if isinstance(one, list) else isinstance(one, dict) for one in values)
+    return count
+
+
 def goal_text(parsed: Parsed) -> str:
     """The goals of all rows as one text, each once."""
     texts = dict.fromkeys(row.goal for row in parsed.scenario.task_matrix if row.goal)
@@ -83,8 +98,9 @@ def goal_text(parsed: Parsed) -> str:
 # -- private
 
 
-def _only_goals(found: Sequence[Found]) -> bool:
-    return all(one.field is FIELD for one in found if one.targets)
+def _only_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
+    full = [one.field for one in found if one.targets]
+    return all(one is FIELD for one in full) or (all(one in PLACES for one in full) and rows_with_goals(parsed) > 1)
 
 
 def _entries(parsed: Parsed) -> Iterator[tuple[dict[str, Any], str, str, str]]:
@@ -99,7 +115,7 @@ def _entries(parsed: Parsed) -> Iterator[tuple[dict[str, Any], str, str, str]]:
         owner = next((str(v) for holder in (inner, row) for key, v in holder.items() if _names_owner(key)), "")
         for holder, path in ((inner, f"{where}.{parsed.spelt.key(row, 'initial_state')}"), (row, where)):
             for key, value in holder.items():
-                if field_of(key) is not FIELD:
+                if field_of(key) not in PLACES:
                     continue
                 items = value if isinstance(value, list) else [value]
                 paths = [f"{path}.{key}[{j}]" for j in range(len(items))] if items is value else [f"{path}.{key}"]
@@ -131,7 +147,9 @@ def _owners(rows: Sequence[_Row], drones: Sequence[Equipment], parsed: Parsed) -
         said = f"gives '{drones[twice].name or drones[twice].code}' {owners.count(twice)} goals"
         parsed.report(where, said, "give each UAV one goal")
         return None
-    if len(rows) == 1 and len(drones) > 1:
+    given = parsed.scenario.lingjing
+    counted = given is not None and GOALS in given.settings
+    if len(rows) == 1 and len(drones) > 1 and not counted:
         parsed.notes.append(f"{rows[0].path}: one goal for {len(drones)} UAVs: each flies there")
         return list(range(len(drones)))
     if len(rows) > len(drones):

@@ -27,6 +27,12 @@ FREE: tuple[tuple[str, frozenset[str]], ...] = (
 )
 """The missions of documents that hide nothing, and the engines whose bodies they take."""
 
+SPECIAL = {
+    "bridge_fracture": ("bridge", "fracture", "crack", "span", "桥", "断裂", "裂缝"),
+    "pipeline_leak": ("pipe", "leak", "管道", "泄漏"),
+}
+"""Target types that `goalPosition`, which says nothing of them, means only where a word of the document does."""
+
 BY_AIR = "air_delivery"
 """The mission of UAVs that share what is delivered."""
 
@@ -120,12 +126,18 @@ def _of_bodies_alone(parsed: Parsed, full: Sequence[Found]) -> tuple[str, str] |
     """The mission of a document whose UAVs have goals of their own, or that hides nothing, and why it is that one."""
     engines = _engines(parsed)
     if full:
-        titled = any(one.named(folded(parsed.scenario.scene_name), full) for one in _fitting(engines, full))
+        titled = any(_in_words(parsed, one) for one in _fitting(engines, full))
         return (GOALS, "recognised by UAVs and their goals") if has_row_goals(parsed, full) and not titled else None
     for name, taken in FREE:
         if engines and engines <= taken:
             return name, "no target is given, so bodies are placed and take pictures"
     return None
+
+
+def _in_words(parsed: Parsed, signature: TemplateSignature) -> bool:
+    """Whether the scene's name or the goal has a word for what the mission looks for."""
+    text = folded(f"{parsed.scenario.scene_name} {parsed.task.goal}")
+    return any(word in text for type_ in signature.types for word in SPECIAL.get(type_, ()))
 
 
 def fleet_of(mission: str) -> str:
@@ -181,7 +193,7 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
     equipment = parsed.scenario.equipment_list
     # The lists that say most (ships rather than drones) are named first.
     lists = {one.engine: one.name for one in reversed(LISTS) if getattr(equipment, one.attribute)}
-    fitting = _fitting(frozenset(lists), found)
+    fitting = _fitting(frozenset(lists), found, _told_in_words(parsed, found))
     seen = _listing([*dict.fromkeys(one.key for one in found), *lists.values()])
     if len(fitting) == 1:
         one = fitting[0]
@@ -214,6 +226,12 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
         f"no template fits a scenario {what}{lacking}{unknown}; by its entities it may be {names}{needs}",
         f"add {_listing(wanting)}, or {_name_it(near.mission)}" if wanting else _name_it(near.mission),
     )
+
+
+def _told_in_words(parsed: Parsed, found: Sequence[Found]) -> list[TemplateSignature]:
+    """The missions without those of special targets that neither a field nor a word of the document names."""
+    vague = all(one.field.general for one in found)
+    return [one for one in signatures() if not vague or not one.types & SPECIAL.keys() or _in_words(parsed, one)]
 
 
 def _fitting(
