@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
+from lingjing.data import choose_cache
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError
 from lingjing.installation import (
     AGENTS,
@@ -212,6 +213,19 @@ def check_disk() -> Finding:
     return Finding(name="disk", ok=ok, found=found, advice="" if ok else "work in another folder, or use -o")
 
 
+def check_cache() -> Finding:
+    """Room and permission for what is kept between runs."""
+    choice = choose_cache()
+    if not choice.is_usable:
+        advice = "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that can be written"
+        found = f"{choice.refused}, and there is none for temporary files"
+        return Finding(name="cache", ok=False, found=found, advice=advice)
+    if choice.refused:
+        found = f"{choice.folder}, a temporary folder: {choice.refused}"
+        return Finding(name="cache", ok=True, found=found, advice="set XDG_CACHE_HOME to a folder that can be written")
+    return Finding(name="cache", ok=True, found=choice.folder)
+
+
 def check_plugins() -> Finding:
     """Entry points load and offer at least an engine and a policy."""
     from lingjing.plugins.host import PluginHost
@@ -250,6 +264,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     check_processes,
     check_queues,
     check_disk,
+    check_cache,
     check_plugins,
     check_extras,
 )

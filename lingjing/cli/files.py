@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.cli.process import say
+from lingjing.data import choose_cache
 from lingjing.errors import UsageError
 from lingjing.terminal import aligned, write_data
 from lingjing.whole_files import written_whole
@@ -16,6 +18,9 @@ from lingjing.whole_files import written_whole
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
     from lingjing.trace.reader import Trace
+
+_CACHE_TOLD = "LINGJING_CACHE_TOLD"
+"""Environment variable: the temporary folder that the user knows of."""
 
 NO_OUTCOME = "it is still played, was killed, cut or damaged (`lingjing verify` tells)"
 """Why a trace ends before its episode."""
@@ -32,6 +37,20 @@ def read_mission(path: str) -> Mission:
     for note in notes:
         say(f"note: {note}")
     return mission
+
+
+def check_cache() -> None:
+    """Say once, for this process and those that it starts, that a temporary folder is used as the cache.
+
+    Raises `UsageError` where that cannot be written either.
+    """
+    choice = choose_cache()
+    if not choice.is_usable:
+        hint = "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that can be written"
+        raise UsageError(f"no folder for the cache: {choice.refused}, and none for temporary files either", hint=hint)
+    if choice.refused and os.environ.get(_CACHE_TOLD) != choice.folder:
+        os.environ[_CACHE_TOLD] = choice.folder
+        say(f"note: {choice.refused}: the cache is `{choice.folder}`; XDG_CACHE_HOME names another")
 
 
 def say_if_cut(trace: Trace) -> None:

@@ -164,6 +164,10 @@ def _dispatch(arguments: list[str]) -> int:
     if module is None:
         parser.print_help(sys.stderr)
         return ExitCode.USAGE
+    if chosen is not None and chosen.computes and chosen.name != "doctor":  # which tells it among its findings
+        from lingjing.cli.files import check_cache
+
+        check_cache()
     handler = vars(args).get("handler") or module.handler  # an action's, or the verb's
     return int(handler(args))
 

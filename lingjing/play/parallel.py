@@ -207,7 +207,8 @@ def _finish(child: _Worker) -> EpisodeReport:
         raise KeyboardInterrupt
     if code <= ExitCode.OK:
         return without_result(child.task, end_without_result(code))
-    raise error_of(code, complaint.removeprefix("error: ") or f"an episode ended with code {code}")
+    said, _, hint = complaint.partition("\nhint: ")
+    raise error_of(code, said.removeprefix("error: ") or f"an episode ended with code {code}", hint)
 
 
 def without_result(task: EpisodeTask, why: str) -> EpisodeReport:

@@ -114,10 +114,10 @@ def _taken(
             if not waiting or report.reason == ABORTED:
                 child.expect_its_end()
             yield report
-        case ChildFailed(code, said) if child.began is not None and code == ExitCode.INFRASTRUCTURE:
+        case ChildFailed(code, said, hint) if child.began is not None and code == ExitCode.INFRASTRUCTURE:
             began, child.began = child.began, None
             waiting.remove(began.seed)
-            yield _aborted(began, said, abort)
+            yield msgspec.structs.replace(_aborted(began, said, abort), hint=hint)
         case ChildFailed(code, said, hint, trace):
             error = error_of(code, said, hint)
             if trace:

@@ -26,7 +26,7 @@ from xml.sax.saxutils import quoteattr
 
 import msgspec
 
-from lingjing.data import cache_folder
+from lingjing.data import cache_folder, kept_path
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.installation import install_line
 from lingjing.mission.geometry2d import Vector2, signed_area
@@ -49,6 +49,7 @@ THROUGH_KEY = "through"
 drive."""
 
 SECONDS_MOST = 600.0
+NETWORKS = "networks"
 _Arguments = Callable[[Path], list[str]]
 _STREET_OPTIONS = (
     "--junctions.corner-detail",
@@ -194,7 +195,7 @@ def projection(origin: tuple[float, float]) -> str:
 
 def network_folder() -> Path:
     """Where nets are kept: `networks` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
-    return Path(cache_folder(), "networks")
+    return Path(cache_folder(), NETWORKS)
 
 
 def file_sha256(path: Path) -> str:
@@ -272,10 +273,11 @@ def _digest(*parts: str) -> str:
 def _cached(key: str, origin: tuple[float, float], arguments: _Arguments, what: str) -> Network:
     target = network_folder() / f"{key[:40]}.net.xml"
     known = target.with_suffix(".sha256")
-    if target.is_file() and known.is_file():
-        sha256 = known.read_text(encoding="ascii", errors="replace")
-        if file_sha256(target) == sha256:
-            return Network(path=str(target), sha256=sha256)
+    kept = Path(kept_path(NETWORKS, target.name))
+    if kept.is_file() and kept.with_suffix(".sha256").is_file():
+        sha256 = kept.with_suffix(".sha256").read_text(encoding="ascii", errors="replace")
+        if file_sha256(kept) == sha256:
+            return Network(path=str(kept), sha256=sha256)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with folder_beside(target) as folder:
@@ -292,7 +294,7 @@ def _cached(key: str, origin: tuple[float, float], arguments: _Arguments, what: 
     except OSError as error:
         raise InfrastructureError(
             f"cannot keep the road network in {target.parent}: {error.strerror or error}",
-            hint="set XDG_CACHE_HOME to a folder that can be written",
+            hint="make room there, or set XDG_CACHE_HOME to a folder that can be written",
         ) from error
     return Network(path=str(target), sha256=sha256)
 

@@ -121,6 +121,7 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
             "processes",
             "queues",
             "disk",
+            "cache",
             "plugins",
             "extras",
         ),

@@ -73,6 +73,7 @@ def test_where_nothing_can_be_kept_nothing_fails(small: str, tmp_path: Path, mon
     blocked = tmp_path / "file"
     blocked.write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    monkeypatch.setattr("lingjing.data._temporary_cache", lambda: "")
     source = SourceText(small, "m.ljs")
     assert cache.compile_cached(source) == cache.compile_cached(source)
     assert cache.known_good(source) is None

@@ -167,9 +167,10 @@ def test_a_disk_that_takes_no_more_costs_time_alone(folder: Path) -> None:
     assert good == bytes_of(mesh())
 
 
-def test_a_folder_that_cannot_be_made_costs_time_alone(folder: Path) -> None:
+def test_a_folder_that_cannot_be_made_costs_time_alone(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.parent.mkdir(exist_ok=True)
     folder.parent.write_text("a file where the folder should be")
+    monkeypatch.setattr("lingjing.data._temporary_cache", lambda: "")
     make, made = counted()
     MeshCache(CITY).tile((0, 0), make)
     assert len(made) == 1

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.data import CACHE_OFF, cache_is_off
+from lingjing.data import CACHE_OFF, cache_is_off, kept_path
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, version_of
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
@@ -87,11 +87,13 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
             f"the cache is off ({CACHE_OFF}), so the city needs a folder",
             hint="build it with: lingjing scene build -o DIR",
         )
-    for kept in (target, known):
+    for kept in (target, known, None if known is None else Path(kept_path("cities", known.name))):
         found = None if kept is None or cache_is_off() else _kept(kept, key)
         if found is not None and kept is not None:
             city, summary = found
-            return Built(city if kept == target else copy_store(kept, target), target, summary, cached=True)
+            if kept != target and folder is not None:
+                city = copy_store(kept, target)
+            return Built(city, folder or kept, summary, cached=True)
     say("reading the map")
     data = read.read(path)
     frame = choose(data, options.box)
