@@ -22,14 +22,14 @@ from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm import looks
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.heights import HEIGHT_KEYS, LEVEL_KEYS, STANDING, heights, is_tagged
-from lingjing.scene.osm.neighbours import NearbyBuildings, Neighbour, Neighbourhood
+from lingjing.scene.osm.neighbours import NearbyBuilding, NearbyBuildings, Neighbourhood
 from lingjing.scene.osm.places import Places
 from lingjing.scene.osm.stacking import LEFT, settled
 from lingjing.scene.osm.storeys import (
     SMALL_INFERRED_M2,
     SMALL_M2,
     STOREY_M,
-    Site,
+    BuildingSite,
     carried,
     draw,
     is_single,
@@ -178,19 +178,19 @@ class _Around:
         named = [f for f in areas if "place" in f.tags]
         self._places = Places((*features.places, *named), metro=features.has_metro)
 
-    def neighbour(self, tags: Mapping[str, str], shape: Any) -> Neighbour:
+    def neighbour(self, tags: Mapping[str, str], shape: Any) -> NearbyBuilding:
         """A building with its use and the smallest land around it."""
         spot = shape.representative_point()
         found = (int(k) for k in self._tree.query(spot, predicate="within"))
         land = min(found, key=lambda k: (self._areas[k], k), default=-1)
-        return Neighbour(tags, use_of(tags, self._uses[land] if land >= 0 else ""), land, shape)
+        return NearbyBuilding(tags, use_of(tags, self._uses[land] if land >= 0 else ""), land, shape)
 
-    def of(self, building: Neighbour) -> tuple[Neighbourhood, Site]:
+    def of(self, building: NearbyBuilding) -> tuple[Neighbourhood, BuildingSite]:
         """The neighbours of a building, and its ground and settlement."""
         shape = building.shape
         near = self._neighbours.around(building)
         people = self._places.people_at(shape.representative_point())
-        return near, Site(shape.area, 2.0 * shape.area / shape.length, near.footprint_m2, people)
+        return near, BuildingSite(shape.area, 2.0 * shape.area / shape.length, near.footprint_m2, people)
 
 
 # -- heights
@@ -240,7 +240,7 @@ def _prisms(body: _Body, model: Building) -> Iterator[Building]:
 
 
 def _storeys(
-    building: Neighbour, near: Neighbourhood, site: Site, chance: Random, default_levels: int | None
+    building: NearbyBuilding, near: Neighbourhood, site: BuildingSite, chance: Random, default_levels: int | None
 ) -> tuple[int, HeightSource]:
     """The storeys of a building and their source; those of a tagged one count for nothing."""
     tags, use = building.tags, building.use

@@ -50,7 +50,7 @@ SPREAD = StoreyRange(0.85, 1.0, 1.2)
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbour:
+class NearbyBuilding:
     """A building as its neighbours see it: tags, use, number of the land it is on (-1 for none), shape in metres."""
 
     tags: Mapping[str, str]
@@ -102,7 +102,7 @@ class Neighbourhood:
 class NearbyBuildings:
     """The buildings of a map, parts of buildings not among them."""
 
-    def __init__(self, buildings: Iterable[Neighbour]) -> None:
+    def __init__(self, buildings: Iterable[NearbyBuilding]) -> None:
         import numpy as np
         import shapely
 
@@ -115,7 +115,7 @@ class NearbyBuildings:
         self._uses = np.array([one.use for one in ordinary], dtype=object)
         self._lands = np.array([one.land for one in ordinary], dtype=int)
 
-    def around(self, building: Neighbour) -> Neighbourhood:
+    def around(self, building: NearbyBuilding) -> Neighbourhood:
         """What stands within `AROUND_M` of a building."""
         import numpy as np
 
@@ -134,7 +134,7 @@ class NearbyBuildings:
             UNTAGGED * float(weights[alike & ~tagged].sum()),
         )
 
-    def _weights(self, found: Any, apart: Any, building: Neighbour) -> Any:
+    def _weights(self, found: Any, apart: Any, building: NearbyBuilding) -> Any:
         import numpy as np
 
         unlike = np.abs(np.log(self._areas[found] / building.shape.area))
@@ -159,7 +159,7 @@ def tagged_storeys(tags: Mapping[str, str]) -> float | None:
 # -- private
 
 
-def _is_ordinary(building: Neighbour) -> bool:
+def _is_ordinary(building: NearbyBuilding) -> bool:
     low = building.tags.get("building") in LOW
     return building.shape.area >= SMALLEST_M2 and not low and not is_landmark(building.tags)
 

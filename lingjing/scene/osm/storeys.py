@@ -30,7 +30,7 @@ class StoreyRange(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
+class BuildingSite:
     """The ground of a building and the settlement around it.
 
     `deep_m` is twice its area over its perimeter, `footprint_m2` the median footprint of the ordinary buildings around,
@@ -91,7 +91,7 @@ SMALL_M2, SMALL_INFERRED_M2 = 400.0, 160.0
 """Small footprints, where the storeys are drawn and where they are those of neighbours."""
 
 SLENDER = 14.0
-"""A building is at most so many times as high as `Site.deep_m`, which is half the side of a square tower."""
+"""A building is at most so many times as high as `BuildingSite.deep_m`, which is half the side of a square tower."""
 
 LOW_TOWN_M = 27.0
 """A town whose buildings stay below it is one of low blocks: nine storeys of flats."""
@@ -127,7 +127,7 @@ def tallest_m(people: float | None) -> float:
     return TALLEST[-1][1]
 
 
-def is_single(tags: Mapping[str, str], use: str, site: Site) -> bool:
+def is_single(tags: Mapping[str, str], use: str, site: BuildingSite) -> bool:
     """True for a building of one storey: by its kind, or as small as an outbuilding."""
     if tags.get("building") in _SINGLE or site.area_m2 < TINY_M2:
         return True
@@ -137,7 +137,7 @@ def is_single(tags: Mapping[str, str], use: str, site: Site) -> bool:
     return small and site.footprint_m2 < inf and not own_use(tags)
 
 
-def usual_storeys(tags: Mapping[str, str], use: str, site: Site) -> StoreyRange:
+def usual_storeys(tags: Mapping[str, str], use: str, site: BuildingSite) -> StoreyRange:
     """The storeys of a building by its use, its ground and its place."""
     word, own = word_of(tags), own_use(tags)
     if word in _TOWERS:
@@ -160,7 +160,7 @@ def draw(around: StoreyRange, chance: Random) -> int:
     return max(1, round(chance.triangular(around.fewest, around.most, around.usual)))
 
 
-def carried(storeys: int, site: Site, floor_m: float, small_m2: float) -> int:
+def carried(storeys: int, site: BuildingSite, floor_m: float, small_m2: float) -> int:
     """As many of the storeys as a footprint carries: few below `small_m2`, and none of a needle."""
     if site.area_m2 < small_m2:
         storeys = min(storeys, 1 + int(site.area_m2 / STOREY_M2))
