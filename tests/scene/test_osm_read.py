@@ -308,6 +308,11 @@ LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 4\n"
         ("[out:xml][timeout:25];way(1);out;", "it is a query to Overpass", "give the answer"),
         ("<osm-script><query/></osm-script>", "it is a query to Overpass", "give the answer"),
         (f"<osm>{LANELET}</osm>", "is a Lanelet2 map: it has lanes", "OpenStreetMap data of the same place"),
+        (
+            f"<osm>{LANELET.partition('<relation')[0]}</osm>",
+            "is a Lanelet2 map",
+            "OpenStreetMap data of the same place",
+        ),
         (OVERPASS_PAGE, r"a web page \(HTML\), `runtime error: The server is probably too busy\.`", "download"),
         ("\ufeff <!DOCTYPE HTML><title>Sign in</title>", r"a web page \(HTML\), `Sign in`", "download"),
         ("<!-- a --><HTML lang='en'>", "a web page", "download"),
@@ -355,6 +360,8 @@ def test_what_stands_before_a_map_takes_no_time(tmp_path: Path, filling: str) ->
 def test_a_map_of_streets_may_have_lanelets_too(tmp_path: Path) -> None:
     both = LANELET.replace('lat=""', 'lat="49"').replace('lon=""', 'lon="8"') + ROAD
     assert len(reading(tmp_path, both).ways) == 2
+    with pytest.raises(UsageError, match="is not on Earth"):
+        reading(tmp_path, LANELET + ROAD)
 
 
 def test_a_packed_download_that_was_cut_off_is_named(tmp_path: Path) -> None:

@@ -33,8 +33,13 @@ LONGEST_TEXT = 1024
 LARGEST_ID = (1 << 62) - 1
 """Beyond that an id does not fit into the 64 bits of other programs once it has been moved."""
 
-LANELET_TYPES = frozenset(("lanelet", "regulatory_element"))
-"""Types of relations of which Lanelet2 maps consist."""
+LANELET_TYPES = frozenset(
+    (
+        "lanelet", "regulatory_element", "line_thin", "line_thick", "curbstone", "road_border", "stop_line",
+        "pedestrian_marking", "bike_marking",
+    )
+)  # fmt: skip
+"""Values of `type` of the relations and the ways of which Lanelet2 maps consist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +100,7 @@ class MapCollector:
         self.box: DegreeBox | None = None
         self.notes: list[str] = []
         self.skipped: Counter[str] = Counter()
-        self.foreign: str = ""
-        """What the file is instead, if its relations are those of another kind of map."""
+        self._has_lanelets = False
         self._nodes: dict[int, LatLon] = {}
         self._spots: dict[int, MapSpot] = {}
         self._ways: dict[int, Way] = {}
@@ -135,6 +139,7 @@ class MapCollector:
         self._drawn_lines.pop(ref, None)
         if gone:
             return
+        self._has_lanelets = self._has_lanelets or tags.get("type") in LANELET_TYPES
         known = tuple(node for node in nodes if isinstance(node, int))
         if len(known) < len(nodes):
             self._drawn_lines[ref] = tuple(None if isinstance(node, int) else node for node in nodes)
@@ -151,7 +156,7 @@ class MapCollector:
         if gone:
             return
         if kind in LANELET_TYPES:
-            self.foreign = "Lanelet2"
+            self._has_lanelets = True
         elif kind in ("multipolygon", "restriction"):
             self._relations[ref] = MapRelation(ref, tags, tuple(members))
 
@@ -175,9 +180,10 @@ class MapCollector:
         )  # fmt: skip
         return _with_positive_ids(data)
 
-    def has_streets_or_houses(self) -> bool:
-        """True if a way says that it is a street or a building."""
-        return any("highway" in way.tags or "building" in way.tags for way in self._ways.values())
+    def is_lanelet(self) -> bool:
+        """True if this is a map of Lanelet2: lanes, and not one street or building."""
+        built = any("highway" in way.tags or "building" in way.tags for way in self._ways.values())
+        return self._has_lanelets and not built
 
     def places(self) -> Iterator[LatLon]:
         """Where the nodes are."""

@@ -26,7 +26,7 @@ def read(path: Path) -> MapData:
     source = recognise(path)
     collector = MapCollector()
     (read_pbf if source.encoding == "pbf" else read_xml)(source, collector)
-    if collector.foreign and not collector.has_streets_or_houses():
+    if collector.is_lanelet():
         raise _lanelet(path, collector)
     data = collector.finish()
     if not data.nodes:
@@ -70,4 +70,4 @@ def _lanelet(path: Path, collector: MapCollector) -> UsageError:
         latitudes, longitudes = zip(*places, strict=True)
         box = ",".join(f"{value:.4f}" for value in (min(longitudes), min(latitudes), max(longitudes), max(latitudes)))
         hint += f" ({box} as W,S,E,N)"
-    return UsageError(f"`{path}` is a {collector.foreign} map: it has lanes, and no streets and houses", hint=hint)
+    return UsageError(f"`{path}` is a Lanelet2 map: it has lanes, and no streets and houses", hint=hint)

@@ -152,7 +152,7 @@ class _Handler:
                 hint="ask for a smaller part, or with a longer [timeout:…] and more [maxsize:…], and download again",
             )
         self._collector.notes += [f"the map's server remarks: {text[:200]}" for text in self._remarks if text]
-        if self._wrong and not self._collector.foreign:
+        if self._wrong and not self._collector.is_lanelet():
             raise UsageError(f"`{self._source.path}` is not OpenStreetMap data: {self._wrong}", hint=HINT)
 
     # -- items
