@@ -6,9 +6,9 @@ everything that is written to it, which `guard_streams` makes of the standard on
 as it is (our own colours, rich's drawing) goes through `write_styled` and `unguarded`, what is data through
 `write_data`. Traces, files and JSON values keep what was said: inside of JSON the escapes are JSON's own.
 
-What policies write to descriptors 1 and 2 themselves is led through `visible` by `lingjing.play.raw_output`, wherever
-the command line plays them in a child of its own. A policy that `lingjing.run` plays in the caller's process can reach
-the descriptors; one that prints or logs does not get through there either.
+What the processes of policies print is led through `visible` by `lingjing.play.policy_processes.output`. A policy that
+`lingjing.run` plays in the caller's process can reach the descriptors; one that prints or logs does not get through
+there either.
 """
 
 from __future__ import annotations

@@ -13,6 +13,11 @@ from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 
+_RULES = ("lingjing_agents.heuristic.policy", "cv2")
+_TRUTH = ("lingjing_agents.oracle",)
+_MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2")
+"""What every agent of these policies imports."""
+
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
@@ -22,22 +27,26 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             name="random",
             factory=Deferred("chance", "RandomPolicy"),
             summary="valid verbs with random arguments: the floor of every table",
+            imports=("lingjing_agents.chance",),
         ),
         PolicyPlugin(
             name="heuristic",
             factory=Deferred("heuristic.policy", "HeuristicPolicy"),
             summary="sweeps its cells and finds people in the pixels",
+            imports=_RULES,
         ),
         PolicyPlugin(
             name="learned",
             factory=Deferred("heuristic.policy", "learned_policy"),
             summary="the heuristic's rules, with detectors trained on frames where one ships",
+            imports=_RULES,
         ),
         PolicyPlugin(
             name="oracle",
             factory=Deferred("oracle", "OraclePolicy"),
             privileged=True,
             summary="reads the truth: shows that a mission can be won",
+            imports=_TRUTH,
         ),
         PolicyPlugin(
             name="react",
@@ -46,12 +55,14 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             calls=True,
             probe=Deferred("llm.probing", "probe_model"),
             summary="perceives, reasons and acts over a chat model",
+            imports=_MODEL,
         ),
         PolicyPlugin(
             name="scripted",
             factory=Deferred("replay", "ScriptedPolicy"),
             options="lingjing_agents.replay:ScriptOptions",
             summary="replays decisions from a JSON file",
+            imports=("lingjing_agents.replay",),
         ),
         PolicyPlugin(
             name="faulty-oracle",
@@ -59,12 +70,14 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             options="lingjing_agents.faulty.options:FaultyOptions",
             privileged=True,
             summary="the oracle with planted faults, to measure what finds them",
+            imports=_TRUTH,
         ),
         PolicyPlugin(
             name="faulty-heuristic",
             factory=Deferred("faulty.policy", "faulty_heuristic"),
             options="lingjing_agents.faulty.options:FaultyOptions",
             summary="the heuristic with planted faults",
+            imports=_RULES,
         ),
     )
 

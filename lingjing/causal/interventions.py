@@ -171,6 +171,11 @@ class InterveningPolicies:
         self.departed += [ReplacedPart(tick, who, what) for what, who in found if (what, who) not in covered]
         return self._without_withheld(made, tick)
 
+    @property
+    def ambient_random(self) -> frozenset[str]:
+        """Agents in whose calls a global random generator was used."""
+        return self._policies.ambient_random
+
     def close(self) -> None:
         """Let the policies go."""
         self._policies.close()

@@ -8,14 +8,20 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import NoReturn
 
-from lingjing.errors import LingjingError
+from lingjing.errors import ExitCode, LingjingError
 from lingjing.terminal import Visible, guard_streams, write_styled
 
 _ENDING = ("SIGTERM", "SIGHUP")
+
+SECOND_S = 0.5
+"""An interrupt that comes later than that after the first one is another: `timeout` sends one signal twice."""
 
 
 def open_streams() -> None:
@@ -45,6 +51,53 @@ def endable() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def ending_at_second_interrupt() -> Iterator[None]:
+    """End everything at the second interrupt: every process below this one, and this one, whatever it waits for.
+
+    The first one is a `KeyboardInterrupt`, with a closed trace and a report. A thread reads what the system's own
+    handlers write to a descriptor (`signal.set_wakeup_fd`), so it learns of a signal that Python is kept from handling.
+    """
+    if sys.platform != "linux" or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reading, writing = os.pipe2(os.O_CLOEXEC)
+    os.set_blocking(writing, False)
+    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    threading.Thread(target=_count_interrupts, args=(reading,), name="lingjing-interrupts", daemon=True).start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(writing)
+
+
+def _count_interrupts(reading: int) -> None:
+    """End everything at the second interrupt; return when the other end of the pipe is closed."""
+    ending = {signal.SIGINT, *(getattr(signal, name) for name in _ENDING)}
+    first_s: float | None = None
+    while numbers := os.read(reading, 64):
+        if ending.isdisjoint(numbers):
+            continue
+        if first_s is None:
+            first_s = time.monotonic()
+        elif time.monotonic() - first_s >= SECOND_S:
+            end_everything()
+    os.close(reading)
+
+
+def end_everything() -> NoReturn:
+    """Kill every process below this one, in whatever session, and leave."""
+    from lingjing.kernel.world.descendants import adopt, end_children
+
+    adopt()
+    end_children(set())
+    with suppress(OSError, ValueError):
+        restore_terminal()
+        say("interrupted twice: everything was ended at once")
+    os._exit(ExitCode.INTERRUPTED)
 
 
 def deaf() -> None:

@@ -15,21 +15,18 @@ import msgspec
 
 from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings, whole_number
 from lingjing.cli.installed import warn_of_broken_plugins
-from lingjing.cli.process import restore_terminal, results_alone, say
+from lingjing.cli.process import ending_at_second_interrupt, results_alone, say
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
 from lingjing.dsl.loading.load import load_noted
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
-from lingjing.kernel.world.forking import ForkServerClient
+from lingjing.kernel.world.descendants import be_told_of_the_end_of
 from lingjing.mission.model import Mission
-from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
-from lingjing.play.parallel import EpisodeTask, play_apart, play_here, without_result
+from lingjing.play.parallel import EpisodeTask, play_apart, play_here, policy_server
 from lingjing.play.report import INTERRUPTED, EpisodeReport, summarise
-from lingjing.play.supervised_child import SeedFolder
-from lingjing.play.supervision import can_supervise, play_supervised
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -111,9 +108,10 @@ def handler(args: argparse.Namespace) -> int:
             release_if_empty(folder)
         _tell(options, mission, errors)
     args.jobs = jobs
-    if seeds:
-        return _run_many(args, mission, options, folder or RUNS, seeds)
-    return _run_one(args, mission, options, folder)
+    with ending_at_second_interrupt():
+        if seeds:
+            return _run_many(args, mission, options, folder or RUNS, seeds)
+        return _run_one(args, mission, options, folder)
 
 
 WATCHED_IN = ("terminal", "browser", "foxglove")
@@ -145,22 +143,12 @@ def _jobs(args: argparse.Namespace, errors: ErrorCollector) -> int:
 
 
 def _tell(options: PlayOptions, mission: Mission | None, errors: ErrorCollector) -> NoReturn:
-    """Raise what is wrong with the command line, and with that what else would be wrong with the episode.
-
-    A child looks for that: it may load a policy's file.
-    """
+    """Raise what is wrong with the command line, and with that what else would be wrong with the episode."""
     from lingjing.play.preparation import prepare
     from lingjing.plugins.host import PluginHost
 
-    def look(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
-        prepare(options, mission, PluginHost(), {}, errors)
-        return iter(())
-
-    with suppress(InfrastructureError):  # the child may be ended by what it loads: then this is told without that
-        if can_supervise():
-            list(play_supervised((options.seed,), lambda seed: None, look, _aborting(mission, options)))
-        else:
-            look(iter(()))
+    with suppress(InfrastructureError), policy_server(options) as server:
+        prepare(options, mission, PluginHost(), {}, errors, server)
     errors.check()
     raise AssertionError("there is no error")
 
@@ -332,40 +320,25 @@ def _played(
     seeds: Sequence[int],
     claim: Callable[[int], Path],
 ) -> Iterator[EpisodeReport]:
-    """The episodes, each played in a process that a policy may ruin; in this one where it cannot be watched over."""
+    """The episodes; each agent's policy plays in a process of its own."""
     if args.jobs > 1:
         tasks = (EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed)) for seed in seeds)
-        return (report for _, report in play_apart(tasks, args.jobs))
-
-    def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
+        yield from (report for _, report in play_apart(tasks, args.jobs))
+        return
+    places = ((seed, claim(seed)) for seed in seeds)
+    with policy_server(options, args.fork_server) as server:
         if args.watch != "terminal":
-            fork_server = ForkServerClient(args.fork_server) if args.fork_server is not None else None
-            return play_here(options, places, LiveProgress, mission, fork_server)
+            fork_server = server if args.fork_server is not None else None
+            yield from play_here(options, places, LiveProgress, mission, fork_server, server)
+            return
         from lingjing.cli.watch import EpisodeDisplays
         from lingjing.play.preparation import prepare
         from lingjing.plugins.host import PluginHost
 
         errors = ErrorCollector()
         displays = errors.attempt(lambda: EpisodeDisplays(mission, options, truth=args.watch_truth), None)
-        prepare(options, mission, PluginHost(), {}, errors)  # a display draws the instance before it is played
+        # A display draws the instance before it is played.
+        prepare(options, mission, PluginHost(), {}, errors, server)
         if displays is None:
             raise AssertionError("without displays there is an error")
-        return play_here(options, displays.follow(places), displays, mission)
-
-    if not can_supervise(with_engines=options.world == "inline"):
-        return play((seed, claim(seed)) for seed in seeds)
-
-    return play_supervised(seeds, claim, play, _aborting(mission, options))
-
-
-def _aborting(mission: Mission | None, options: PlayOptions) -> Callable[[int, Path, str], EpisodeReport]:
-    """What makes the report of an episode that has no result."""
-
-    def abort(seed: int, folder: Path, why: str) -> EpisodeReport:
-        restore_terminal()
-        report = without_result(EpisodeTask(msgspec.structs.replace(options, seed=seed), folder), why)
-        if mission is None:
-            return report
-        return msgspec.structs.replace(report, mission=mission.name, mode=options.mode or mission.modes.default)
-
-    return abort
+        yield from play_here(options, displays.follow(places), displays, mission, None, server)

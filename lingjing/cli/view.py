@@ -15,7 +15,7 @@ from lingjing.cli.arguments import parse_whole
 from lingjing.cli.files import check_output, say_if_cut, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.descendants import be_told_of_the_end_of
+from lingjing.kernel.world.descendants import be_told_of_the_end_of
 from lingjing.trace.reader import Trace
 
 

@@ -3,8 +3,9 @@
 In the order of control:
 
 - `cities` builds the city of an instance and places its entities there; `supported` refuses what cannot be played;
-- `barrier` calls every policy in a thread of its own and collects their answers by name within K_model; `sequential`
-  does so without threads, in a process that is going to be forked;
+- `barrier` calls every policy, each in a thread of its own unless it is elsewhere (`play.policy_processes`), and
+  collects their answers by name within K_model; `sequential` does so without threads, in a process that is going to be
+  forked; `ambient_random` detects the use of global random generators there;
 - `candidates` turns what policies returned into plain values; `admission` compiles the checks of arguments and bodies;
 - `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the `links` between agents;
 - `commands` validates and resolves physical commands (ValidateAndResolve) within their `command_limits`; `budgets`

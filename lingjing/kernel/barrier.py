@@ -16,11 +16,14 @@ import contextlib
 import re
 import threading
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from lingjing.errors import InfrastructureError
+from lingjing.kernel.ambient_random import watched
 from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
@@ -120,18 +123,30 @@ class PolicyAnswer:
     usage: Usage | None = None
 
 
-class PolicyBarrier:
-    """Policies of one episode behind one barrier; agents keep declaration order."""
+class Barrier(ABC):
+    """The policies of one episode behind one barrier; agents keep declaration order. Where they run is a subclass's."""
 
-    def __init__(self, policies: Mapping[str, Policy], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
-        self._policies = dict(policies)
+    def __init__(self, agents: Iterable[str], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
+        self._agents = tuple(agents)
         self._limit_s = limit_s
         self._outage_check = outage_check
-        self._threads = {name: AgentThread(name) for name in self._policies}
 
+    @abstractmethod
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
         """Give every policy its brief; failures come back as answers with a reason."""
-        return self._collect({name: _reset_call(policy, briefs[name]) for name, policy in self._policies.items()})
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let every policy end."""
+
+    @abstractmethod
+    def _ask(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
+        """The answers of the agents that have inputs."""
+
+    @property
+    def ambient_random(self) -> frozenset[str]:
+        """Agents in whose calls a global random generator was used that nothing has seeded."""
+        return frozenset()
 
     def act(
         self, inputs: Mapping[str, tuple[Observation, Inbox]], exhausted: Mapping[str, str] | None = None
@@ -141,10 +156,9 @@ class PolicyBarrier:
         `exhausted` are agents that are not asked, with the sentence that says why.
         """
         silent = exhausted or {}
-        asked = {name: policy for name, policy in self._policies.items() if name not in silent}
-        given = self._collect({name: _act_call(policy, *inputs[name]) for name, policy in asked.items()})
+        given = self._ask({name: inputs[name] for name in self._agents if name not in silent})
         refused = {name: PolicyAnswer(reason=ALLOWANCE, detail=detail) for name, detail in silent.items()}
-        answers = {name: {**given, **refused}[name] for name in self._policies}
+        answers = {name: {**given, **refused}[name] for name in self._agents}
         return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
 
     def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
@@ -153,8 +167,45 @@ class PolicyBarrier:
         return self.act(inputs, exhausted)
 
     def __contains__(self, agent: str) -> bool:
-        """Whether the agent's policy sits behind this barrier."""
-        return agent in self._policies
+        """True if the agent's policy is behind this barrier."""
+        return agent in self._agents
+
+    def _accused(self, name: str, error: InfrastructureError, answer: PolicyAnswer) -> PolicyAnswer:
+        """The policy's failure, unless the outage that it reports is confirmed, which is raised."""
+        outage = self._outage_check(name, error)
+        if outage is not None:
+            raise outage from error
+        return answer
+
+    def _late(self) -> PolicyAnswer:
+        return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
+
+
+class PolicyBarrier(Barrier):
+    """Policies in the caller's process, a thread for each."""
+
+    def __init__(self, policies: Mapping[str, Policy], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
+        super().__init__(policies, limit_s, outage_check)
+        self._policies = dict(policies)
+        self._threads = {name: AgentThread(name) for name in self._policies}
+        self._ambient_random: set[str] = set()
+
+    @property
+    def ambient_random(self) -> frozenset[str]:
+        """Agents in whose calls a global random generator was used. It is the caller's, and nothing seeds it."""
+        return frozenset(self._ambient_random)
+
+    def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
+        """Give every policy its brief; failures come back as answers with a reason."""
+        calls = {name: _reset_call(policy, briefs[name]) for name, policy in self._policies.items()}
+        return self._collect(self._watched(calls))
+
+    def _ask(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
+        calls = {name: _act_call(self._policies[name], *given) for name, given in inputs.items()}
+        return self._collect(self._watched(calls))
+
+    def _watched(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, Callable[[], Awaitable[Any]]]:
+        return {name: watched(call, partial(self._ambient_random.add, name)) for name, call in calls.items()}
 
     def close(self) -> None:
         """Let every thread end."""
@@ -179,20 +230,10 @@ class PolicyBarrier:
         except AbandonedCallError:  # what is replayed was given up here
             return self._late()
         except InfrastructureError as error:
-            return self._accused(name, error, started)
+            return self._accused(name, error, failure(error, started))
         except POLICY_ERRORS as error:
             return failure(error, started)
         return PolicyAnswer(value=value, wall_s=wall_s)
-
-    def _accused(self, name: str, error: InfrastructureError, started: float) -> PolicyAnswer:
-        """The policy's failure, unless the outage that it reports is confirmed, which is raised."""
-        outage = self._outage_check(name, error)
-        if outage is not None:
-            raise outage from error
-        return failure(error, started)
-
-    def _late(self) -> PolicyAnswer:
-        return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
 
 
 def _raised(future: concurrent.futures.Future[Any], error: BaseException) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from lingjing.errors import InfrastructureError, PluginError
-from lingjing.kernel.barrier import OutageCheck, PolicyBarrier, no_outage
+from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyBarrier, no_outage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import taken
 from lingjing.plugins.policy import Policy
@@ -55,6 +55,11 @@ class DecisionSource(Protocol):
         """Everybody's decisions at a boundary, in declaration order; who is `exhausted` is not asked."""
         ...
 
+    @property
+    def ambient_random(self) -> frozenset[str]:
+        """Agents in whose calls a global random generator was used that nothing has seeded."""
+        ...
+
     def close(self) -> None:
         """Nobody will be asked any more."""
         ...
@@ -68,17 +73,28 @@ def policy_barrier(
     An agent without a policy here is played from outside: its decisions go straight to `Kernel.step`.
     Raises `PluginError` that names the agent if a policy cannot take it: nothing has been recorded by then.
     """
-    limit_s = kernel.instance.budget.policy_s
     present = [agent.id for agent in kernel.instance.agents if agent.id in policies]
+    limit_s = kernel.instance.budget.policy_s
     barrier = PolicyBarrier({agent: policies[agent] for agent in present}, limit_s, outage_check)
-    for agent, answer in barrier.reset(kernel.briefs()).items():
+    give_briefs(kernel, barrier)
+    return barrier
+
+
+def give_briefs(kernel: Kernel, barrier: Barrier) -> None:
+    """Give every policy behind the barrier its brief. Raises `PluginError` that names the agent if a policy cannot take
+    it; the barrier is closed then."""
+    try:
+        answers = barrier.reset(kernel.briefs())
+    except BaseException:
+        barrier.close()
+        raise
+    for agent, answer in answers.items():
         if answer.reason:
             barrier.close()
             raise PluginError(
                 f"the policy of `{agent}` could not take its brief: {answer.detail}",
                 hint="correct the policy's `reset`, or choose another with --policy",
             )
-    return barrier
 
 
 def play(
@@ -107,7 +123,7 @@ def play(
     finally:
         with deferring_signals():
             barrier.close()
-            outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started)
+            outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started, barrier.ambient_random)
             if recorder is not None:
                 (recorder.abandon if reason in CUT_SHORT else recorder.finish)(outcome)
     return outcome
@@ -164,7 +180,9 @@ def _progress(kernel: Kernel, published: Published, last: str, started: float) -
     )
 
 
-def _outcome(kernel: Kernel, reason: Reason, cause: tuple[str, str], wall_s: float) -> Outcome:
+def _outcome(
+    kernel: Kernel, reason: Reason, cause: tuple[str, str], wall_s: float, ambient_random: frozenset[str]
+) -> Outcome:
     state = kernel.state
     return Outcome(
         success=reason == "success",
@@ -177,5 +195,6 @@ def _outcome(kernel: Kernel, reason: Reason, cause: tuple[str, str], wall_s: flo
         detail=cause[0],
         hint=cause[1],
         wall_s=wall_s,
+        ambient_random=tuple(sorted(ambient_random)),
         processes={"caller": taken(), **{name: dict(table) for name, table in kernel.world.processes.items()}},
     )

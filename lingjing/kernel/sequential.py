@@ -45,9 +45,9 @@ class SequentialPolicies(PolicyBarrier):
         self._loops: list[tuple[int, asyncio.AbstractEventLoop]] = []
 
     def _collect(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, PolicyAnswer]:
-        return {name: self._ask(name, call) for name, call in calls.items()}
+        return {name: self._answer(name, call) for name, call in calls.items()}
 
-    def _ask(self, name: str, call: Callable[[], Awaitable[Any]]) -> PolicyAnswer:
+    def _answer(self, name: str, call: Callable[[], Awaitable[Any]]) -> PolicyAnswer:
         started, coroutine = time.monotonic(), timed(call)
         try:
             with _alarm(self._limit_s):
@@ -58,7 +58,7 @@ class SequentialPolicies(PolicyBarrier):
         except AbandonedCallError:  # what is replayed was given up here
             return self._late()
         except InfrastructureError as error:
-            return self._accused(name, error, started)
+            return self._accused(name, error, failure(error, started))
         except POLICY_ERRORS as error:
             return failure(error, started)
         finally:

@@ -18,9 +18,9 @@ import msgspec
 
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
-from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.barrier import Barrier, PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
-from lingjing.kernel.episode import Progress, play, policy_barrier
+from lingjing.kernel.episode import Progress, give_briefs, play
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
@@ -33,11 +33,12 @@ from lingjing.numerics import versions
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.outages import ServiceOutages
+from lingjing.play.policies import AssignedPolicy
 from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.recorded_calls import EpisodeCalls
 from lingjing.play.report import ABORTED, EpisodeReport, report_of
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, options_fingerprint
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.displacement import displacements
@@ -48,6 +49,11 @@ from lingjing.trace.writer import PictureParts, TraceWriter, disturbed, gone
 
 NOT_PROMISED = "this digest is not promised on other processors"
 PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
+
+_AMBIENT = (
+    "the digest is another one in each run: the policy of {} draws from a global random generator, which nothing seeds "
+    "here; draw from one that starts from `brief.seed`, or play with `lingjing run`"
+)
 
 TRACE_NAME = "trace.mcap"
 OVERVIEW_NAME = "overview.png"
@@ -64,12 +70,20 @@ class EpisodeInterrupted(KeyboardInterrupt):
 class Session:
     """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers.
 
-    Through a `fork_server` the workers are forked from a process that has imported all they need.
+    Through a `fork_server` the workers are forked from a process that has imported all they need. With a
+    `policy_server` each agent's policy plays in a process of its own, which that server forks; without one, and where
+    the engines are in this process too (`world="inline"`), policies play in threads of this process.
     """
 
-    def __init__(self, host: PluginHost | None = None, fork_server: ForkServerClient | None = None) -> None:
+    def __init__(
+        self,
+        host: PluginHost | None = None,
+        fork_server: ForkServerClient | None = None,
+        policy_server: ForkServerClient | None = None,
+    ) -> None:
         self.host = host or PluginHost()
         self._fork_server = fork_server
+        self._policy_server = policy_server
         self._cities = CityBuilder(self.host)
         self._worlds: dict[str, World] = {}
 
@@ -97,7 +111,8 @@ class Session:
     ) -> EpisodeReport:
         """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
         that have been loaded already, by their names in the options."""
-        prepared = prepare(options, mission or compiled(options), self.host, given or {})
+        server = self._policy_server if options.world == "process" else None
+        prepared = prepare(options, mission or compiled(options), self.host, given or {}, server=server)
         return self._play(prepared, options, out, progress)
 
     def _play(
@@ -109,18 +124,14 @@ class Session:
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance)
         moved = tuple(displacements(prepared.instance, instance, prepared.places))
-        assigned = prepared.assigned
         calls = EpisodeCalls(options, instance)
-        policies = {
-            agent: build_policy(plugin, arguments, calls.of(agent)) for agent, (plugin, arguments) in assigned.items()
-        }
         relations = RelationTracker(instance)
         recorder: list[TraceWriter] = []
         kernel = Kernel(
             instance,
             city,
             self._world(options.world),
-            privileged=frozenset(agent for agent, (plugin, _) in assigned.items() if plugin.privileged),
+            privileged=frozenset(agent for agent, policy in prepared.assigned.items() if policy.privileged),
             record=lambda record, frames: recorder[0].boundary(
                 msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
             ),
@@ -128,9 +139,15 @@ class Session:
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
-        barrier = policy_barrier(kernel, policies, ServiceOutages(assigned, calls))
-        folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
-        writer = _writer(folder, _header(instance, city, prepared, options), city, barrier, prepared.key)
+        barrier = self._barrier(prepared.assigned, options, instance, city, calls)
+        try:
+            give_briefs(kernel, barrier)
+            named = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
+            folder = named.absolute()  # a policy in this process may go to another working folder
+            writer = _writer(folder, _header(instance, city, prepared, options), city, prepared.key)
+        except BaseException:
+            barrier.close()
+            raise
         recorder.append(writer)
         calls.keep_in(folder)
         try:
@@ -138,14 +155,40 @@ class Session:
         except KeyboardInterrupt:
             self.close()
             ended = writer.path if writer.path.exists() else writer.part  # it may have come when all was over
-            raise EpisodeInterrupted(_report(ended, options, city=None)) from None
+            raise EpisodeInterrupted(_report(ended, options, named, city=None)) from None
         finally:
             calls.close()
         path = writer.part if outcome.reason == ABORTED else writer.path
-        report = _report(path, options, city=city if options.overview else None)
+        report = _report(path, options, named, city=city if options.overview else None)
         return msgspec.structs.replace(
             report, warnings=(*_hopeless(instance), *moved, *calls.differences(), *report.warnings)
         )
+
+    def _barrier(
+        self,
+        assigned: Mapping[str, AssignedPolicy],
+        options: PlayOptions,
+        instance: Instance,
+        city: City,
+        calls: EpisodeCalls,
+    ) -> Barrier:
+        """The policies, built, in the order of their agents."""
+        limit_s, outages = instance.budget.policy_s, ServiceOutages(assigned, calls)
+        if self._policy_server is not None and options.world == "process":
+            from lingjing.play.policy_processes.barrier import ProcessBarrier
+            from lingjing.play.policy_processes.loading import agent_policies
+
+            apart = ProcessBarrier(
+                agent_policies(assigned, options, instance, city, calls), limit_s, self._policy_server
+            )
+            apart.load()
+            return apart
+        here = {
+            agent: build_policy(policy.plugin, policy.arguments, calls.of(agent))
+            for agent, policy in assigned.items()
+            if policy.plugin is not None
+        }
+        return PolicyBarrier(here, limit_s, outages)
 
     def close(self) -> None:
         """End the workers; the next episode starts new ones."""
@@ -178,8 +221,8 @@ def run(
     `progress` is called at every boundary. The other arguments are the fields of `lingjing.PlayOptions`, with its
     defaults; `policy` and the values of `policies_for` may also be a class, or a function that makes a policy.
 
-    Policies are trusted here: they run in this process and can end or ruin it. The command line plays them in a child
-    that it watches over.
+    Policies are trusted here: they run in threads of this process and can end or ruin it. The command line gives each a
+    process of its own.
 
     Raises `UsageError` for wrong arguments and unwritable folders, `MissionError` for a mission that cannot be
     instantiated, `PluginError` for a plug-in that breaks its contract, `EpisodeInterrupted` on Ctrl-C,
@@ -203,8 +246,8 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
     return Header(
         instance=instance,
         bindings=tuple(
-            AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
-            for agent, (plugin, arguments) in prepared.assigned.items()
+            AgentBinding(agent=agent, policy=one.name, privileged=one.privileged, arguments=one.arguments)
+            for agent, one in prepared.assigned.items()
         ),
         fingerprint=dict(versions()) | _policy_fingerprints(prepared),
         city_sha256=content_sha256(city),
@@ -218,28 +261,21 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
 
 def _policy_fingerprints(prepared: Preparation) -> dict[str, str]:
     """What decides beside the policies' options, such as the SHA-256 of a prompt."""
-    return {
-        name: value
-        for plugin, arguments in prepared.assigned.values()
-        for name, value in options_fingerprint(plugin, arguments).items()
-    }
+    return {name: value for one in prepared.assigned.values() for name, value in one.fingerprint.items()}
 
 
-def _writer(folder: Path, header: Header, city: City, barrier: PolicyBarrier, key: bytes) -> TraceWriter:
-    """The trace in its folder; the barrier is closed where it cannot be written."""
+def _writer(folder: Path, header: Header, city: City, key: bytes) -> TraceWriter:
+    """The trace in its folder. Raises `UsageError` where it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return TraceWriter(folder / TRACE_NAME, header, key, surroundings(city, header.instance))
     except OSError as error:
-        barrier.close()
         raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error
-    except BaseException:
-        barrier.close()
-        raise
 
 
-def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeReport:
-    """What the trace says of its episode; a city draws the overview beside it."""
+def _report(path: Path, options: PlayOptions, folder: Path, city: City | None) -> EpisodeReport:
+    """The report of the trace's episode; a city draws the overview beside it. `folder` is the trace's folder as the
+    caller has named it."""
     if not path.is_file():
         raise gone(path)
     try:
@@ -248,7 +284,7 @@ def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeRepor
         raise disturbed(path, str(error)) from error
     report = report_of(trace, options.policy)
     said = (*_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
-    return msgspec.structs.replace(report, warnings=said)
+    return msgspec.structs.replace(report, warnings=said, trace=str(folder / path.name))
 
 
 def _draw_overview(trace: Trace, city: City) -> tuple[str, ...]:
@@ -275,6 +311,8 @@ def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:
         asked = sum(len(record.decisions) for record in trace.boundaries)
         counted = f"{len(replaced)} of {asked} policy answers were replaced by doing nothing ({reasons})"
         said.append(f"{counted}; the first was `{first.agent}`: {first.detail}")
+    if outcome is not None and outcome.ambient_random:
+        said.append(_AMBIENT.format(", ".join(f"`{agent}`" for agent in outcome.ambient_random)))
     if deviations:
         said.append(f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}")
     return tuple(said)

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.barrier import AgentThread
 from lingjing.mission.instance import GivenOption
+from lingjing.play.policies import AssignedPolicy
 from lingjing.play.recorded_calls import EpisodeCalls
 from lingjing.plugins.loading import read_given_options
 from lingjing.plugins.policy import PolicyPlugin, ServiceProbe
@@ -27,17 +28,15 @@ PROBE_S = 30.0
 class ServiceOutages:
     """The `OutageCheck` of one episode: `assigned` are the policies by agent, with their options."""
 
-    def __init__(
-        self, assigned: Mapping[str, tuple[PolicyPlugin, Mapping[str, GivenOption]]], calls: EpisodeCalls
-    ) -> None:
+    def __init__(self, assigned: Mapping[str, AssignedPolicy], calls: EpisodeCalls) -> None:
         self._assigned = assigned
         self._calls = calls
 
     def __call__(self, agent: str, error: InfrastructureError) -> InfrastructureError | None:
         """The error that ends the episode; None if the policy alone says that its infrastructure is gone."""
         fault = self._calls.fault_of(agent)
-        plugin, arguments = self._assigned[agent]
-        if fault is not None or plugin.probe is None:
+        plugin, arguments = self._assigned[agent].plugin, self._assigned[agent].arguments
+        if fault is not None or plugin is None or plugin.probe is None:
             return fault
         probe = plugin.probe
         silence = self._calls.probed(agent, lambda: _asked(agent, plugin, probe, arguments))

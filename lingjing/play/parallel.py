@@ -18,15 +18,16 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import msgspec
 
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, error_of
-from lingjing.kernel.world.forking import ForkedProcess, ForkServer
+from lingjing.kernel.world.descendants import adopting
+from lingjing.kernel.world.forking import ForkedProcess, ForkServer, ForkServerClient
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
+from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
 from lingjing.play.report import ABORTED, EpisodeReport, end_without_result
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
-    from lingjing.kernel.world.forking import ForkServerClient
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
@@ -40,16 +41,18 @@ def play_here(
     watch: Watch,
     mission: Mission | None = None,
     fork_server: ForkServerClient | None = None,
+    policy_server: ForkServerClient | None = None,
 ) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
     A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. The workers are
-    started by the fork server, if there is one (`lingjing.kernel.world.forking`).
+    started by the fork server, if there is one (`lingjing.kernel.world.forking`), the processes of policies by the
+    policy server; without one policies play here.
     """
     from lingjing.play.episode import EpisodeInterrupted, Session
 
     mission = mission or compiled(options)
-    with Session(fork_server=fork_server) as session:
+    with Session(fork_server=fork_server, policy_server=policy_server) as session:
         for seed, folder in places:
             try:
                 with watch(f"{mission.name} seed {seed}") as progress:
@@ -59,10 +62,43 @@ def play_here(
             except EpisodeInterrupted as interrupt:
                 yield interrupt.report
                 return
+            except InfrastructureError as error:
+                session.close()
+                report = _aborted(options, mission, seed, folder, error)
             finally:
                 if folder is not None:
                     release_if_empty(folder)
             yield report
+
+
+def _aborted(
+    options: PlayOptions, mission: Mission, seed: int, folder: Path | None, error: InfrastructureError
+) -> EpisodeReport:
+    """The report of an episode of which nothing was recorded."""
+    task = EpisodeTask(msgspec.structs.replace(options, seed=seed), folder or Path())
+    mode = options.mode or mission.modes.default
+    report = without_result(task, str(error))
+    return msgspec.structs.replace(report, mission=mission.name, mode=mode, hint=error.hint)
+
+
+@contextlib.contextmanager
+def policy_server(options: PlayOptions, given: int | None = None) -> Iterator[ForkServerClient | None]:
+    """The process that the policies of these options are forked from: that behind a descriptor that was `given`, or a
+    new one. None where policies play in the caller's process: with the engines, and elsewhere than on Linux."""
+    if options.world == "inline" or sys.platform != "linux":
+        yield None
+    elif given is not None:
+        with contextlib.closing(ForkServerClient(given)) as client:
+            yield client
+    else:
+        with adopting(), ForkServer(SERVES) as server, contextlib.closing(server.client()) as client:
+            server.call(PRELOAD, _policy_names(options))
+            yield client
+
+
+def _policy_names(options: PlayOptions) -> str:
+    """The names of the policies as JSON."""
+    return msgspec.json.encode([*dict.fromkeys((options.policy, *options.policies_for.values()))]).decode()
 
 
 _CLI = "lingjing.cli.main"
@@ -139,7 +175,9 @@ class _Starter:
             except InfrastructureError:  # it was killed: another one takes its place
                 self._server.close()
                 self._shared.clear()
-        self._server = ForkServer([*PLAYED_WITH, *(module for package, module in WITH_EXTRAS if find_spec(package))])
+        self._server = ForkServer(
+            [*PLAYED_WITH, *SERVES, *(module for package, module in WITH_EXTRAS if find_spec(package))]
+        )
         return self._asked(self._server, task, arguments, streams)
 
     def _asked(
@@ -149,6 +187,7 @@ class _Starter:
         if (kind := msgspec.json.encode(one)) not in self._shared:
             self._shared.add(kind)
             server.call(SHARE, kind.decode())
+            server.call(PRELOAD, _policy_names(one))
         return server.run_module(_CLI, arguments, streams)
 
 

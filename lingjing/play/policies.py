@@ -1,23 +1,45 @@
-"""Which policy plays which agent of an instance."""
+"""Which policy plays which agent of an instance.
+
+Policies in files are loaded here, or where they are to play in processes of their own, in another one that reads their
+declarations alone (`policy_processes.examination`).
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 
 from lingjing.errors import ErrorCollector, UsageError
+from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.mission.instance import AgentSpec, GivenOption, Instance
 from lingjing.mission.model import Mission
 from lingjing.play.option_sharing import share_arguments
 from lingjing.play.options import PlayOptions
-from lingjing.play.policy_files import load_policy
+from lingjing.play.policy_files import is_file, load_policy
 from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest_or
 
-Assigned = tuple[PolicyPlugin, dict[str, GivenOption]]
-"""A policy, and the arguments that it is built with."""
+
+@dataclass(frozen=True, slots=True)
+class AssignedPolicy:
+    """A policy and its arguments.
+
+    `spec` is its name in the options, `name` that in traces, `source` the plug-in that offers it ("": a file, or given
+    as an object). `fingerprint` decides beside the arguments. `plugin` is None for a file that
+    only another process has loaded.
+    """
+
+    spec: str
+    name: str
+    privileged: bool
+    arguments: dict[str, GivenOption]
+    fingerprint: dict[str, str]
+    source: str = ""
+    plugin: PolicyPlugin | None = None
 
 
 def assign_policies(
@@ -27,8 +49,10 @@ def assign_policies(
     host: PluginHost,
     given: Mapping[str, PolicyPlugin],
     errors: ErrorCollector,
-) -> dict[str, Assigned]:
-    """The policy of every agent; `given` are those that are known already, by their names in the options.
+    server: ForkServerClient | None = None,
+) -> dict[str, AssignedPolicy]:
+    """The policy of every agent; `given` are those that are known already, by their names in the options. With a
+    `server` no code of a file runs in this process.
 
     `errors` holds what is wrong with the options so far and receives every role or agent that the mission does not
     have, every policy that cannot be loaded, and every fault of the policies' options. Without an instance nobody is
@@ -40,16 +64,79 @@ def assign_policies(
     agents = instance.agents if instance is not None else ()
     names_of = {agent.id: _named_for(agent, options) for agent in agents}
     wanted = dict.fromkeys((options.policy, *chosen.values()) if instance is None else names_of.values())
-    plugins: dict[str, PolicyPlugin] = {}
-    for name in wanted:
-        plugin = given.get(name) or errors.attempt(partial(load_policy, name, host), None)
-        if plugin is not None:
-            plugins[name] = plugin
-    if refused & {"policy", "policies_for"}:
+    whole = not refused & {"policy", "policies_for"}
+    if server is not None and any(map(is_file, wanted)):
+        found = _examined(wanted, options, host, server, errors, whole=whole)
+    else:
+        found = _loaded(wanted, options, host, given, errors, whole=whole)
+    return {agent: found[name] for agent, name in names_of.items() if name in found}
+
+
+def _loaded(
+    wanted: Iterable[str],
+    options: PlayOptions,
+    host: PluginHost,
+    given: Mapping[str, PolicyPlugin],
+    errors: ErrorCollector,
+    *,
+    whole: bool,
+) -> dict[str, AssignedPolicy]:
+    """Policies that are loaded here; none where `wanted` is not the `whole` of what was asked for."""
+    found = {name: given.get(name) or errors.attempt(partial(load_policy, name, host), None) for name in wanted}
+    plugins = {name: plugin for name, plugin in found.items() if plugin is not None}
+    if not whole:
         return {}
-    whole = len(plugins) == len(wanted)
-    shares = errors.attempt(lambda: share_arguments(plugins, options.policy_args, whole=whole), {})
-    return {agent: (plugins[name], shares[name]) for agent, name in names_of.items() if name in shares}
+    complete = len(plugins) == len(found)
+    shares = errors.attempt(lambda: share_arguments(plugins, options.policy_args, whole=complete), {})
+    return {
+        name: AssignedPolicy(
+            spec=name,
+            name=plugin.name,
+            privileged=plugin.privileged,
+            arguments=shares[name],
+            fingerprint=options_fingerprint(plugin, shares[name]),
+            source=_source(name, host),
+            plugin=plugin,
+        )
+        for name, plugin in plugins.items()
+        if name in shares
+    }
+
+
+def _examined(
+    wanted: Iterable[str],
+    options: PlayOptions,
+    host: PluginHost,
+    server: ForkServerClient,
+    errors: ErrorCollector,
+    *,
+    whole: bool,
+) -> dict[str, AssignedPolicy]:
+    """Policies whose declarations another process reads."""
+    from lingjing.play.policy_processes.examination import examine
+    from lingjing.play.policy_processes.messages import error_of
+
+    read = errors.attempt(lambda: examine(tuple(wanted), options.policy_args, server, whole=whole), None)
+    if read is None:
+        return {}
+    for error in read.errors:
+        errors.add(error_of(error))
+    return {
+        name: AssignedPolicy(
+            spec=name,
+            name=one.name,
+            privileged=one.privileged,
+            arguments=one.arguments,
+            fingerprint=one.fingerprint,
+            source=_source(name, host),
+            plugin=None if is_file(name) else host.policy(name),
+        )
+        for name, one in read.found.items()
+    }
+
+
+def _source(name: str, host: PluginHost) -> str:
+    return host.sources.get(("lingjing_policies", name), "")
 
 
 def _check_roles(chosen: Mapping[str, str], instance: Instance | None, mission: Mission, *, surely: bool) -> None:

@@ -17,14 +17,19 @@ _METHODS = ("reset", "act")
 _START = "`lingjing new agent NAME` writes a policy to start from"
 
 
+def is_file(spec: str) -> bool:
+    """True if the spec names a policy in a file."""
+    return spec.partition(":")[0].endswith(".py")
+
+
 def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
     """The policy that `spec` names: an entry point's, or `FILE.py:CLASS`. Raises `UsageError`.
 
     A file's policy is called `FILE.py:CLASS` without its folder, so that a trace does not depend on where it lay.
     """
-    path, _, name = spec.partition(":")
-    if not path.endswith(".py"):
+    if not is_file(spec):
         return host.policy(spec)
+    path, _, name = spec.partition(":")
     cls = _policy_class(load_file(Path(path), "policy", _START), Path(path), name)
     summary = (inspect.getdoc(cls) or "").partition("\n")[0]
     return policy_of(cls, f"{Path(path).name}:{cls.__name__}", summary)

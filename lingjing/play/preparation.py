@@ -13,13 +13,14 @@ from functools import partial
 from msgspec.structs import replace
 
 from lingjing.errors import ErrorCollector, MissionError, UsageError
+from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import GivenOption, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.play.option_sharing import engine_options, evaluator_options
 from lingjing.play.options import PlayOptions
-from lingjing.play.policies import Assigned, assign_policies
+from lingjing.play.policies import AssignedPolicy, assign_policies
 from lingjing.play.recorded_calls import check_calls
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
@@ -36,7 +37,7 @@ class Preparation:
     """
 
     instance: Instance
-    assigned: dict[str, Assigned]
+    assigned: dict[str, AssignedPolicy]
     evaluators: tuple[EvaluatorPlugin, ...]
     evaluator_options: dict[str, dict[str, GivenOption]]
     key: bytes = b""
@@ -49,11 +50,13 @@ def prepare(
     host: PluginHost,
     given: Mapping[str, PolicyPlugin],
     errors: ErrorCollector | None = None,
+    server: ForkServerClient | None = None,
 ) -> Preparation:
     """Draw the instance and find who plays and who scores.
 
     `mission` is None where it has errors; `given` are policies that have been loaded already, by their names in the
-    options; `errors` holds what reading the options has found. Raises `UsageError` that tells all of it: of mode,
+    options; `errors` holds what reading the options has found. With a `server` no code of a policy's file runs in this
+    process. Raises `UsageError` that tells all of it: of mode,
     settings, scene, engines and their options, policies and theirs, roles, evaluators and theirs.
     `MissionError` for a mission that cannot be evaluated, if that is all there is.
     """
@@ -65,7 +68,7 @@ def prepare(
         errors.attempt(lambda: host.scene(scene), None)
         used = errors.attempt(partial(_engines, instance, host), ())
     told = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
-    assigned = assign_policies(instance, mission, options, host, given, errors)
+    assigned = assign_policies(instance, mission, options, host, given, errors, server)
     evaluators, evaluator_told = _evaluators(options, host, errors)
     key = errors.attempt(lambda: read_key(options.sign) if options.sign is not None else b"", b"")
     errors.attempt(lambda: check_calls(options), None)

@@ -54,9 +54,9 @@ class EpisodeCalls:
             policy_seed=options.policy_seed,
             settings=options.settings,
         )
-        ledger = Path(options.ledger) if options.ledger else None
+        ledger = Path(options.ledger).absolute() if options.ledger else None
         self.limits = SpendingLimits(options.max_cost, options.max_tokens, ledger)
-        self.source = _source(Path(options.calls_from), self.episode) if options.calls == "replay" else None
+        self.source = _source(Path(options.calls_from).absolute(), self.episode) if options.calls == "replay" else None
         self._recorded = options.calls != "live"
         self._folder: Path | None = None
         self._store: CallStore | None = None

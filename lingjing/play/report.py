@@ -35,7 +35,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a lost
     episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what rates of
     perception over several episodes are made of. `crashed` is whether what ended or ruined that process can only have
-    been its policy: `lingjing run` reports an abort, a suite counts a failure.
+    been its policy: `lingjing run` reports an abort, a suite counts a failure. `ambient_random` names agents in whose
+    calls a global random generator was used that nothing had seeded.
     """
 
     mission: str
@@ -63,6 +64,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     family: FailureFamily | None = None
     terciles: tuple[ActionCounts, ...] = ()
     perceived: PerceptionCounts | None = None
+    ambient_random: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -128,6 +130,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         family=None if attributed is None else attributed.family,
         terciles=counted_by_tercile(actions(trace)),
         perceived=detect(trace).counts,
+        ambient_random=outcome.ambient_random,
     )
 
 

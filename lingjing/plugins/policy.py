@@ -214,7 +214,11 @@ class NoDecisionError(Exception):
 
 
 class Policy(Protocol):
-    """An agent's mind. One object per agent and episode; each call runs in a worker thread with its own loop."""
+    """An agent's mind. One object per agent and episode.
+
+    Under `lingjing run` and `bench` each is in a process of its own; in the Python API each call runs in a worker
+    thread with its own loop.
+    """
 
     async def reset(self, brief: Brief) -> None:
         """Called once before boundary 0's first `act`."""
@@ -241,6 +245,9 @@ class PolicyPlugin:
     `probe` takes the options and asks the service that the policy depends on for a sign of life; it returns "" or why
     there is none. The harness awaits it when the policy raises `InfrastructureError`. None: the policy depends on
     nothing that can be gone, so that what it raises is its own failure.
+
+    `imports` are modules that every agent of the policy needs. Where the plug-in is trusted they are imported once in
+    the process that agents are forked from: they start no thread and open no graphics.
     """
 
     name: str
@@ -250,6 +257,7 @@ class PolicyPlugin:
     options: type[PluginOptions] | str | None = None
     calls: bool = False
     probe: ServiceProbe | None = None
+    imports: tuple[str, ...] = ()
 
 
 __all__ = [

@@ -542,7 +542,8 @@ class Outcome(TraceRecord, frozen=True, kw_only=True):
     """The last record: `scr` is the subtask completion rate, `score` the mission's own with weights and penalties;
     `detail` the cause of the ending where the reason leaves one open (which stage, which constraint, which engine),
     `hint` what to do about an abort; `processes` what each process that decided this ran
-    (`lingjing.numerics.taken`)."""
+    (`lingjing.numerics.taken`); `ambient_random` names agents in whose calls a global random generator was used that
+    nothing had seeded, so that the digest is another one in each run."""
 
     success: bool
     reason: Reason
@@ -555,3 +556,4 @@ class Outcome(TraceRecord, frozen=True, kw_only=True):
     wall_s: float = 0.0
     score: float = 0.0
     processes: dict[str, dict[str, str]] = {}
+    ambient_random: tuple[str, ...] = ()

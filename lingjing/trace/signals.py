@@ -8,11 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-STOP = getattr(signal, "SIGRTMIN", 34) + 4
-"""What the main thread of a supervised child is sent instead of those below (`lingjing.play.supervision`)."""
-
-_ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-_INTERRUPTING = (*_ENDING, STOP) if hasattr(signal, "SIGRTMIN") else _ENDING
+_INTERRUPTING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 @contextmanager

@@ -1,10 +1,8 @@
-"""Policies that ruin the process they play in: one abort each, nothing left running, and the later seeds play on."""
+"""Policies that ruin their process or the run's output: the later seeds play on, and nothing is left running."""
 
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -73,29 +71,18 @@ def runs(pid: int) -> bool:
 
 
 @pytest.mark.slow
-def test_each_ruined_process_is_one_abort_and_the_later_seeds_play_on(short: Path) -> None:
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_ruined_process_costs_its_agent_a_turn_and_the_seeds_play_on(short: Path, jobs: str) -> None:
     (short / "plan").write_text("settle leave\nclose\ndeepen\n")
-    done = run(short, "--seeds", "0-3")
-    assert done.returncode == 3, done.stderr
+    done = run(short, "--seeds", "0-3", "-j", jobs)
+    assert done.returncode == 0, done.stderr
     episodes = json.loads(done.stdout)["episodes"]
-    assert [episode["reason"] for episode in episodes] == [*["infrastructure-abort"] * 3, "budget"]
-    assert [(episode["mission"], episode["mode"], episode["seed"]) for episode in episodes] == [
-        ("ssr", "broadcast", seed) for seed in range(4)
-    ]
-    assert episodes[0]["detail"] == "its process ended without a result (exit code 0)"
+    assert [(episode["seed"], episode["reason"]) for episode in episodes] == [(seed, "budget") for seed in range(4)]
+    assert sum(episode["metrics"]["substitutions"] for episode in episodes) == 3
     assert "Traceback" not in done.stderr
-    assert done.stderr.count("was aborted: ") == 3
-    for episode in episodes:  # what there was before is there
-        assert len(read_trace(short / episode["trace"]).boundaries) >= 2
+    for episode in episodes:
+        assert read_trace(short / episode["trace"]).complete
     assert not runs(int((short / "settled").read_text()))
-
-
-def test_at_two_at_a_time_too(short: Path) -> None:
-    (short / "plan").write_text("leave\n")
-    done = run(short, "--seeds", "0-1", "-j", "2")
-    assert done.returncode == 3, done.stderr
-    reasons = sorted(episode["reason"] for episode in json.loads(done.stdout)["episodes"])
-    assert reasons == ["budget", "infrastructure-abort"]
 
 
 def children_of(pid: int, module: str) -> list[int]:
@@ -103,13 +90,6 @@ def children_of(pid: int, module: str) -> list[int]:
     listed = subprocess.run(["ps", "-wweo", "pid,ppid,args"], capture_output=True, text=True).stdout.splitlines()
     lines = [line.split(None, 2) for line in listed]
     return [int(child) for child, parent, words in lines if parent == str(pid) and module in words]
-
-
-def player_of(pid: int) -> int:
-    """The command's child that plays: the parent of the workers."""
-    while not (players := children_of(pid, "lingjing.cli.main")):
-        time.sleep(0.05)
-    return players[0]
 
 
 @pytest.mark.parametrize(
@@ -126,15 +106,14 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
     assert done.returncode == 3, done.stderr
     first, second = json.loads(done.stdout)["episodes"]
     assert (first["reason"], second["reason"]) == ("infrastructure-abort", "budget")
-    said = f"the trace out/ssr-broadcast-0-1/trace.mcap{said}"
+    said = f"the trace {short}/out/ssr-broadcast-0-1/trace.mcap{said}"
     assert first["detail"].startswith(said)
     assert f"error: seed 0 was aborted: {said}" in done.stderr
-    assert ("hint: no trace is left of it" in done.stderr) == (deed == "vanish")
+    assert "hint: leave the folder of a run alone until it has ended" in done.stderr
     assert read_trace(short / second["trace"]).complete
 
 
-@pytest.mark.parametrize("victim", ["command", "player"])
-def test_a_killed_process_leaves_none(short: Path, victim: str, request: pytest.FixtureRequest) -> None:
+def test_a_killed_command_leaves_no_process(short: Path, request: pytest.FixtureRequest) -> None:
     (short / "plan").write_text("settle stay\n")
     line = [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out"]
     process = subprocess.Popen(line, cwd=short, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -142,12 +121,9 @@ def test_a_killed_process_leaves_none(short: Path, victim: str, request: pytest.
     while not ((short / "settled").exists() and (short / "settled").read_text().strip()):
         assert process.poll() is None
         time.sleep(0.05)
-    player = player_of(process.pid)
-    below = {player, int((short / "settled").read_text()), *children_of(player, "world.worker")}
+    below = {int((short / "settled").read_text()), *children_of(process.pid, "lingjing.kernel.world")}
     assert len(below) >= 3
-    os.kill(process.pid if victim == "command" else player, signal.SIGKILL)
-    out, err = process.communicate(timeout=1500)
-    if victim == "player":
-        assert (process.returncode, json.loads(out)["detail"]) == (3, "its process was killed by signal 9"), err
+    process.kill()
+    process.communicate(timeout=1500)
     while any(map(runs, below)):  # for ever, if one stayed
         time.sleep(0.05)

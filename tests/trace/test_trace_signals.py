@@ -6,10 +6,10 @@ import threading
 
 import pytest
 
-from lingjing.trace.signals import STOP, deferring_signals
+from lingjing.trace.signals import deferring_signals
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, STOP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_waits_for_the_end(number):
     def interrupt(number, frame):
         raise KeyboardInterrupt
@@ -28,13 +28,13 @@ def test_a_signal_waits_for_the_end(number):
 
 
 def test_what_is_only_noted_does_not_take_the_place_of_what_interrupts():
-    """As in the process that plays: a terminal's signal comes to all and is nobody's, the parent's comes after it."""
+    """A handler that only notes a signal comes before one that raises."""
 
     def interrupt(number, frame):
         raise KeyboardInterrupt
 
     before = {number: signal.signal(number, handler) for number, handler in NOTED.items()}
-    before[STOP] = signal.signal(STOP, interrupt)
+    before[signal.SIGHUP] = signal.signal(signal.SIGHUP, interrupt)
     try:
         with pytest.raises(KeyboardInterrupt), deferring_signals():
             for number in before:

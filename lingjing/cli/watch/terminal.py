@@ -103,7 +103,7 @@ class AlternateScreen:
 
 def _on_terminal() -> set[int]:
     """The descriptors that lead to the terminal, those of our streams and the standard ones; what is written to
-    descriptor 2 gets there in any case (`lingjing.play.raw_output`), and so to its copies."""
+    descriptor 2 gets there in any case (`lingjing.play.policy_processes.output`), and so to its copies."""
     numbers = {1, 2, _standard_error()}
     with suppress(OSError, ValueError, AttributeError):  # a stream without a descriptor
         numbers.add(sys.stdout.fileno())

@@ -15,7 +15,7 @@ In the order of a call:
 - `held_cities`   cities that a process holds for its forks
 - `forking`     a command's fork server as its callers see it ← `fork_server`, the process that episodes and workers are
   forked from
-- `parent_death`   a process that ends with its parent
+- `parent_death`   a process that ends with its parent; `descendants` ends what processes leave behind
 - `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends
 
 Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes

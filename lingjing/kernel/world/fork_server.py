@@ -7,7 +7,8 @@ global random streams are begun anew. A camera process outlives its episode and 
 keeps its graphics context, and a picture depends on nothing before it.
 
 It ends with the end of its caller's socket and with its caller, and its forks with it: workers by SIGKILL, modules by
-SIGTERM. A world process ends with the process that asked for it, a camera process that does not become idle as well.
+SIGTERM. A world process or a function's ends with the process that asked for it, a camera process that does not become
+idle as well. What a fork leaves behind, in whatever session, is handed to this process, which ends it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import signal
 import socket
 import sys
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -32,7 +33,16 @@ from typing import NoReturn
 import msgspec
 
 from lingjing.kernel.world.deadlines import OwnDeadline
-from lingjing.kernel.world.forking import CallFunction, ForkRequest, RunModule, StartWorker, WorkerSettings
+from lingjing.kernel.world.descendants import adopt, end_children
+from lingjing.kernel.world.forking import (
+    HASH_SEED,
+    CallFunction,
+    ForkRequest,
+    RunModule,
+    StartFunction,
+    StartWorker,
+    WorkerSettings,
+)
 from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
 from lingjing.numerics import pins
@@ -48,11 +58,13 @@ _REQUESTS: msgspec.msgpack.Decoder[ForkRequest] = msgspec.msgpack.Decoder(ForkRe
 
 @dataclass(slots=True)
 class _Process:
-    """A fork: what tells when it has ended, what is told to whom, and who asked for it."""
+    """A fork. `pidfd` shows its end, `told` is the connection that receives its exit status, `asker` a descriptor of
+    the process that it ends with (-1: none, or that process has ended). A module is asked to end, not killed."""
 
     pid: int
     pidfd: int
     told: socket.socket
+    is_module: bool = False
     asker: int = -1
     camera: _CameraUse | None = None
 
@@ -97,29 +109,40 @@ class _Server:
             self.run_module(request, descriptors)
         elif isinstance(request, CallFunction):
             _call(request)
+        else:
+            self.start(request, descriptors)
         _close(descriptors)
         return True
 
     def asked_by_module(self, asking: socket.socket) -> None:
-        """A request of a module that runs: it may ask for workers alone."""
+        """A request of a module that runs: it may ask for workers and functions alone."""
         try:
             request, descriptors = _received(asking)
         except EOFError:
             self.selector.unregister(asking)
             asking.close()
             return
+        self.start(request, descriptors)
+        _close(descriptors)
+
+    def start(self, request: ForkRequest | None, descriptors: list[int]) -> None:
+        """Start a worker or a function for who asks."""
         if isinstance(request, StartWorker) and len(descriptors) == 5:
             self.start_worker(request, descriptors)
-        _close(descriptors)
+        elif isinstance(request, StartFunction) and len(descriptors) >= 3:
+            self.start_function(request, descriptors)
 
     def run_module(self, request: RunModule, descriptors: list[int]) -> None:
         """Fork a process for a module."""
         told = socket.socket(fileno=os.dup(descriptors[3]))
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
-            if self.fork(told) == 0:
+            pid = self.fork(told)
+            if pid == 0:
                 _keep_only([*descriptors[:3], theirs.fileno()])
                 _become_module(request, descriptors[:3], theirs.fileno(), self.pid)
+            if pid is not None:
+                self.processes[pid].is_module = True
         self.selector.register(ours, selectors.EVENT_READ, self.asked_by_module)
 
     def start_worker(self, request: StartWorker, descriptors: list[int]) -> None:
@@ -142,6 +165,16 @@ class _Server:
             if request.place == "camera":
                 process.camera = _CameraUse(control, request.settings)
                 self.selector.register(control, selectors.EVENT_READ, lambda _: self.became_idle(process))
+
+    def start_function(self, request: StartFunction, descriptors: list[int]) -> None:
+        """Fork a process for a function."""
+        *ends, output, asker, told = descriptors
+        pid = self.fork(socket.socket(fileno=os.dup(told)))
+        if pid == 0:
+            _keep_only([*ends, output])
+            _become_function(request, ends, output, self.pid)
+        if pid is not None:
+            self.watch(self.processes[pid], asker)
 
     def hand_over(self, settings: WorkerSettings, ends: tuple[int, int, int], tells: socket.socket, asker: int) -> bool:
         """Give an idle camera process its next user; False if there is none."""
@@ -193,6 +226,7 @@ class _Server:
             self.selector.unregister(process.camera.control)
             process.camera.control.close()
         del self.processes[process.pid]
+        end_children(set(self.processes))  # what it left behind
 
     def watch(self, process: _Process, asker: int) -> None:
         """Have a worker end with the process that asked for it."""
@@ -230,17 +264,27 @@ class _Server:
 
     def end_all(self) -> None:
         """End what is left: modules are asked to, workers are not, and are waited for."""
-        for process in self.processes.values():
-            is_worker = process.camera is not None or process.asker >= 0
-            os.kill(process.pid, signal.SIGKILL if is_worker else signal.SIGTERM)
-            if is_worker:
-                os.waitpid(process.pid, 0)
+        modules = {pid for pid, process in self.processes.items() if process.is_module}
+        for pid in modules:
+            os.kill(pid, signal.SIGTERM)
+        end_children(modules)
+
+
+class _CallerEndedError(BaseException):
+    """The process that this server belongs to has ended."""
+
+
+def _end(number: int, frame: object) -> NoReturn:
+    raise _CallerEndedError
 
 
 def main() -> NoReturn:
     """Serve until the caller is gone."""
     options = _options()
-    die_with(options.parent)
+    # Not SIGKILL: what the forks have started in other sessions is to end as well.
+    signal.signal(signal.SIGTERM, _end)
+    die_with(options.parent, signal.SIGTERM)
+    adopt()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     os.set_inheritable(options.fd, False)
@@ -251,6 +295,8 @@ def main() -> NoReturn:
     server = _Server(socket.socket(fileno=options.fd), options.parent, os.getpid())
     try:
         server.run()
+    except _CallerEndedError:
+        pass
     except BaseException:  # noqa: BLE001 - as the interpreter does, which would wait for threads that should not be
         traceback.print_exc()
     server.end_all()
@@ -351,15 +397,29 @@ def _become_worker(request: StartWorker, ends: tuple[int, int, int], control: in
         os._exit(code)
 
 
+def _become_function(request: StartFunction, ends: Sequence[int], output: int, parent: int) -> NoReturn:
+    """Call a function. What it leaves of the interpreter is not shut down, for most of it is the server's."""
+    code = 1
+    try:
+        _begin(parent, signal.SIGKILL, (0, output, output))
+        os.chdir(request.folder)
+        _take_environment(request.environment)
+        module, _, name = request.function.partition(":")
+        getattr(import_module(module), name)(tuple(ends))
+        code = 0
+    except Exception:  # noqa: BLE001 - as the interpreter does
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
 def _become_module(request: RunModule, streams: list[int], asking: int, parent: int) -> NoReturn:
     """Be what `python -m` would have started. The interpreter is not shut down, for most of it is the server's."""
     code = 1
     try:
         _begin(parent, signal.SIGTERM, streams)
         os.chdir(request.folder)
-        os.environ.clear()
-        os.environb.update(request.environment)
-        os.environ.update({name: value for name, value in pins().items() if value})
+        _take_environment(request.environment)
         sys.argv = [request.module, *request.arguments, "--fork-server", str(asking)]
         sys.path.insert(0, os.fsdecode(request.folder))  # as `python -m` has it
         if "numpy.random" in sys.modules:
@@ -367,6 +427,14 @@ def _become_module(request: RunModule, streams: list[int], asking: int, parent: 
         code = _run(request.module)
     finally:
         os._exit(code)
+
+
+def _take_environment(given: Mapping[bytes, bytes]) -> None:
+    """The environment of the process that asked, with what holds in this process already."""
+    os.environ.clear()
+    os.environb.update(given)
+    os.environ.update({name: value for name, value in pins().items() if value})
+    os.environ["PYTHONHASHSEED"] = HASH_SEED
 
 
 def _run(module: str) -> int:

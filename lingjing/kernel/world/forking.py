@@ -30,6 +30,9 @@ WorkerPlace = Literal["world", "camera"]
 _QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
 """MuJoCo would load a windowing library, which a process that is to be forked must not hold; JSBSim is loud."""
 
+HASH_SEED = "0"
+"""`PYTHONHASHSEED` of every process that is started here: the order of a set of texts is the same in each of them."""
+
 _MODULE = "lingjing.kernel.world.fork_server"
 _TOLD = 4
 """Bytes of a pid and of a status."""
@@ -68,7 +71,17 @@ class CallFunction(msgspec.Struct, frozen=True, tag=True):
     argument: str
 
 
-ForkRequest = RunModule | StartWorker | CallFunction
+class StartFunction(msgspec.Struct, frozen=True, tag=True):
+    """Call a function, `module:name`, with descriptors in a process of its own. With it come those descriptors, what
+    it writes its output to, the socket to tell through, and a descriptor of the process that asks: it ends with that.
+    """
+
+    function: str
+    folder: bytes
+    environment: dict[bytes, bytes]
+
+
+ForkRequest = RunModule | StartWorker | CallFunction | StartFunction
 
 
 class ForkedProcess:
@@ -144,6 +157,20 @@ class ForkServerClient:
         finally:
             os.close(own)
 
+    def start_function(self, function: str, ends: Sequence[int], output: int) -> ForkedProcess:
+        """A process that calls `module:name` with these descriptors, in the working folder and the environment of this
+        process. What it prints goes to `output`; it is killed, with all that it started, when this process ends."""
+        own = os.pidfd_open(os.getpid())
+        request = StartFunction(function, os.fsencode(Path.cwd()), dict(os.environb))
+        try:
+            return _asked(self._socket, request, (*ends, output, own))
+        finally:
+            os.close(own)
+
+    def close(self) -> None:
+        """Let go of the server."""
+        self._socket.close()
+
 
 class ForkServer:
     """The caller's end of a fork server; a context manager. It and everything that it has started end with the caller.
@@ -174,6 +201,10 @@ class ForkServer:
         request = RunModule(module, tuple(arguments), os.fsencode(Path.cwd()), dict(os.environb))
         return _asked(self._socket, request, streams)
 
+    def client(self) -> ForkServerClient:
+        """Another caller's end of this server, for processes that this process works with; closed by its user."""
+        return ForkServerClient(os.dup(self._socket.fileno()))
+
     def call(self, function: str, argument: str) -> None:
         """Have it call a function, `module:name`, before it forks again. An error of it is nobody's: what a fork does
         not find, it does itself, and tells what is wrong."""
@@ -195,8 +226,8 @@ def environment(paths: Sequence[str]) -> dict[str, str]:
     """The environment of a worker process: modules from `paths` and from where the caller has them, what chooses code
     by processor fixed, one thread for every library."""
     search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
-    fixed = {**_QUIET, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
-    return worker_environment({**os.environ, **fixed})
+    fixed = {"PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
+    return worker_environment({**os.environ, **_QUIET, **fixed, "PYTHONHASHSEED": HASH_SEED})
 
 
 def started_to_last(

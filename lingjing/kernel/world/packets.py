@@ -19,7 +19,8 @@ from typing import Protocol
 from lingjing.kernel.world.deadlines import Deadline
 
 _HEADER = struct.Struct("<QB")
-_MAX_DESCRIPTORS = 8
+MAX_DESCRIPTORS = 250
+"""Of one packet: Linux passes 253 at most (`SCM_MAX_FD`, unix(7))."""
 
 
 class ChannelClosedError(Exception):
@@ -52,11 +53,13 @@ class Packet:
 
 
 class PacketSocket:
-    """One end of a socket pair."""
+    """One end of a socket pair. `most_bytes` bounds what is received as one packet: from a process that is not trusted
+    a longer one is the end of the channel."""
 
-    def __init__(self, end: socket.socket) -> None:
+    def __init__(self, end: socket.socket, most_bytes: int | None = None) -> None:
         end.setblocking(False)
         self._socket = end
+        self._most_bytes = most_bytes
         self._header = bytearray()
         self._payload: bytearray | None = None
         self._filled = 0
@@ -89,6 +92,10 @@ class PacketSocket:
             self._wait(select.POLLIN, deadline, also)
         return packet
 
+    def fileno(self) -> int:
+        """The descriptor of this end."""
+        return self._socket.fileno()
+
     def close(self) -> None:
         """Close this end and any descriptors of an unfinished packet."""
         self._socket.close()
@@ -107,6 +114,8 @@ class PacketSocket:
         while len(self._header) < _HEADER.size:
             self._header += self._read_header(_HEADER.size - len(self._header))
         length, count = _HEADER.unpack(self._header)
+        if self._most_bytes is not None and length > self._most_bytes:
+            raise ChannelClosedError(f"a packet of {length} bytes came, at most {self._most_bytes} are due")
         if self._payload is None:
             self._payload, self._filled = bytearray(length), 0
         while self._filled < length:
@@ -124,7 +133,7 @@ class PacketSocket:
     def _read_header(self, size: int) -> bytes:
         # Descriptors travel with a packet's first byte and are made close-on-exec as they arrive.
         flags = socket.MSG_CMSG_CLOEXEC
-        data, descriptors, _, _ = socket.recv_fds(self._socket, size, _MAX_DESCRIPTORS, flags)
+        data, descriptors, _, _ = socket.recv_fds(self._socket, size, MAX_DESCRIPTORS, flags)
         self._descriptors += descriptors
         if not data:
             raise ChannelClosedError("the other end closed")

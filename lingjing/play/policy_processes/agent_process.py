@@ -1,0 +1,171 @@
+"""The process of one agent's policy as the player sees it: start, requests, answers, end.
+
+Nothing here waits for the process: sending passes a descriptor, receiving takes what has come. The player waits for
+several processes at once (`barrier`).
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+import msgspec
+
+from lingjing.kernel.world.deadlines import WallDeadline
+from lingjing.kernel.world.forking import ForkedProcess, ForkServerClient
+from lingjing.kernel.world.packets import MAX_DESCRIPTORS, ChannelClosedError, PacketSocket
+from lingjing.play.policy_processes.letters import send_letter
+from lingjing.play.policy_processes.messages import (
+    HandOverPictures,
+    PolicyAnswerMessage,
+    PolicyRequest,
+    encoded,
+)
+from lingjing.play.policy_processes.model_calls import ModelCallService
+from lingjing.play.policy_processes.output import PolicyOutput
+from lingjing.plugins.calls import ModelCalls
+
+_SERVE = "lingjing.play.policy_processes.host:serve"
+
+ANSWER_BYTES = 4_000_000
+"""The largest answer that is read. A decision that the kernel takes is a quarter of that at most."""
+
+CALL_BYTES = 256_000_000
+"""The largest question to a chat model with its pictures that is read."""
+
+_STATUS_S = 10.0
+"""How long the fork server may take to report the status of a process that has ended."""
+
+_ANSWERS: msgspec.msgpack.Decoder[PolicyAnswerMessage] = msgspec.msgpack.Decoder(PolicyAnswerMessage)
+
+
+class PolicyProcess:
+    """A process that was started for an agent. `calls` answers for the record of its model calls."""
+
+    def __init__(self, agent: str, server: ForkServerClient, calls: ModelCalls) -> None:
+        self.agent = agent
+        self._calls = ModelCallService(calls)
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        our_calls, their_calls = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        reading, writing = os.pipe2(os.O_CLOEXEC)
+        try:
+            ends = theirs.fileno(), their_calls.fileno()
+            self._process: ForkedProcess = server.start_function(_SERVE, ends, writing)
+        except BaseException:
+            ours.close()
+            our_calls.close()
+            os.close(reading)
+            raise
+        finally:
+            theirs.close()
+            their_calls.close()
+            os.close(writing)
+        self._channel = PacketSocket(ours, ANSWER_BYTES)
+        self._call_channel = PacketSocket(our_calls, CALL_BYTES)
+        self._output = PolicyOutput(agent, reading)
+        self.is_alive = True
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def descriptors(self) -> Iterator[int]:
+        """What to wait for."""
+        yield from (self._channel.fileno(), self._call_channel.fileno(), self._process.pidfd)
+        if self._output.fileno() >= 0:
+            yield self._output.fileno()
+
+    def send(self, request: PolicyRequest, slots: Sequence[int] = ()) -> None:
+        """Send a request. A process that has ended does not read it, which the next `receive` reports."""
+        room = MAX_DESCRIPTORS - 1
+        rest = list(slots)
+        while len(rest) > room:
+            self._send(HandOverPictures(), rest[:room])
+            del rest[:room]
+        self._send(request, rest)
+
+    def receive(self) -> PolicyAnswerMessage | None:
+        """The answer to the request if it has come. Serves model calls and output beside it.
+
+        Raises `EOFError` with the reason if the process has ended, or has sent what is no answer: it is ended then.
+        """
+        self._output.drain()
+        has_ended = self.has_ended()  # before its last words are read, which may be an answer
+        try:
+            answer = self._received()
+            if answer is None:
+                self._serve_calls()
+        except (ChannelClosedError, msgspec.MsgspecError) as error:
+            if self._ends_by_itself():
+                raise EOFError(self.end()) from error
+            self.end()
+            raise EOFError("its process sent what is no answer, or closed what it answers through") from error
+        if answer is None and has_ended:
+            raise EOFError(self.end())
+        return answer
+
+    def has_ended(self, patience_s: float = 0.0) -> bool:
+        """True if the process has ended, or ends within so many seconds."""
+        poller = select.poll()
+        poller.register(self._process.pidfd, select.POLLIN)
+        return bool(poller.poll(int(patience_s * 1000)))
+
+    def end(self) -> str:
+        """Kill it, if it has not ended; what it has started is ended by the fork server. Returns how it ended."""
+        if not self.is_alive:
+            return ""
+        self.is_alive = False
+        with suppress(ProcessLookupError):
+            self._process.kill()
+        code = self._status()
+        self._output.drain()
+        self._output.close()
+        self._channel.close()
+        self._call_channel.close()
+        self._process.close()
+        self._calls.give_up()
+        return how_it_ended(code)
+
+    def _send(self, request: PolicyRequest, slots: Sequence[int]) -> None:
+        with suppress(ChannelClosedError):
+            send_letter(self._channel, encoded(request), slots)
+
+    def _received(self) -> PolicyAnswerMessage | None:
+        try:
+            packet = self._channel.receive(WallDeadline(0.0))
+        except TimeoutError:
+            return None
+        packet.close()
+        return _ANSWERS.decode(packet.payload)
+
+    def _serve_calls(self) -> None:
+        try:
+            packet = self._call_channel.receive(WallDeadline(0.0))
+        except TimeoutError:
+            return
+        packet.close()
+        send_letter(self._call_channel, self._calls.answer(packet.payload))
+
+    def _status(self) -> int:
+        try:
+            return self._process.wait(_STATUS_S)
+        except subprocess.TimeoutExpired:
+            return ForkedProcess.LOST
+
+    def _ends_by_itself(self) -> bool:
+        """True if the process is at its end: its descriptors are closed a moment before."""
+        return self.has_ended(0.2)
+
+
+def how_it_ended(code: int) -> str:
+    """The end of a policy's process in words, by its exit code (negative: a signal)."""
+    if code < 0:
+        names = {one.value: f" ({one.name})" for one in signal.Signals}
+        return f"its process was killed by signal {-code}{names.get(-code, '')}"
+    return f"its process ended (exit code {code})"

@@ -1,0 +1,182 @@
+"""`ProcessBarrier`: the policy barrier over processes, one for each agent, which the player waits for at once.
+
+A call that passes its deadline is cancelled where it waits for something; a process that does not obey within a moment
+is ended with all that it has started, as is one that exits, crashes or answers nonsense. Its agent does nothing at that
+turn and begins anew at the next: the same options, seeds and brief, no memory of the turns before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from lingjing.errors import InfrastructureError, UsageError
+from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyAnswer, failure, no_outage
+from lingjing.kernel.world.deadlines import OwnDeadline, WallDeadline
+from lingjing.kernel.world.forking import ForkServerClient
+from lingjing.play.policy_processes.agent_process import PolicyProcess
+from lingjing.play.policy_processes.messages import (
+    CallFailed,
+    ClosePolicy,
+    DecisionMade,
+    LoadPolicy,
+    RaisedError,
+    ResetPolicy,
+    error_of,
+)
+from lingjing.play.policy_processes.observations import request_of
+from lingjing.play.policy_processes.pictures import PictureSlot, PictureSlots, part_of
+from lingjing.play.policy_processes.turns import RequestList, Turn, wait_for, wait_until_ready
+from lingjing.plugins.calls import ModelCalls
+from lingjing.plugins.policy import Brief, Inbox, Observation, Picture
+
+LOAD_S = 60.0
+"""How long a policy may take to be imported and built: seconds of its own time."""
+
+CLOSE_S = 3.0
+"""How long what a policy registered for its end may take, for all agents together: seconds of wall clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentPolicy:
+    """The policy of an agent: the request that loads it, and its record of model calls."""
+
+    load: LoadPolicy
+    calls: ModelCalls
+
+
+class ProcessBarrier(Barrier):
+    """Policies of one episode, each in a process of its own that `server` forks."""
+
+    def __init__(
+        self,
+        policies: Mapping[str, AgentPolicy],
+        limit_s: float,
+        server: ForkServerClient,
+        outage_check: OutageCheck = no_outage,
+    ) -> None:
+        super().__init__(policies, limit_s, outage_check)
+        self._policies = dict(policies)
+        self._server = server
+        self._processes: dict[str, PolicyProcess] = {}
+        self._slots = PictureSlots()
+        self._briefs: Mapping[str, Brief] = {}
+
+    def load(self) -> None:
+        """Start every process and build its policy. Raises the first error, by agents, with no process left."""
+        try:
+            turns = {name: self._turn(name, [(self._policies[name].load, ())]) for name in self._agents}
+            for turn in turns.values():
+                turn.deadline = OwnDeadline(turn.process.pid, LOAD_S, watched=True)
+            wait_for(turns.values())
+            for name, turn in turns.items():
+                check_loaded(turn, f"the policy `{self._policies[name].load.spec}` of `{name}`")
+        except BaseException:
+            self._end_all()
+            raise
+
+    def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
+        """Give every policy its brief; failures come back as answers with a reason."""
+        self._briefs = briefs
+        return self._collect({name: [(ResetPolicy(brief=briefs[name]), ())] for name in self._agents})
+
+    def close(self) -> None:
+        """Let every policy end; those that do not are killed."""
+        for process in self._processes.values():
+            if process.is_alive:
+                process.send(ClosePolicy())
+        deadline = WallDeadline(CLOSE_S)
+        waiting = [process for process in self._processes.values() if process.is_alive]
+        while waiting and (left_s := deadline.left_s()) > 0.0:
+            wait_until_ready(waiting, left_s)
+            waiting = [process for process in waiting if not _has_closed(process)]
+        self._end_all()
+
+    def _ask(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
+        begun = {name: self._from_the_start(name) for name in inputs}
+        filled = self._filled({name: observation.pictures for name, (observation, _) in inputs.items()})
+        requests = {}
+        for name, (observation, inbox) in inputs.items():
+            parts = [(part_of(one, slot, name), slot.descriptor) for one, slot in filled[name]]
+            act = request_of(observation, inbox, tuple(part for part, _ in parts))
+            requests[name] = [*begun[name], (act, [descriptor for part, descriptor in parts if part.is_new])]
+        return self._collect(requests)
+
+    def _filled(self, seen: Mapping[str, Sequence[Picture]]) -> dict[str, list[tuple[Picture, PictureSlot]]]:
+        """Each agent's pictures with their slots; a picture that several agents see has one."""
+        viewers: dict[int, tuple[str, ...]] = {}
+        for name, pictures in seen.items():
+            for picture in pictures:
+                viewers[id(picture)] = (*viewers.get(id(picture), ()), name)
+        each = {id(picture): picture for pictures in seen.values() for picture in pictures}
+        slots = {key: self._slots.fill(picture, viewers[key]) for key, picture in each.items()}
+        return {name: [(picture, slots[id(picture)]) for picture in pictures] for name, pictures in seen.items()}
+
+    def _collect(self, requests: Mapping[str, RequestList]) -> dict[str, PolicyAnswer]:
+        deadline = WallDeadline(self._limit_s)
+        turns = {name: self._turn(name, each) for name, each in requests.items()}
+        for turn in turns.values():
+            turn.deadline = deadline
+        wait_for(turns.values())
+        for name, turn in turns.items():
+            if isinstance(turn.answer, DecisionMade | CallFailed):
+                self._slots.release(name, turn.answer.kept)
+        return {name: self._answer(name, turn) for name, turn in turns.items()}
+
+    def _from_the_start(self, name: str) -> RequestList:
+        """The requests that come before any other, for an agent whose process has been ended."""
+        if name in self._processes and self._processes[name].is_alive:
+            return []
+        self._slots.forget(name)
+        return [(self._policies[name].load, ()), (ResetPolicy(brief=self._briefs[name]), ())]
+
+    def _turn(self, name: str, requests: RequestList) -> Turn:
+        process = self._processes.get(name)
+        if process is None or not process.is_alive:
+            process = self._processes[name] = PolicyProcess(name, self._server, self._policies[name].calls)
+        turn = Turn(process, list(requests), WallDeadline(self._limit_s))
+        turn.send_next()
+        return turn
+
+    def _answer(self, name: str, turn: Turn) -> PolicyAnswer:
+        if turn.is_late:
+            return self._late()
+        match turn.answer:
+            case DecisionMade(decision=decision):
+                return PolicyAnswer(value=decision, wall_s=turn.wall_s)
+            case CallFailed(reason="policy_timeout"):
+                return self._late()
+            case CallFailed(reason=reason, detail=detail, usage=usage):
+                return PolicyAnswer(reason=reason, detail=detail, wall_s=turn.wall_s, usage=usage)
+            case RaisedError():
+                error = error_of(turn.answer)
+                detail = turn.answer.detail or failure(error, turn.started).detail
+                failed = PolicyAnswer(reason="policy_error", detail=detail, wall_s=turn.wall_s)
+                return self._accused(name, error, failed) if isinstance(error, InfrastructureError) else failed
+            case None:
+                return PolicyAnswer(reason="policy_error", detail=turn.ended, wall_s=turn.wall_s)
+        return PolicyAnswer(wall_s=turn.wall_s)
+
+    def _end_all(self) -> None:
+        for process in self._processes.values():
+            process.end()
+        self._slots.close()
+
+
+def check_loaded(turn: Turn, what: str) -> None:
+    """Raise the error of a policy that could not be loaded. `what` is the policy in words."""
+    if isinstance(turn.answer, RaisedError):
+        raise error_of(turn.answer)
+    if turn.is_late:
+        raise UsageError(f"{what} was not loaded within {LOAD_S:g} s", hint="correct what its file or its class does")
+    if turn.ended:
+        raise UsageError(f"{what} could not be loaded: {turn.ended}", hint="correct what its file or its class does")
+
+
+def _has_closed(process: PolicyProcess) -> bool:
+    """True if the process has ended; what it still sends is dropped."""
+    try:
+        process.receive()
+    except EOFError:
+        return True
+    return False

@@ -1,0 +1,43 @@
+"""What the policies of an episode are loaded with: options, seeds, the truth for privileged ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lingjing.kernel.world.held_cities import packed
+from lingjing.mission.instance import Instance
+from lingjing.mission.seeding import integer
+from lingjing.play.options import PlayOptions
+from lingjing.play.policies import AssignedPolicy
+from lingjing.play.policy_processes.barrier import AgentPolicy
+from lingjing.play.policy_processes.messages import LoadPolicy, TruthConstants
+from lingjing.play.recorded_calls import EpisodeCalls
+from lingjing.scene.city import City
+
+
+def agent_policies(
+    assigned: Mapping[str, AssignedPolicy], options: PlayOptions, instance: Instance, city: City, calls: EpisodeCalls
+) -> dict[str, AgentPolicy]:
+    """The policy of each agent, ready to be loaded in its process."""
+    truth = None
+    if any(policy.privileged for policy in assigned.values()):
+        truth = TruthConstants(instance=instance, city=packed(city))
+    made = {}
+    for agent, policy in assigned.items():
+        record = calls.of(agent)
+        load = LoadPolicy(
+            spec=policy.spec,
+            source=policy.source,
+            arguments=policy.arguments,
+            seed=ambient_seed(options.policy_seed, agent),
+            replaying=record.replaying,
+            capped=record.capped,
+            truth=truth if policy.privileged else None,
+        )
+        made[agent] = AgentPolicy(load, record)
+    return made
+
+
+def ambient_seed(policy_seed: int, agent: str) -> int:
+    """The seed of the global random generators in an agent's process: another stream than the policy's own."""
+    return integer(policy_seed, f"policy/{agent}/ambient")

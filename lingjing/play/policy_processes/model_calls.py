@@ -1,0 +1,100 @@
+"""The record of model calls over the border: `RemoteModelCalls` in a policy's process, `ModelCallService` beside it.
+
+The record, its limits and the spending of all agents stay with the player. A call that was begun by a process which
+has been ended counts as given up, so that a replay of the record gives it up as well.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import msgspec
+
+from lingjing.errors import LingjingError
+from lingjing.kernel.world.packets import PacketSocket
+from lingjing.play.policy_processes.letters import open_letter
+from lingjing.play.policy_processes.messages import (
+    BeginModelCall,
+    EndModelCall,
+    ModelCallAnswer,
+    ModelCallKnown,
+    ModelCallRequest,
+    RaisedError,
+    encoded,
+    error_of,
+    raised,
+)
+from lingjing.plugins.calls import AbandonedCallError, ModelCalls
+from lingjing.trace.calls import CallRequest, CallResult
+
+_REQUESTS: msgspec.msgpack.Decoder[ModelCallRequest] = msgspec.msgpack.Decoder(ModelCallRequest)
+_ANSWERS: msgspec.msgpack.Decoder[ModelCallAnswer] = msgspec.msgpack.Decoder(ModelCallAnswer)
+
+ENDED = "the policy's process was ended while it waited"
+
+
+class RemoteModelCalls:
+    """`lingjing.plugins.calls.ModelCalls` in the process of a policy. Any thread may call it."""
+
+    def __init__(self, channel: PacketSocket, *, replaying: bool, capped: bool) -> None:
+        self._channel = channel
+        self._lock = threading.Lock()
+        self.replaying = replaying
+        self.capped = capped
+
+    def begin(self, request: CallRequest) -> CallResult | None:
+        """See `ModelCalls.begin`."""
+        answer = self._ask(BeginModelCall(request=request))
+        if answer.abandoned and answer.result is not None:
+            raise AbandonedCallError(answer.result)
+        return answer.result
+
+    def end(self, request: CallRequest, result: CallResult) -> None:
+        """See `ModelCalls.end`."""
+        self._ask(EndModelCall(request=request, result=result))
+
+    def _ask(self, message: BeginModelCall | EndModelCall) -> ModelCallKnown:
+        with self._lock:
+            self._channel.send(encoded(message))
+            payload, _ = open_letter(self._channel.receive())
+        answer = _ANSWERS.decode(payload)
+        if isinstance(answer, RaisedError):
+            raise error_of(answer)
+        return answer
+
+
+class ModelCallService:
+    """The player's side: answers for one agent from its `ModelCalls`."""
+
+    def __init__(self, calls: ModelCalls) -> None:
+        self._calls = calls
+        self._open: dict[tuple[int, int], CallRequest] = {}
+
+    def answer(self, payload: bytes | bytearray) -> bytes:
+        """The answer to one request. `msgspec.MsgspecError` for what is none."""
+        request = _REQUESTS.decode(payload)
+        try:
+            if isinstance(request, BeginModelCall):
+                return encoded(self._begin(request.request))
+            self._end(request.request, request.result)
+        except AbandonedCallError as error:
+            return encoded(ModelCallKnown(result=error.result, abandoned=True))
+        except LingjingError as error:
+            return encoded(raised(error))
+        return encoded(ModelCallKnown())
+
+    def give_up(self) -> None:
+        """Record every call that was begun and never ended as given up: whether it is billed is unknown."""
+        for request in list(self._open.values()):
+            unknown_usd = request.most_usd or 0.0
+            self._end(request, CallResult(failure=ENDED, fault="abandoned", unknown_usd=unknown_usd))
+
+    def _begin(self, request: CallRequest) -> ModelCallKnown:
+        known = self._calls.begin(request)
+        if known is None:
+            self._open[request.tick, request.number] = request
+        return ModelCallKnown(result=known)
+
+    def _end(self, request: CallRequest, result: CallResult) -> None:
+        self._open.pop((request.tick, request.number), None)
+        self._calls.end(request, result)

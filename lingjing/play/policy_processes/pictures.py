@@ -1,0 +1,244 @@
+"""Pictures as they reach the processes of policies: in memory that the agents which see them share, and cannot change.
+
+The player copies a picture into a slot, a memory that it alone can write to, and passes the slot's descriptor on once
+for each process. A policy's process maps it, and the arrays of a `Picture` lie in there: nothing is copied but the JPEG
+file. With every answer the process says which slots its policy still holds arrays of; the others may be filled again,
+which saves the system the cost of new pages (4 of the 5 ms that a new memory takes at 1080p). A slot is filled again
+only for the same agents, so no process ever sees in it what its agent has not observed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import math
+import mmap
+import os
+import weakref
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.errors import InfrastructureError
+from lingjing.plugins.policy import Picture
+from lingjing.trace.records import CameraPose
+
+_SEAL_FUTURE_WRITE = 0x0010
+"""`F_SEAL_FUTURE_WRITE` of linux/fcntl.h, from Linux 5.1: only mappings that exist already can be written to."""
+
+_SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | _SEAL_FUTURE_WRITE | fcntl.F_SEAL_SEAL
+_ALIGNED_BYTES = 64
+
+ScalarT = TypeVar("ScalarT", bound=np.generic)
+
+
+class PicturePart(msgspec.Struct, frozen=True, kw_only=True):
+    """A `Picture` without its arrays: the slot that holds them, their shapes (height, width), None where there is no
+    such array, and the size of the JPEG file. They lie one after the other, each from a multiple of 64 bytes on.
+    `is_new`: the descriptor of the slot comes along."""
+
+    slot: int
+    is_new: bool
+    frame: str
+    entity: str
+    camera: str
+    tick: int
+    time_s: float
+    pose: CameraPose
+    rgb: tuple[int, int]
+    depth: tuple[int, int] | None
+    semantic: tuple[int, int] | None
+    jpeg: int
+
+
+@dataclass(slots=True)
+class PictureSlot:
+    """A memory. `viewers` are the agents that may see what it holds, `users` those of them that may hold arrays of it
+    now, `knowing` those whose processes have its descriptor."""
+
+    number: int
+    descriptor: int
+    memory: mmap.mmap
+    viewers: tuple[str, ...]
+    users: set[str] = field(default_factory=set)
+    knowing: set[str] = field(default_factory=set)
+
+    def fill(self, parts: Iterable[memoryview]) -> None:
+        """Copy bytes into the memory, each part aligned."""
+        target, offset = np.frombuffer(self.memory, np.uint8), 0
+        for part in parts:
+            target[offset : offset + len(part)] = np.frombuffer(part, np.uint8)
+            offset = _aligned(offset + len(part))
+
+
+class PictureSlots:
+    """The slots of one episode, in the player's process."""
+
+    def __init__(self) -> None:
+        self._slots: list[PictureSlot] = []
+
+    def fill(self, picture: Picture, viewers: tuple[str, ...]) -> PictureSlot:
+        """A slot with the picture, for these agents to use. `InfrastructureError` if there is no memory or no
+        descriptor."""
+        parts = _parts(picture)
+        size = _room(picture, parts)
+        free = (one for one in self._slots if one.viewers == viewers and not one.users and len(one.memory) == size)
+        slot = next(free, None)
+        if slot is None:
+            slot = self._new(size, viewers, picture.frame)
+        slot.fill(parts)
+        slot.users = set(viewers)
+        return slot
+
+    def release(self, agent: str, kept: Iterable[int]) -> None:
+        """An agent's policy holds arrays of these slots alone."""
+        for slot in self._slots:
+            if slot.number not in kept:
+                slot.users.discard(agent)
+
+    def forget(self, agent: str) -> None:
+        """The process of an agent has ended."""
+        for slot in self._slots:
+            slot.users.discard(agent)
+            slot.knowing.discard(agent)
+
+    def close(self) -> None:
+        """Let go of every slot."""
+        while self._slots:
+            slot = self._slots.pop()
+            slot.memory.close()
+            os.close(slot.descriptor)
+
+    def _new(self, size: int, viewers: tuple[str, ...], frame: str) -> PictureSlot:
+        try:
+            descriptor, memory = _sealed_memory(size)
+        except (OSError, ValueError) as error:
+            raise InfrastructureError(
+                f"the picture `{frame}` cannot be handed to the policies: {error}",
+                hint="memory or file descriptors of this machine or container have run out",
+            ) from error
+        slot = PictureSlot(len(self._slots), descriptor, memory, viewers)
+        self._slots.append(slot)
+        return slot
+
+
+class MappedSlots:
+    """The slots that the process of a policy has mapped."""
+
+    def __init__(self) -> None:
+        self._memories: dict[int, mmap.mmap] = {}
+        self._held: dict[int, weakref.ref[npt.NDArray[np.uint8]]] = {}
+
+    def kept(self) -> tuple[int, ...]:
+        """Slots of which arrays are still held."""
+        self._held = {number: root for number, root in self._held.items() if root() is not None}
+        return tuple(self._held)
+
+    def pictures(self, parts: Sequence[PicturePart], descriptors: Sequence[int]) -> tuple[Picture, ...]:
+        """The pictures, in arrays that cannot be written to. The descriptors are closed."""
+        new = iter(descriptors)
+        for part in parts:
+            if part.is_new:
+                descriptor = next(new)
+                self._memories[part.slot] = mmap.mmap(descriptor, 0, prot=mmap.PROT_READ)
+                os.close(descriptor)
+        return tuple(map(self._picture, parts))
+
+    def _picture(self, part: PicturePart) -> Picture:
+        memory = self._memories[part.slot]
+        root = np.frombuffer(memory, np.uint8)  # the base of every array that is made of it, views included
+        self._held[part.slot] = weakref.ref(root)
+        offsets = _offsets(part)
+        height, width = part.rgb
+        rgb = _array(root, next(offsets), np.uint8, (height, width, 3))
+        depth = None if part.depth is None else _array(root, next(offsets), np.float32, part.depth)
+        semantic = None if part.semantic is None else _array(root, next(offsets), np.uint8, part.semantic)
+        at = next(offsets)
+        return Picture(
+            frame=part.frame,
+            entity=part.entity,
+            camera=part.camera,
+            tick=part.tick,
+            time_s=part.time_s,
+            pose=part.pose,
+            rgb=rgb,
+            depth=depth,
+            semantic=semantic,
+            jpeg=memory[at : at + part.jpeg],
+        )
+
+
+def part_of(picture: Picture, slot: PictureSlot, agent: str) -> PicturePart:
+    """The description of a picture in a slot for an agent, which knows the slot from now on."""
+    is_new = agent not in slot.knowing
+    slot.knowing.add(agent)
+    return PicturePart(
+        slot=slot.number,
+        is_new=is_new,
+        frame=picture.frame,
+        entity=picture.entity,
+        camera=picture.camera,
+        tick=picture.tick,
+        time_s=picture.time_s,
+        pose=picture.pose,
+        rgb=(picture.rgb.shape[0], picture.rgb.shape[1]),
+        depth=_shape(picture.depth),
+        semantic=_shape(picture.semantic),
+        jpeg=len(picture.jpeg),
+    )
+
+
+def _sealed_memory(size: int) -> tuple[int, mmap.mmap]:
+    """A memory that this process alone can write to, through the mapping."""
+    descriptor = os.memfd_create("lingjing-picture", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    try:
+        # Written once, so that a machine without memory says so here and not by SIGBUS.
+        os.posix_fallocate(descriptor, 0, size)
+        memory = mmap.mmap(descriptor, size)
+        fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, _SEALS)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor, memory
+
+
+def _parts(picture: Picture) -> list[memoryview]:
+    arrays = [picture.rgb, picture.depth, picture.semantic]
+    parts = [np.ascontiguousarray(array).data.cast("B") for array in arrays if array is not None]
+    return [*parts, memoryview(picture.jpeg)]
+
+
+def _room(picture: Picture, parts: Sequence[memoryview]) -> int:
+    """Bytes of a slot for pictures like this one: an eighth of the pixels, or more, is for the JPEG file, whose size
+    differs from picture to picture."""
+    usual = picture.rgb.nbytes // 8
+    jpeg = max(usual, 1 << len(picture.jpeg).bit_length())
+    return sum(_aligned(len(part)) for part in parts[:-1]) + _aligned(jpeg)
+
+
+def _offsets(part: PicturePart) -> Iterator[int]:
+    sizes = [3 * part.rgb[0] * part.rgb[1]]
+    sizes += [4 * part.depth[0] * part.depth[1]] if part.depth is not None else []
+    sizes += [part.semantic[0] * part.semantic[1]] if part.semantic is not None else []
+    offset = 0
+    for size in (*sizes, 0):
+        yield offset
+        offset = _aligned(offset + size)
+
+
+def _array(
+    root: npt.NDArray[np.uint8], offset: int, kind: type[ScalarT], shape: tuple[int, ...]
+) -> npt.NDArray[ScalarT]:
+    size = math.prod(shape) * np.dtype(kind).itemsize
+    return root[offset : offset + size].view(kind).reshape(shape)
+
+
+def _aligned(offset: int) -> int:
+    return -(-offset // _ALIGNED_BYTES) * _ALIGNED_BYTES
+
+
+def _shape(array: npt.NDArray[np.generic] | None) -> tuple[int, int] | None:
+    return None if array is None else (array.shape[0], array.shape[1])

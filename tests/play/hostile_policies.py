@@ -1,0 +1,195 @@
+"""Policies that attack what they play in, one kind of attack each, for tests of their processes."""
+
+import asyncio
+import ctypes
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+
+from lingjing.plugins.policy import Action, Decision, Outgoing
+
+
+class Steady:
+    """Counts its turns, and says where it is."""
+
+    def __init__(self):
+        self.turns = 0
+
+    async def reset(self, brief):
+        self.brief = brief
+
+    async def act(self, observation, inbox):
+        self.turns += 1
+        return Decision(thought=f"turn {self.turns} in {os.getcwd()}")
+
+
+class Chdir(Steady):
+    async def act(self, observation, inbox):
+        os.chdir("/")
+        return Decision(thought="elsewhere")
+
+
+class Close(Steady):
+    async def act(self, observation, inbox):
+        os.closerange(0, 4096)
+        return Decision()
+
+
+class Replace(Steady):
+    async def act(self, observation, inbox):
+        from lingjing.trace.writer import TraceWriter
+
+        TraceWriter.finish = TraceWriter.boundary = lambda *given: None
+        return Decision(thought="replaced")
+
+
+class Exit(Steady):
+    async def act(self, observation, inbox):
+        sys.exit(3)
+
+
+class HardExit(Steady):
+    async def act(self, observation, inbox):
+        os._exit(0)
+
+
+class Segfault(Steady):
+    async def act(self, observation, inbox):
+        ctypes.string_at(0)
+
+
+class Kill(Steady):
+    async def act(self, observation, inbox):
+        os.killpg(0, signal.SIGKILL)
+
+
+class Wrong(Steady):
+    async def act(self, observation, inbox):
+        return Decision(command=Action(verb="stop", arguments={"lock": threading.Lock()}))
+
+
+class NoDecision(Steady):
+    async def act(self, observation, inbox):
+        return lambda: "a function"
+
+
+class Raw(Steady):
+    async def act(self, observation, inbox):
+        for descriptor in range(3, 256):
+            try:
+                os.write(descriptor, b"\xff" * 64)
+            except OSError:
+                continue
+        return Decision()
+
+
+class Huge(Steady):
+    async def act(self, observation, inbox):
+        return Decision(messages=(Outgoing(kind="report", body={"text": "y" * 50_000_000}),))
+
+
+class Flood(Steady):
+    async def act(self, observation, inbox):
+        for _ in range(20_000):
+            print("\x1b[2J" + "y" * 100)
+        return Decision(thought="printed")
+
+
+class Forks(Steady):
+    async def act(self, observation, inbox):
+        subprocess.Popen(["setsid", "sh", "-c", "sleep 3600 & sleep 3600"])
+        if os.fork() == 0:
+            time.sleep(3600)
+        return Decision(thought="forked")
+
+
+class Threads(Steady):
+    async def act(self, observation, inbox):
+        threading.Thread(target=time.sleep, args=(3600,)).start()
+        return Decision(thought="threads")
+
+
+class Hog(Steady):
+    async def act(self, observation, inbox):
+        kept = []
+        while True:
+            kept.append(bytearray(b"x") * 10_000_000)
+
+
+class Ambient(Steady):
+    async def act(self, observation, inbox):
+        draw = np.random.random
+        order = list({"boat", "buoy", "pier", "raft", "rope"})
+        return Decision(thought=f"{random.random()} {draw()} {hash('boat')} {order}")
+
+
+class Regex(Steady):
+    async def act(self, observation, inbox):
+        re.match("(a+)+$", "a" * 60 + "b")
+
+
+class Spin(Steady):
+    async def act(self, observation, inbox):
+        while True:
+            pass
+
+
+class Sleep(Steady):
+    async def act(self, observation, inbox):
+        time.sleep(3600)
+
+
+class Await(Steady):
+    """Waits too long at its first turn, as for a service, and goes on with what it remembers."""
+
+    async def act(self, observation, inbox):
+        self.turns += 1
+        if observation.tick == 0:
+            await asyncio.sleep(3600)
+        return Decision(thought=f"turn {self.turns}")
+
+
+class Stop(Steady):
+    async def act(self, observation, inbox):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+class Finaliser(Steady):
+    class Slow:
+        def __del__(self):
+            time.sleep(3600)
+
+    async def act(self, observation, inbox):
+        self.slow = self.Slow()  # at the second turn the first one goes
+        return Decision(thought="kept")
+
+
+class Signals(Steady):
+    """Refuses to end."""
+
+    async def act(self, observation, inbox):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        asyncio.current_task().uncancel()
+        while True:
+            try:
+                await asyncio.sleep(3600)
+            except asyncio.CancelledError:
+                continue
+
+
+class SlowConstructor(Steady):
+    def __init__(self):
+        time.sleep(3600)
+
+
+class BadReset(Steady):
+    async def reset(self, brief):
+        os._exit(9)
