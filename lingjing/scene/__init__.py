@@ -20,6 +20,7 @@ In the order in which an episode meets them:
 - `camera_geometry`   pixels, rays and points; headings; where a body's cameras sit
 - `city_checks`       what every city must be
 - `plan`        the city from above: flat shapes in painting order, and their painter
+- `translation` pieces carried to where a scene's centre lies
 - `surroundings` the city around what is played in, for viewers: shapes, and meshes in space
 
 Invariants: a provider's result is a pure function of its `SceneSpec` (and the content of the map it names): the same

@@ -39,9 +39,10 @@ NULL_ISLAND_DEG = 0.1
 """Degrees nearer to 0, 0 are taken from X = Y = 0: no mission of this project lies in the Gulf of Guinea."""
 
 LOW_M = -100.0
-GROUND_HIGH_M, HIDDEN_HIGH_M, FLYING_HIGH_M = 80.0, 450.0, 3_000.0
+GROUND_HIGH_M, HIDDEN_HIGH_M, ROTOR_HIGH_M, FLYING_HIGH_M = 80.0, 450.0, 1_000.0, 3_000.0
 """Heights over a scene's datum lie between these: of what walks, drives or floats (a bridge's deck is 80 m high), of
-hidden places (a building is 400 m high) and of what flies. Beyond, they were measured from somewhere else."""
+hidden places (a building is 400 m high), of UAVs alone and of what else flies. Beyond, they were measured from another
+height."""
 
 ON_THE_GROUND = ("quadruped", "road", "vessel")
 
@@ -243,9 +244,8 @@ def _with_datum(
         )
         return msgspec.structs.replace(frame, datum_m=lows[0], alt_datum_m=lows[1])
     heights = _heights(frame, [*on_ground, *hidden]) or _heights(frame, flying)
-    high_m = (
-        GROUND_HIGH_M if _heights(frame, on_ground) else HIDDEN_HIGH_M if _heights(frame, hidden) else FLYING_HIGH_M
-    )
+    highest_m = FLYING_HIGH_M if parsed.scenario.equipment_list.plane_entity_list else ROTOR_HIGH_M
+    high_m = GROUND_HIGH_M if _heights(frame, on_ground) else HIDDEN_HIGH_M if _heights(frame, hidden) else highest_m
     if not heights or LOW_M <= min(heights) <= high_m or abs(min(heights)) > FARTHEST_M:
         return frame
     parsed.notes.append(

@@ -38,7 +38,7 @@ _BY_ITSELF = ("bay", "coastal")
 """Kinds of scenes that have a shore without naming one."""
 
 
-class Box(NamedTuple):
+class GroundBox(NamedTuple):
     """West, south, east and north, metres."""
 
     west: float
@@ -51,7 +51,7 @@ class Box(NamedTuple):
         """The middle of the box."""
         return (self.west + self.east) / 2.0, (self.south + self.north) / 2.0
 
-    def holds(self, other: Box) -> bool:
+    def holds(self, other: GroundBox) -> bool:
         """Whether another box lies within this one."""
         return (
             self.west <= other.west
@@ -87,7 +87,7 @@ def fitted_template(template: model.Mission, mission: model.Mission, parsed: Par
         return None
     by = _way(bodies, plain, box)
     if "extent" not in kind.options:
-        if not Box(*(edge + by[k % 2] for k, edge in enumerate(reach))).holds(box):
+        if not GroundBox(*(edge + by[k % 2] for k, edge in enumerate(reach))).holds(box):
             return None
         parsed.notes.append(f"{_said(parsed, box, template)} is put around ({by[0]:g} m, {by[1]:g} m)")
         return _with_options(carried(template, by), (_centre(by),))
@@ -111,7 +111,7 @@ def carried(template: model.Mission, by: Vector2) -> model.Mission:
 # -- where to ---------------------------------------------------------------------------------------------------------
 
 
-def _way(bodies: Sequence[Entity], plain: Instance, box: Box) -> Vector2:
+def _way(bodies: Sequence[Entity], plain: Instance, box: GroundBox) -> Vector2:
     """How far the template is carried, whole metres."""
     if not _is_structured(plain.scene):
         return float(round(box.middle[0])), float(round(box.middle[1]))
@@ -124,10 +124,10 @@ def _way(bodies: Sequence[Entity], plain: Instance, box: Box) -> Vector2:
     return float(round(here[0] - there[0])), float(round(here[1] - there[1]))
 
 
-def _square(scene: SceneSpec, box: Box, by: Vector2, *, structured: bool) -> _Square:
+def _square(scene: SceneSpec, box: GroundBox, by: Vector2, *, structured: bool) -> _Square:
     """The built-up square that holds a box, and the template's own square where it has a structure."""
     extent, spacing = extent_m(scene) or 0.0, _spacing(scene)
-    held = Box(box.west - MARGIN_M, box.south - MARGIN_M, box.east + MARGIN_M, box.north + MARGIN_M)
+    held = GroundBox(box.west - MARGIN_M, box.south - MARGIN_M, box.east + MARGIN_M, box.north + MARGIN_M)
     if structured:
         half = extent / 2.0
         own = (by[0] - half, by[1] - half), (by[0] + half, by[1] + half)
@@ -155,19 +155,19 @@ def _spacing(scene: SceneSpec) -> Vector2:
     return extent / float(columns or usual), extent / float(rows or usual)  # type: ignore[arg-type]
 
 
-def _reach(scene: SceneSpec) -> Box | None:
+def _reach(scene: SceneSpec) -> GroundBox | None:
     """How far a scene's city reaches, by its text; None where only the city tells."""
     kind, extent = builtin_scenes()[scene.kind], extent_m(scene)
     if extent is None:
         return None
     half = extent / 2.0 + kind.outskirts_m
-    boxes = [Box(-half, -half, half, half)]
+    boxes = [GroundBox(-half, -half, half, half)]
     for name, beyond in (("inside", SITE_M), ("pipeline", SITE_M + 15.0), ("bridge", BRIDGE_M)):
         line = scene.options.get(name)
         points = [point for point in line if isinstance(point, tuple)] if isinstance(line, tuple) else []
         if points and not (name == "pipeline" and scene.options.get("inside")):
             west, south, east, north = _around(points)
-            boxes.append(Box(west - beyond, south - beyond, east + beyond, north + beyond))
+            boxes.append(GroundBox(west - beyond, south - beyond, east + beyond, north + beyond))
     return _around(corner for box in boxes for corner in _corners(box))
 
 
@@ -181,16 +181,16 @@ def _outlines(placed: Instance, plain: Instance) -> list[Vector2]:
     return [corner for region in placed.regions if own.get(region.name) != region.polygon for corner in region.polygon]
 
 
-def _around(points: Iterable[Sequence[float]]) -> Box:
+def _around(points: Iterable[Sequence[float]]) -> GroundBox:
     eastings, northings = zip(*((point[0], point[1]) for point in points), strict=True)
-    return Box(min(eastings), min(northings), max(eastings), max(northings))
+    return GroundBox(min(eastings), min(northings), max(eastings), max(northings))
 
 
-def _corners(box: Box) -> tuple[Vector2, Vector2]:
+def _corners(box: GroundBox) -> tuple[Vector2, Vector2]:
     return (box.west, box.south), (box.east, box.north)
 
 
-def _said(parsed: Parsed, box: Box, template: model.Mission) -> str:
+def _said(parsed: Parsed, box: GroundBox, template: model.Mission) -> str:
     reach = f"({box.west:.0f} m, {box.south:.0f} m) to ({box.east:.0f} m, {box.north:.0f} m)"
     return (
         f"{parsed.path}: places reach from {reach}, beyond the scene of template '{template.name}': "

@@ -45,7 +45,7 @@ SYSTEM = "coordinatesystem"
 """The key that names the coordinate system, folded."""
 
 
-class Body(NamedTuple):
+class ListedBody(NamedTuple):
     """A listed entity: its engine, its coordinates and their JSON path."""
 
     engine: str
@@ -53,13 +53,13 @@ class Body(NamedTuple):
     path: str
 
 
-def bodies_of(parsed: Parsed) -> Iterator[Body]:
+def bodies_of(parsed: Parsed) -> Iterator[ListedBody]:
     """What the document lists, but for what orbits."""
     for one in LISTS:
         if one.engine != "satellite":
             where = parsed.list_path(one.name)
             rows = getattr(parsed.scenario.equipment_list, one.attribute)
-            yield from (Body(one.engine, row.data, f"{where}[{k}].data") for k, row in enumerate(rows))
+            yield from (ListedBody(one.engine, row.data, f"{where}[{k}].data") for k, row in enumerate(rows))
 
 
 def unit_of(parsed: Parsed, places: Sequence[Coordinates]) -> float:
