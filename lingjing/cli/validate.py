@@ -154,7 +154,7 @@ def _displacements(mission: Mission) -> tuple[str, ...]:
     from lingjing.scene.displacement import displacements
 
     instance = instantiate(mission)
-    placed = anchor(instance, build_city(instance.scene, PluginHost()))
+    placed = anchor(instance, build_city(instance.scene, PluginHost()), imported=True)
     return tuple(displacements(instance, placed, mission.origin.places))
 
 

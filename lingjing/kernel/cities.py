@@ -16,14 +16,14 @@ class CityBuilder:
         self._host = host
         self._last: tuple[SceneSpec, City] | None = None
 
-    def place(self, instance: Instance) -> tuple[Instance, City]:
+    def place(self, instance: Instance, *, imported: bool = False) -> tuple[Instance, City]:
         """The instance with its entities on roads, roofs and ground of its city, and the city.
 
-        Raises `UsageError` for a scene that nobody offers, `PluginError` for one that cannot be built, `MissionError`
-        where something has no place.
+        Those of an `imported` document may be moved farther than a mission allows. Raises `UsageError` for a scene that
+        nobody offers, `PluginError` for one that cannot be built, `MissionError` where something has no place.
         """
         city = self._city(instance.scene)
-        return anchor(instance, city), city
+        return anchor(instance, city, imported=imported), city
 
     def _city(self, spec: SceneSpec) -> City:
         if self._last is None or self._last[0] != spec:

@@ -21,6 +21,7 @@ Modules in the order a mission passes them:
 - `appearance`: colours, shapes and looks that a type may have.
 - `vocabulary`: words that several packages spell alike. `spec_schema`: JSON Schemas of action and message specs.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
+- `footprint`: the room that bodies take up where they begin, and whether they stand there.
 - `clock`: how tick and macro-step fit.
 - `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: (mission, seed, mode,
   settings) to an `Instance` of `instance`, the reset specification: its entities, its agents and messages, its events

@@ -33,6 +33,9 @@ SEA_M = -3.0
 LINE_MOST_M = 25_000.0
 """How far from the origin a line or an outline may lead: the widest scene's extent and as much again."""
 
+DISPLACEMENT = "displacement_m"
+"""The option of every scene that no provider reads: how far it may put a body from its declared place."""
+
 _BUILTIN = Path(__file__).parents[1] / "engines" / FILE
 
 
@@ -98,7 +101,7 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
     kind = scene_kind(spec.kind)
     if kind is None:
         return
-    for name in sorted(set(spec.options) - kind.spelled().keys() - {"datum", "origin"}):
+    for name in sorted(set(spec.options) - kind.spelled().keys() - {"datum", "origin", DISPLACEMENT}):
         spelled = next((o.spelled()[name] for o in builtin_scenes().values() if name in o.spelled()), name)
         listed = ", ".join(("datum", *kind.options))
         yield SceneFault(spelled, f"scene `{kind.name}` has no option `{spelled}`", f"known: {listed}")

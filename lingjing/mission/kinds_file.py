@@ -19,7 +19,7 @@ from lingjing.mission.kinds_format import KindsFile, SceneOption, joined, names_
 from lingjing.mission.vocabulary import PHOTO, STOP
 
 _NAME = re.compile(r"[^\W\d]\w*")
-_EVERY_SCENE = ("datum", "layout", "origin")
+_EVERY_SCENE = ("datum", "displacement", "layout", "origin")
 _NUMBERS = {"number": 1, "metres": 1, "size": 2, "range": 2}
 """How many numbers the default of an option has, by its type; the other types have no default."""
 

@@ -41,7 +41,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
-from lingjing.scene.displacement import displacements
+from lingjing.scene.displacement import displacements, in_words, moved_bodies
 from lingjing.scene.surroundings import surroundings
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, Header
@@ -122,8 +122,8 @@ class Session:
         out: str | Path | None,
         progress: Callable[[Progress], None] | None,
     ) -> EpisodeReport:
-        instance, city = self._cities.place(prepared.instance)
-        moved = tuple(displacements(prepared.instance, instance, prepared.places))
+        instance, city = self._cities.place(prepared.instance, imported=bool(prepared.places))
+        told = tuple(displacements(prepared.instance, instance, prepared.places))
         calls = EpisodeCalls(options, instance)
         relations = RelationTracker(instance)
         recorder: list[TraceWriter] = []
@@ -155,13 +155,13 @@ class Session:
         except KeyboardInterrupt:
             self.close()
             ended = writer.path if writer.path.exists() else writer.part  # it may have come when all was over
-            raise EpisodeInterrupted(_report(ended, options, named, city=None)) from None
+            raise EpisodeInterrupted(_report(ended, options, named, city=None, notes_moves=bool(told))) from None
         finally:
             calls.close()
         path = writer.part if outcome.reason == ABORTED else writer.path
-        report = _report(path, options, named, city=city if options.overview else None)
+        report = _report(path, options, named, city=city if options.overview else None, notes_moves=bool(told))
         return msgspec.structs.replace(
-            report, warnings=(*_hopeless(instance), *moved, *calls.differences(), *report.warnings)
+            report, warnings=(*_hopeless(instance), *told, *calls.differences(), *report.warnings)
         )
 
     def _barrier(
@@ -256,6 +256,7 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
         policy_seed=options.policy_seed,
         evaluators=options.evaluators,
         evaluator_options=prepared.evaluator_options,
+        moved=moved_bodies(prepared.instance, instance),
     )
 
 
@@ -273,9 +274,9 @@ def _writer(folder: Path, header: Header, city: City, key: bytes) -> TraceWriter
         raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error
 
 
-def _report(path: Path, options: PlayOptions, folder: Path, city: City | None) -> EpisodeReport:
+def _report(path: Path, options: PlayOptions, folder: Path, city: City | None, *, notes_moves: bool) -> EpisodeReport:
     """The report of the trace's episode; a city draws the overview beside it. `folder` is the trace's folder as the
-    caller has named it."""
+    caller has named it. `notes_moves`: moved bodies are reported already, by their places in a document."""
     if not path.is_file():
         raise gone(path)
     try:
@@ -283,7 +284,8 @@ def _report(path: Path, options: PlayOptions, folder: Path, city: City | None) -
     except UsageError as error:
         raise disturbed(path, str(error)) from error
     report = report_of(trace, options.policy)
-    said = (*_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
+    moved = () if notes_moves else in_words(trace.header.moved)
+    said = (*moved, *_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
     return msgspec.structs.replace(report, warnings=said, trace=str(folder / path.name))
 
 

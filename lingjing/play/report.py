@@ -16,7 +16,7 @@ from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.metrics import Metrics, metrics
 from lingjing.numerics import withdrawn
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import Outcome, TaskEvent
+from lingjing.trace.records import MovedBody, Outcome, TaskEvent
 
 ABORTED = "infrastructure-abort"
 INTERRUPTED = "interrupted"
@@ -31,6 +31,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     could not be written; `attribution` says whose map was played on (`procedural`: nobody's); `policy_seed` started the
     policies' random streams; `scr` is the subtask completion rate, `score` the mission's own with its weights and
     penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
+    `moved` are the entities that begin farther from their declared places than they are long;
     `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
     `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a lost
     episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what rates of
@@ -59,6 +60,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     score: float = 0.0
     incidents: tuple[Incident, ...] = ()
     happened: tuple[TaskEvent, ...] = ()
+    moved: tuple[MovedBody, ...] = ()
     withdrawn: tuple[str, ...] = ()
     crashed: bool = False
     family: FailureFamily | None = None
@@ -126,6 +128,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         attribution=trace.header.attribution,
         incidents=incidents(trace),
         happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
+        moved=trace.header.moved,
         withdrawn=withdrawn(outcome.processes),
         family=None if attributed is None else attributed.family,
         terciles=counted_by_tercile(actions(trace)),

@@ -5,8 +5,11 @@ Whatever a stranger's code raises or returns, the error names the scene and the 
 
 from __future__ import annotations
 
+import msgspec
+
 from lingjing.errors import LingjingError, PluginError
 from lingjing.mission.instance import SceneSpec
+from lingjing.mission.kinds import DISPLACEMENT
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import one_line
 from lingjing.scene.city import City
@@ -15,9 +18,10 @@ from lingjing.scene.city import City
 def build_city(spec: SceneSpec, host: PluginHost) -> City:
     """The city of a scene. Raises `UsageError` if nobody offers it, `PluginError` if who does cannot build it."""
     plugin = host.scene(spec.kind)
+    own = {name: value for name, value in spec.options.items() if name != DISPLACEMENT}
     failed = f"scene `{spec.kind}` of plug-in `{host.sources['lingjing_scenes', spec.kind]}` failed"
     try:
-        city = plugin.build(spec)
+        city = plugin.build(spec if own == spec.options else msgspec.structs.replace(spec, options=own))
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:

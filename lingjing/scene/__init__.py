@@ -10,8 +10,8 @@ In the order in which an episode meets them:
 - `road_map`    the same as a graph, for policies that plan ways
 - `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → read near a place, lazily
 - `atomic_folder` where writers write, so that a city or network appears whole or not at all
-- `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`
-- `displacement`   how far `anchor` has moved what a document places
+- `anchor`      entities onto the roads, roofs, … that they declare ← `footing`, `lines`, `places_alike`
+- `displacement`   how far `anchor` has moved declared places: what is reported, and what is too far
 - `terrain`     what a place is to a body: water, ground, what stands there and how high ← `outlines`, `blocks`
 - `flight_floor`   the lowest points that flying bodies may be sent to
 - `obstacles`   where legs can go; `shapes`, `props`, `sizes` what can be touched, and how large it is

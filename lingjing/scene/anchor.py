@@ -3,10 +3,12 @@
 A mission says where things are in metres and knows no city; here each entity with a property `on` moves to the nearest
 suitable place, its elevation becomes that of what it stands on, and its heading follows the road, the deck or the wall
 (of two directions of a road the one nearer to the declared heading). No two share a roof or a facade, vehicles keep a
-length apart. Where an interaction names who performs it and from how far, the place is one such a body can reach: a
-fire on a roof lies near enough to a road for the truck. What has no `on` stays where it is, but for what would begin
-inside a building or, on the ground, in the middle of a road. What is drawn from a region stays in it. What is outside
-of the city or under its ground is refused. Regions made of roads get their outlines.
+length apart, and no two assets that are there from the start overlap: the later one gives way. Where an interaction
+names who performs it and from how far, the place is one such a body can reach: a fire on a roof lies near enough to a
+road for the truck. What has no `on` stays where it is, but for what would begin inside a building or, on the ground, in
+the middle of a road. What is drawn from a region stays in it. What is outside of the city or under its ground is
+refused, and so is a mission whose scene moves a declared place too far (`lingjing.scene.displacement`). Regions made of
+roads get their outlines.
 
 A pure function of its arguments; the order is that of declaration.
 """
@@ -21,14 +23,17 @@ import msgspec
 
 from lingjing.errors import MissionError
 from lingjing.mission.feasibility.standing import OFF_M, UNDER_M
+from lingjing.mission.footprint import StartingBodies, footprint, stands
 from lingjing.mission.geometry2d import area_distance, contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.instance_entities import GROUND_REACH_M
 from lingjing.mission.kinds import engine_kind, spoken
 from lingjing.scene.camera_geometry import offset_xy, turn_deg
 from lingjing.scene.city import Building, City, Tile
-from lingjing.scene.footing import Footing
+from lingjing.scene.displacement import check_displacements
+from lingjing.scene.footing import Footing, rings
 from lingjing.scene.lines import line_length, point_at, project
+from lingjing.scene.places_alike import PlacesAlike
 from lingjing.scene.tiles import Tiles
 
 REACH_M = 400.0
@@ -49,8 +54,11 @@ ROOF_EDGE_M = 2.0
 SLACK_M = 5.0
 """An interaction's distance is not used up to the last metre: a road's far lane still reaches."""
 
-STANDS_M = 2.0
-"""An asset without `on` that begins no higher than this over the ground stands on it."""
+APART_M = 1.0
+"""A body that gives way to another keeps so much room to it."""
+
+APART_REACH_M = 50.0
+"""How far a body gives way to others."""
 
 STAND_CLEAR_M = 1.2
 BODY_CLEAR_M = 0.6
@@ -59,19 +67,23 @@ TARGET_CLEAR_M = 1.5
 _RADII_M = (40.0, 120.0, REACH_M)
 
 
-def anchor(instance: Instance, city: City) -> Instance:
+def anchor(instance: Instance, city: City, *, imported: bool = False) -> Instance:
     """The instance with its entities and regions on the city.
 
+    An `imported` one comes from a document of another program: its bodies are moved as far as the city needs.
     Raises `MissionError` where nothing suitable lies within `REACH_M` of a declared place and in the region it is drawn
-    from, where a place is outside of the city or under its ground, or where no road has the name a region asks for.
+    from, or nothing within the mission's `displacement`; where a place is outside of the city or under its ground; or
+    where no road has the name a region asks for.
     """
     from lingjing.scene.regions import resolved
 
     anchoring = _Anchoring(instance, city)
     # Hidden ones last: what is public must not give way to them, or its place would tell of theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
-    placed = {entity.id: anchoring.standing(anchoring.placed(entity), entity.position[2]) for entity in order}
+    placed = {entity.id: anchoring.entity(entity) for entity in order}
     entities = tuple(placed[entity.id] for entity in instance.entities)
+    if not imported:
+        check_displacements(instance, entities)
     regions = tuple(
         region if region.on_map is None else resolved(region, instance, city) for region in instance.regions
     )
@@ -96,6 +108,7 @@ class _Anchoring:
         self._facades: set[str] = set()
         self._vehicles: list[tuple[float, float]] = []
         self._walkers: list[tuple[float, float]] = []
+        self._bodies = StartingBodies()
         self._rules: dict[str, Callable[[Entity], Entity]] = {
             "road": self._on_road,
             "roof": self._on_roof,
@@ -105,7 +118,16 @@ class _Anchoring:
             "pipe": self._on_pipe,
         }
 
+    def entity(self, declared: Entity) -> Entity:
+        """An entity at its place in the city, where no body begins yet; `MissionError` if it has none."""
+        placed = self.standing(self._apart(self.placed(declared)), declared.position[2])
+        room = footprint(placed)
+        if room is not None:
+            self._bodies.add(placed.id, room)
+        return placed
+
     def placed(self, entity: Entity) -> Entity:
+        """The entity on what it is declared to be on, or out of the way."""
         on = entity.properties.get("on")
         if on is None:
             return self._out_of_the_way(entity)
@@ -158,6 +180,31 @@ class _Anchoring:
             return min(water.level_m for water in self._city.waters if contains(water.polygon, x, y))
         return self._footing.height(x, y)
 
+    # -- bodies that keep apart
+
+    def _is_free(self, entity: Entity) -> bool:
+        """True if no other body begins where an entity is; for what is no body, always."""
+        room = footprint(entity)
+        return room is None or self._bodies.met(room) is None
+
+    def _apart(self, entity: Entity) -> Entity:
+        """The entity, or the same at the nearest place like its own that no other body takes up."""
+        if self._is_free(entity):
+            return entity
+        alike = PlacesAlike(entity, self._city, self._footing)
+        for x, y in rings(*entity.position[:2], APART_REACH_M):
+            moved = _moved(entity, (x, y, entity.position[2]))
+            room = footprint(moved)
+            if room is None or self._bodies.met(room.grown(APART_M)) is not None:
+                continue
+            if self._is_in_city(x, y) and _in_region(entity, x, y) and alike.suits(x, y):
+                return moved
+        raise self._nothing(entity, "free place", APART_REACH_M)
+
+    def _is_in_city(self, x: float, y: float) -> bool:
+        west, south, east, north = self._city.bounds
+        return west <= x <= east and south <= y <= north
+
     # -- roads
 
     def _on_road(self, entity: Entity) -> Entity:
@@ -200,8 +247,8 @@ class _Anchoring:
         for at in _outwards(line, wanted):
             if at != _kept_inside(line, at):
                 continue
-            (px, py, _), _ = point_at(line, at)
-            if not _in_region(entity, px, py):
+            (px, py, pz), heading = point_at(line, at)
+            if not _in_region(entity, px, py) or not self._is_free(_moved(entity, (px, py, pz), heading)):
                 continue
             if all(hypot(px - vx, py - vy) >= _apart(vx - px, vy - py, line, at) for vx, vy in vehicles):
                 return at
@@ -289,12 +336,16 @@ class _Anchoring:
         x, y, _ = entity.position
         spot = self._footing.nearest_clear(
             x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, GROUND_REACH_M, off_road=not body,
-            apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in,
+            apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in, suits=self._suits(entity),
         )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)
         self._walkers.append(spot)
         return _moved(entity, (*spot, self._footing.height(*spot)))
+
+    def _suits(self, entity: Entity, above_m: float = 0.0) -> Callable[[float, float], bool]:
+        """Whether an entity so far above the ground at a place would meet no other body."""
+        return lambda x, y: self._is_free(_moved(entity, (x, y, self._footing.height(x, y) + above_m)))
 
     def _out_of_the_way(self, entity: Entity) -> Entity:
         """What has no `on`: left where it is, unless it would begin inside a building or stand on a road."""
@@ -304,14 +355,14 @@ class _Anchoring:
             z = floor  # no elevation was given: on land that means the ground, not the water's level
             entity = _moved(entity, (x, y, z))
         buried = roof is not None and z < roof - 0.01
-        stands = entity.role == "asset" and floor <= z <= floor + STANDS_M
-        if not buried and (not stands or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)):
+        on_ground = entity.role == "asset" and floor <= z and stands(entity, floor)
+        if not buried and (not on_ground or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)):
             return entity
         if self._footing.is_water(x, y):
             return entity
         spot = self._footing.nearest_clear(
             x, y, STAND_CLEAR_M, GROUND_REACH_M, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
-            inside=entity.drawn_in,
+            inside=entity.drawn_in, suits=self._suits(entity, max(0.0, z - floor)),
         )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)

@@ -5,7 +5,7 @@ Reads a city through its tiles, so it works on large ones too. Heights are eleva
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import cos, hypot, pi, sin
 
 from lingjing.mission.geometry2d import Polygon, contains, edge_distance
@@ -90,17 +90,20 @@ class Footing:
     def nearest_clear(
         self, x: float, y: float, margin: float, reach_m: float, *, off_road: bool = False,
         apart: Sequence[tuple[float, float]] = (), apart_m: float = 0.0, inside: Sequence[tuple[float, float]] = (),
+        suits: Callable[[float, float], bool] | None = None,
     ) -> tuple[float, float] | None:  # fmt: skip
-        """The nearest free place in the city on rings a metre apart, at least `apart_m` from the places in `apart` and
-        within the outline `inside`, if one is given; None if there is none within `reach_m`."""
+        """The nearest free place in the city on rings a metre apart, at least `apart_m` from the places in `apart`,
+        within the outline `inside` and one that `suits`, if these are given; None if there is none within `reach_m`."""
         west, south, east, north = self._city.bounds
         for px, py in rings(x, y, reach_m):
             if not (west <= px <= east and south <= py <= north):
                 continue
             if inside and not contains(inside, px, py):
                 continue
-            if all(hypot(px - ax, py - ay) >= apart_m for ax, ay in apart) and self.is_clear(
-                px, py, margin, off_road=off_road
+            if (
+                all(hypot(px - ax, py - ay) >= apart_m for ax, ay in apart)
+                and self.is_clear(px, py, margin, off_road=off_road)
+                and (suits is None or suits(px, py))
             ):
                 return px, py
         return None

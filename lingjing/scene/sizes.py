@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lingjing.mission.appearance import BARE, MEASURES, UNSAID_M
+from lingjing.mission.footprint import sunk_below_m
 from lingjing.mission.instance import Entity
 
 
@@ -53,6 +54,4 @@ def solid_size(entity: Entity) -> Size | None:
 
 def sunk_m(entity: Entity | None) -> float:
     """How far an entity reaches below its position: half of its height if its origin is its middle."""
-    if entity is None or entity.properties.get("origin") != "middle":
-        return 0.0
-    return entity_size(entity).height_m / 2.0
+    return 0.0 if entity is None else sunk_below_m(entity)

@@ -519,10 +519,25 @@ DIGEST_VERSION: Final[DigestVersion] = 2
 """The version of every digest that is computed now, unless a stored one is verified."""
 
 
+class MovedBody(TraceRecord, frozen=True, kw_only=True):
+    """An entity that begins farther from its declared place than it is long.
+
+    `declared` and `placed` are the two places, metres; `moved_m` is their distance: in space if the mission gives an
+    elevation, else in plan. `on` is the surface that the scene looked for, "" where the place had to be clear.
+    """
+
+    entity: str
+    declared: Vector
+    placed: Vector
+    moved_m: float
+    on: str = ""
+
+
 class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
     `evaluators` scored it, told `evaluator_options`; `branch` says what it is a branch of, if it is one.
-    `digest_version` is that of the boundaries' digests; a header in a file without it is of version 1."""
+    `digest_version` is that of the boundaries' digests; a header in a file without it is of version 1. `moved` are the
+    entities that the scene put elsewhere than the mission declares (`instance` holds the places played)."""
 
     format: str = FORMAT
     digest_version: DigestVersion = DIGEST_VERSION
@@ -536,6 +551,7 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     evaluators: tuple[str, ...] = ("mission",)
     evaluator_options: dict[str, dict[str, GivenOption]] = {}
     branch: BranchOrigin | None = None
+    moved: tuple[MovedBody, ...] = ()
 
 
 class Outcome(TraceRecord, frozen=True, kw_only=True):

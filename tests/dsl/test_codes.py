@@ -78,6 +78,7 @@ CASES = [
     ("LJ0211", "(1 m, 2 m)", "(1 m, 2 m, -30 m)", 21, 9, "below everything in the scene"),
     ("LJ0211", "(12.4 m, -51.8 m)", "(12.4 m, -51.8 m, 46 m)", 26, 9, "is always on the water, which lies at -3.5 m"),
     ("LJ0211", "(12.4 m, -51.8 m)", "(300 m, -620 m)", 26, 9, "begins at (300 m, -620 m, -3.5 m), which is on land"),
+    ("LJ0212", "(1 m, 2 m), (3 m, 4 m)", "(1 m, 2 m), (1 m, 2.5 m)", 21, 9, "where `uav[1]` is: they would overlap"),
     ("LJ0301", "~ sites(search, apart >= 10 m)", "~ (1 m, 2 m)", 19, 23, "a distribution is due"),
     ("LJ0302", "visibility = 8 km", "visibility = uniform(1 km, 2 km)", 11, 53, "draws a value"),
     ("LJ0303", "ticks <= 60", "ticks = 60", 10, 12, "takes `<=`, not `=`"),

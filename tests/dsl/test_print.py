@@ -59,8 +59,8 @@ def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> Non
     )
     changed = small.replace("mission small", types + "mission small").replace(
         "  agent skipper",
-        "  asset kite[1..2] : glider { position = at(i, [(1 m, 2 m)], spread 3 m), actions { go = 2 m in 1 m..4 m } }\n"
-        "  asset hawk : glider { position = (1 m, 2 m) }\n"
+        "  asset kite[1..2] : glider { position = at(i, [(9 m, 2 m)], spread 3 m), actions { go = 2 m in 1 m..4 m } }\n"
+        "  asset hawk : glider { position = (99 m, 9 m) }\n"
         "  target blaze : fire { position = (3 m, 4 m) }\n"
         "  unlock douse(b: blaze) when distance_xy(boat, b) <= 9 m\n"
         "  message seen : sighting from searcher to all\n"

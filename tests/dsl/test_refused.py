@@ -271,7 +271,7 @@ def test_what_a_scene_lacks_it_lacks(kind: str, small: str) -> None:
             with pytest.raises(LingjingError, match=f"there is no {surface}"):
                 anchor(alone, city)
     assert not lacks(spec, "road")
-    anchor(_alone(instance, boat, "road"), city)
+    anchor(_alone(instance, boat, "road"), city, imported=True)
 
 
 def _alone(instance: Instance, entity: Entity, surface: str) -> Instance:

@@ -44,6 +44,13 @@ def speeds(play):
     return [math.hypot(*boundary.states[0].velocity) for boundary in play.history]
 
 
+@pytest.mark.parametrize(("height_m", "status"), [(1.4, "grounded"), (2.3, "grounded"), (12.0, "loitering")])
+def test_what_begins_off_a_surface_flies(fly, height_m, status):
+    play = fly(wing(position=(0.0, 0.0, -3.5 + height_m)))
+    play.run(20.0)
+    assert play.state.status == status and not play.events
+
+
 def test_flies_to_its_destination_at_cruise_speed_and_circles_it(fly):
     play = fly()
     receipt = play.command("wing[1]", "setDestination", x=2000.0, y=1000.0, z=350.0)

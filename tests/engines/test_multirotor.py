@@ -354,14 +354,25 @@ def test_it_starts_from_a_roof_and_comes_down_on_one_softly(fly, street):
     assert low.state.position[2] == pytest.approx(60.0, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("height_m", "status"),
+    [(0.2, "grounded"), (1.1, "grounded"), (1.3, "hovering"), (5.0, "hovering"), (7.0, "hovering")],
+)
+def test_what_begins_off_a_surface_hovers(fly, street, height_m, status):
+    """The bug: at 5 m over bare ground it was grounded in the air for the whole episode."""
+    for x, surface_m in ((0.0, 0.9), (100.0, 60.0)):
+        play = fly(city=street, position=(x, 0.0, surface_m + height_m))
+        play.run(20.0)
+        assert play.state.status == status and not play.events
+        assert play.state.position[2] == pytest.approx(surface_m + height_m, abs=0.2)
+
+
 def truck(position, **more):
     return BodyState(id="traffic/17", kind="truck", position=position, heading_deg=90.0, **more)
 
 
 def test_a_truck_in_its_way_is_hit_where_it_will_be(fly, quay):
     play = fly(city=quay, position=(0.0, 0.0, 3.0))
-    play.command("uav[1]", "takeoff", altitude=1.0)
-    play.until_ended("c0-1")
     play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.0)
     for step in range(20):  # it comes from the east at 5 m/s
         play.step([truck((40.0 - 2.5 * step, 0.0, 0.9), velocity=(-5.0, 0.0, 0.0))])
@@ -500,7 +511,7 @@ def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea)
 
 
 def test_what_the_book_says_is_on_board_and_too_much_is_refused(player, instance_of, uav, open_sea):
-    entity = msgspec.structs.replace(uav(load_kg=0.2), state=(LOAD,))
+    entity = msgspec.structs.replace(uav(position=(0.0, 0.0, -3.0), load_kg=0.2), state=(LOAD,))
     play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
     depot = BodyState(id="depot", position=(0.0, 0.0, 0.0), resources={"load@uav[1]": 0.5, "load@uav[2]": 9.0})
     play.run(0.5, [depot])

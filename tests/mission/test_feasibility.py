@@ -118,7 +118,7 @@ def test_tour() -> None:
 def test_a_tour_shared_by_two_vessels() -> None:
     body = """
   target v[1..2] : person_in_water { position = at(i, [(A m, 0 m), (-A m, 0 m)]) }
-  asset boat[1..2] : lifeboat { position = (0 m, 0 m) }
+  asset boat[1..2] : lifeboat { position = at(i, [(0 m, 0 m), (0 m, 9 m)]) }
   agent pilot[i in 1..2] as pilot controls boat[i] { observes boat[i].* }
   unlock rescue(v: v) when true
   success when forall v in v: emitted(rescue, v)"""

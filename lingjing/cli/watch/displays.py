@@ -63,7 +63,8 @@ class EpisodeDisplays:
             return LiveProgress(title)
         options = self._options
         instance, city = self._cities.place(
-            instantiate(self._mission, seed=self._seed, mode=options.mode, settings=options.settings)
+            instantiate(self._mission, seed=self._seed, mode=options.mode, settings=options.settings),
+            imported=bool(self._mission.origin.places),
         )
         return Watching(instance, city, options.policy, truth=self._truth)
 

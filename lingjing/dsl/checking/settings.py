@@ -30,8 +30,10 @@ _SCENE_KEYS = keyed(
     PropertyKey("datum", Type("level")),
     PropertyKey("origin", Type("position", of="degrees")),
     PropertyKey("layout", NUMBER, low=0, whole=True),
+    PropertyKey("displacement", METRES, low=0),
 )
-"""What every scene reads; `layout` is a number that picks another one of the same kind."""
+"""What every scene has; `layout` is a number that picks another one of the same kind, `displacement` how far the scene
+may put a body from its declared place."""
 
 _OPTION_TYPES = {
     "text": TEXT, "path": TEXT, "number": NUMBER, "metres": METRES, "size": Type("size"),

@@ -56,6 +56,7 @@ CODES: dict[str, str] = {
     "LJ0209": "a number too large to compute with",
     "LJ0210": "an interaction moves one thing between two dimensions",
     "LJ0211": "a place where nothing can be",
+    "LJ0212": "two bodies that begin in one place",
     # expressions
     "LJ0301": "a distribution is due",
     "LJ0302": "a draw where no draw can be",

@@ -14,6 +14,7 @@ from lingjing.engines.fixed_wing import guidance
 from lingjing.engines.fixed_wing.airframe import PlaneAirframe
 from lingjing.engines.fixed_wing.control import Autopilot
 from lingjing.engines.sea import wind_velocity
+from lingjing.mission.footprint import stands
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.kinds import builtin_engines
 from lingjing.mission.kinds_format import TopSpeed
@@ -32,7 +33,6 @@ CRUISE_FLOW = 12.2 / 3600.0
 
 KIND = builtin_engines()["plane"]
 _SPEED = KIND.top_speed or TopSpeed(property="cruise_mps")
-_AIRBORNE_M = 30.0
 _OVER_M, _LEVEL_M = 60.0, 15.0
 _LEAST_FLOW_SHARE = 0.5
 
@@ -59,7 +59,7 @@ class Aeroplane(Aircraft):
         self._circling = self._holds = False
         self._straight: float | None = None
         self._centre = self._beside()
-        if entity.position[2] >= terrain.support(*entity.position) + _AIRBORNE_M:
+        if not stands(entity, terrain.support(*entity.position)):
             self._take_off()
 
     @property

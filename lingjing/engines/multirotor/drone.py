@@ -18,6 +18,7 @@ from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
 from lingjing.engines.multirotor.power import RotorPower, hover_power
 from lingjing.engines.multirotor.verbs import KIND, Situation, plan
 from lingjing.engines.sea import GRAVITY
+from lingjing.mission.footprint import stands
 from lingjing.mission.instance import Entity, Weather
 from lingjing.mission.vocabulary import BATTERY_EMPTY
 from lingjing.plugins.requests import STOP, Refusal
@@ -31,7 +32,6 @@ ENDURANCE_S = 1500.0
 """What an entity without these properties gets."""
 
 _SPINUP_PERIODS = 25
-_AIRBORNE_M = 6.0
 _PASSED_M = 1.5
 _ARRIVED_M = 1.0
 _SLOW_MPS = 0.5
@@ -62,7 +62,7 @@ class Drone(Aircraft):
         self._spun = 0
         self._load_kg = 0.0
         self.load({})
-        if entity.position[2] > terrain.support(*entity.position) + _AIRBORNE_M:
+        if not stands(entity, terrain.support(*entity.position)):
             for _ in range(_SPINUP_PERIODS):
                 self._spin_up()
 

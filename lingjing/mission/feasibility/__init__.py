@@ -11,7 +11,7 @@ In the order of the work:
 - `condition_needs`: a condition → the tree of what must have happened (`needs`). `limits`: the time there is for it.
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `speech`: messages and
   assignments. `payload`: loads and trips. `counting`: counted budgets. `order`: circles. `placing`: room for draws.
-  `standing`: where assets begin.
+  `standing`: where assets begin. `overlaps`: those that begin in one place.
 - `wide`: pictures from orbit in which the scene is lost, no proof but a hint.
 - `refutation`: the checks over one tree. `start`: whether success holds before anybody acts, no proof but a
   hint. Here: over success, in each mode.
@@ -33,6 +33,7 @@ from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
 from lingjing.mission.feasibility.needs import Need
 from lingjing.mission.feasibility.order import refute_order
 from lingjing.mission.feasibility.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
+from lingjing.mission.feasibility.overlaps import OVERLAP, refute_overlaps
 from lingjing.mission.feasibility.placing import refute_places
 from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute
@@ -59,6 +60,8 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
         except LingjingError:
             continue
         for proof in prove_outline(outline):
+            if proof.code == OVERLAP and mission.origin.places:
+                continue  # bodies of an imported document are kept apart when the city is there
             found.setdefault(proof, []).append(mode)
             lost.add(mode)
     return tuple(_in_modes(proof, where, modes, len(lost)) for proof, where in found.items())
@@ -71,7 +74,7 @@ def prove_instance(instance: Instance) -> tuple[Proof, ...]:
 
 def prove_outline(outline: Outline) -> tuple[Proof, ...]:
     """All checks over one outline; what is proved of several members of a group is said once."""
-    places = [*refute_places(outline), *refute_standing(outline)]
+    places = [*refute_places(outline), *refute_standing(outline), *refute_overlaps(outline)]
     if places:
         return gathered(places)
     success = needs(outline.instance.success, outline, "success")

@@ -19,8 +19,8 @@ from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 class PossiblePlaces(msgspec.Struct, frozen=True):
     """The possible places: outlines in metres, of one corner for a point. Empty: anywhere.
 
-    Members of the group `drawn` (if not empty) are at least `apart` metres from each other. The scene may move what
-    stands there by up to `loose_m`.
+    `drawn` is the group whose places are drawn ("" for declared ones); its members are at least `apart` metres from
+    each other. The scene may move what stands there by up to `loose_m`.
     """
 
     outlines: tuple[geometry2d.Polygon, ...] = ()
@@ -56,7 +56,8 @@ def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
         if outlines:
             return PossiblePlaces(outlines, 0.0 if apart is None else number(apart, scope), group)
     if draw.distribution in ("choice", "subset"):
-        return PossiblePlaces(tuple(((p.east, p.north),) for p in _listed(draw, scope) if isinstance(p, Place)))
+        points = tuple(((p.east, p.north),) for p in _listed(draw, scope) if isinstance(p, Place))
+        return PossiblePlaces(points, drawn=group)
     return ANYWHERE
 
 

@@ -65,7 +65,7 @@ def check_body(mission: Mission, entity: str, *, seed: int = 1) -> None:
     """Run every check of an entity of a mission; one `ConformanceError` tells all that failed."""
     instance = instantiate(mission, seed=seed)
     city = build_city(instance.scene, PluginHost())
-    instance = anchor(instance, city)
+    instance = anchor(instance, city, imported=bool(mission.origin.places))
     found = {one.id: one for one in instance.entities}
     require(entity in found, f"the mission has no entity `{entity}`, it has {', '.join(found)}")
     run_all(f"the type `{found[entity].type}`", BODY_CHECKS, BodyCase(instance, city, found[entity]))

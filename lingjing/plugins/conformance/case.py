@@ -86,7 +86,8 @@ def case_of(
         Command(id=f"c0-{number}", tick=0, sender="conformance", resource=name, verb=verb, arguments=dict(arguments))
         for number, (name, (verb, arguments)) in enumerate(commands.items(), start=1)
     )
-    return EngineCase(plugin, anchor(instance, city), city, given, tuple(mirrors), seed, seconds)
+    placed = anchor(instance, city, imported=bool(mission.origin.places))
+    return EngineCase(plugin, placed, city, given, tuple(mirrors), seed, seconds)
 
 
 @dataclass(slots=True)

@@ -1,0 +1,212 @@
+"""Bodies that begin in one place are kept apart; moves beyond a limit are errors, those beyond a length are told."""
+
+import itertools
+import json
+import math
+import subprocess
+import sys
+
+import msgspec
+import pytest
+
+import lingjing
+from lingjing.data import data_path
+from lingjing.dsl import compile_source
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.source.text import SourceText
+from lingjing.errors import MissionError
+from lingjing.mission.footprint import footprint
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.building import build_city
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.anchor import anchor
+from lingjing.scene.displacement import in_words, moved_bodies
+from lingjing.scene.terrain import Terrain
+from lingjing.trace.reader import read_trace
+from lingjing.trace.records import Decision
+
+HEAD = """ljs 1
+use std.air {{ quadrotor, fixed_wing }}
+use std.ground {{ robot_dog, car }}
+use std.sea {{ lifeboat }}
+use std.weather {{ clear }}
+mission starts "Starts" {{
+  goal "Begin."
+  scene {scene}
+  clock {{ tick = 1 s, sync = 500 ms }}
+  budget {{ ticks <= 2 }}
+  weather clear
+  mode broadcast
+{assets}
+  agent pilot as pilot controls a {{
+    observes a.*, events
+    prompt "Wait."
+  }}
+  success when now > 1 s
+}}
+"""
+TOWN = "residential { extent = 400 m, blocks = 2 by 2 }"
+THERE = "position ~ subset([({}, {}, {})])"
+"""A place that is drawn: the text alone does not show that another body is there."""
+
+
+def text(*assets, scene=TOWN):
+    return HEAD.format(scene=scene, assets="\n".join(f"  asset {one}" for one in assets))
+
+
+def drawn(name, kind, x=0, y=0, z=None):
+    places = ", ".join(f"{metres} m" for metres in (x, y, z) if metres is not None)
+    return f"{name} : {kind} {{ position ~ subset([({places})]) }}"
+
+
+def begun(*assets, scene=TOWN, **how):
+    mission = compile_source(SourceText(text(*assets, scene=scene), "starts.ljs")).mission
+    assert mission is not None
+    declared = instantiate(mission)
+    city = build_city(declared.scene, PluginHost())
+    return declared, anchor(declared, city, **how), city
+
+
+def overlapping(instance):
+    rooms = [(one.id, footprint(one)) for one in instance.entities]
+    return [(one, other) for (one, a), (other, b) in itertools.combinations(rooms, 2) if a and b and a.overlaps(b)]
+
+
+@pytest.mark.parametrize(
+    ("assets", "scene"),
+    [
+        ([drawn(name, "quadrotor", z=30) for name in "abcde"], TOWN),
+        ([drawn(name, "quadrotor", 15, 15, 0.2) for name in "abcde"], TOWN),
+        ([drawn("a", "fixed_wing", z=90), drawn("b", "fixed_wing", 3, 3, 91), drawn("c", "quadrotor", z=90)], TOWN),
+        (
+            [
+                drawn("a", "lifeboat", -500, -500),
+                drawn("b", "lifeboat", -500, -503),
+                drawn("c", "quadrotor", -500, -500, 1),
+            ],
+            "bay",
+        ),
+        (
+            [
+                drawn("a", "quadrotor", 0, 2, 0.5),
+                drawn("b", "robot_dog", 0, 2),
+                drawn("c", "car", 0, 2),
+                drawn("d", "car", 0, 2),
+            ],
+            TOWN,
+        ),
+        ([drawn("a", "robot_dog", 0, 2), drawn("b", "quadrotor", 0, 2, 0.5), drawn("c", "robot_dog", 0, 2)], TOWN),
+    ],
+    ids=["in the air", "on the ground", "aeroplanes", "afloat", "of all kinds", "dog first"],
+)
+def test_no_two_bodies_begin_in_one_place(assets, scene):
+    """The bug: two aircraft at one point were valid and destroyed each other at 0.02 s."""
+    declared, placed, city = begun(*assets, scene=scene)
+    assert overlapping(declared) and not overlapping(placed)
+    assert anchor(placed, city) == placed, "what is apart stays"
+    assert placed.entities[0].position[:2] == pytest.approx(declared.entities[0].position[:2], abs=9.0)
+    terrain = Terrain(city)
+    for one, other in zip(declared.entities, placed.entities, strict=True):
+        if one.engine in ("multirotor", "plane"):
+            assert other.position[2] - terrain.support(*other.position) == pytest.approx(
+                one.position[2] - terrain.support(*one.position), abs=0.3
+            ), "it stands or hovers as it was declared to"
+
+
+def test_bodies_that_pass_over_each_other_are_left_where_they_are():
+    declared, placed, _ = begun(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=31))
+    assert [one.position for one in placed.entities] == [one.position for one in declared.entities]
+
+
+@pytest.mark.parametrize("apart", ["0 m", "0.5 m"])
+def test_a_text_that_shows_two_bodies_in_one_place_is_an_error(apart):
+    assets = ("a : quadrotor { position = (0 m, 0 m, 30 m) }", f"b : quadrotor {{ position = (0 m, {apart}, 30.2 m) }}")
+    found = compile_source(SourceText(text(*assets), "starts.ljs")).diagnostics
+    assert [one.code for one in found] == ["LJ0212"]
+    apart_now = text(assets[0], "b : quadrotor { position = (0 m, 1 m, 30.2 m) }")
+    assert not compile_source(SourceText(apart_now, "starts.ljs")).diagnostics
+
+
+@pytest.mark.parametrize("scene", [TOWN, TOWN.replace("blocks", "displacement = 20 m, blocks")])
+def test_a_body_that_would_be_moved_too_far_is_an_error(scene):
+    most = "20 m" if "displacement" in scene else "50 m"
+    far = ("a : quadrotor { position = (0 m, 0 m, 30 m) }", "c : car { position = (60 m, 60 m) }")
+    with pytest.raises(
+        MissionError, match=f"`c` .* nearest road that suits it lies 5.* moved by {most} at most"
+    ) as caught:
+        begun(*far, scene=scene)
+    assert "displacement = 60 m" in caught.value.hint
+    _, placed, _ = begun(*far, scene=TOWN.replace("blocks", "displacement = 60 m, blocks"))
+    declared, imported, _ = begun(*far, imported=True)
+    assert imported.entities == placed.entities
+    (moved,) = moved_bodies(declared, imported)
+    assert (moved.entity, moved.on, moved.declared) == ("c", "road", (60.0, 60.0, 0.0))
+    assert moved.moved_m == pytest.approx(math.dist(moved.declared[:2], moved.placed[:2]), abs=1e-3)
+
+
+def test_what_is_moved_by_less_than_its_length_or_drawn_from_a_region_is_not_told():
+    declared, placed, _ = begun("a : quadrotor { position = (0 m, 0 m, 30 m) }", "c : car { position = (3 m, 17.6 m) }")
+    moves = [
+        math.dist(one.position, other.position) for one, other in zip(declared.entities, placed.entities, strict=True)
+    ]
+    assert 1.0 < moves[1] < 4.5 and not moved_bodies(declared, placed)
+    region = ((50.0, 50.0), (70.0, 50.0), (70.0, 70.0), (50.0, 70.0))
+    entities = tuple(msgspec.structs.replace(one, drawn_in=region) for one in declared.entities)
+    far = tuple(msgspec.structs.replace(one, position=(999.0, 0.0, 0.0)) for one in entities)
+    assert not moved_bodies(*(msgspec.structs.replace(declared, entities=those) for those in (entities, far)))
+
+
+def test_a_summary_names_five_moved_bodies_and_counts_the_rest():
+    declared, placed, _ = begun(*(drawn(name, "quadrotor", z=30) for name in "abcdefgh"))
+    (line,) = in_words(moved_bodies(declared, placed))
+    assert line.count("`") == 10 and line.endswith("and 2 more") and in_words(()) == ()
+
+
+class Idle:
+    """Does nothing."""
+
+    async def reset(self, brief):
+        pass
+
+    async def act(self, observation, inbox):
+        return Decision()
+
+
+def test_a_move_stands_in_the_report_and_in_the_trace(tmp_path):
+    file = tmp_path / "starts.ljs"
+    file.write_text(text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30)))
+    report = lingjing.run(file, policy=Idle, world="inline", overview=False, out=tmp_path / "out")
+    assert report.success and not report.incidents
+    trace = read_trace(report.folder / "trace.mcap")
+    assert [one.entity for one in trace.header.moved] == ["b"] and report.moved == trace.header.moved
+    assert any("moved from their declared places" in line and "`b` 2.0 m" in line for line in report.warnings)
+
+
+def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
+    file = tmp_path / "starts.ljs"
+    file.write_text(text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30)))
+    command = [sys.executable, "-m", "lingjing.cli.main", "run", str(file), "--policy", "random", "--no-overview"]
+    shown = subprocess.run([*command, "-o", str(tmp_path / "o"), "--json"], capture_output=True, text=True, check=False)
+    told = json.loads(shown.stdout)
+    assert [one["entity"] for one in told["moved"]] == ["b"]
+    assert "moved from their declared places" in " ".join(told["warnings"])
+
+
+def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
+    """The document of another program is no text of ours: what it puts in one place is parted, and not refused."""
+    document = json.loads(data_path("scenarios", "reset", "ssr-001.json").read_text(encoding="utf-8"))
+    drones = document["scenario"]["equipmentList"]["droneEntityList"]
+    for drone in drones:
+        drone["data"] = drones[0]["data"]
+    file = tmp_path / "one-place.json"
+    file.write_text(json.dumps(document))
+    shown = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "validate", str(file)], capture_output=True, text=True, check=False
+    )
+    assert shown.returncode == 0, shown.stderr
+    notes = shown.stdout + shown.stderr
+    assert "droneEntityList[1]" in notes and "m away, clear of what stands there" in notes
+    mission = load_mission(file)
+    declared = instantiate(mission)
+    placed = anchor(declared, build_city(declared.scene, PluginHost()), imported=True)
+    assert len(overlapping(declared)) == 3 and not overlapping(placed)
