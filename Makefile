@@ -4,13 +4,15 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check pythons bench study ray model detector browser readers pictures missions selfcheck clean
+.PHONY: help setup demo test check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
 	@echo 'make test    run the tests'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make pythons  run the fast tests on Python 3.12 and 3.13, where they are found (TESTS=tests/dsl)'
+	@echo 'make lock    write and verify requirements-lock.txt, the pinned packages with their hashes'
+	@echo 'make sbom    write build/sbom.cdx.json, a bill of materials (make licences: the table in docs/supply-chain.md)'
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
@@ -75,6 +77,17 @@ readers: setup
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py
+
+lock: setup
+	@$(BIN)/python tools/supply_chain.py lock
+	@$(BIN)/python tools/supply_chain.py verify
+	@$(BIN)/python tools/supply_chain.py check
+
+sbom: setup
+	@$(BIN)/python tools/supply_chain.py sbom
+
+licences: setup
+	@$(BIN)/python tools/supply_chain.py licences
 
 pythons:
 	@$(PYTHON3) tools/pythons.py $(TESTS)

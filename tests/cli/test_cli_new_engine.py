@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from lingjing.cli.newengine import plugin_name, write_engine
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
+from lingjing.installation import CORE, name_of
 
 
 def call(*command: object, cwd: Path, site: Path | None = None, code: int = 0) -> str:
@@ -50,10 +52,15 @@ def test_nothing_of_the_template_is_left_and_all_is_formatted(package: Path) -> 
     assert {path.suffix for path in files} <= {".py", ".ljs", ".toml", ".md", ".json"}
     for path in files:
         text = path.read_text(encoding="utf-8")
-        assert "NAME0" not in text and "Name0" not in text and "Title0" not in text
+        assert not [word for word in ("NAME0", "Name0", "Title0", "CORE0") if word in text]
         if path.suffix == ".ljs":
             assert format_text(text).text == text
     assert "class HoverCraftEngine(FleetEngine)" in (package / "lingjing_hover_craft" / "engine.py").read_text()
+
+
+def test_it_requires_the_distribution_that_is_installed(package: Path) -> None:
+    project = tomllib.loads((package / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["dependencies"] == [name_of(CORE)] != ["lingjing"]
 
 
 def test_its_code_is_clean(package: Path) -> None:
