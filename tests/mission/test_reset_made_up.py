@@ -111,9 +111,9 @@ def test_a_scene_holds_all_that_is_placed(number: str) -> None:
             assert abs(metres - middle) <= extent / 2.0 + bridge
 
 
-@pytest.mark.parametrize(("east", "north"), [(0.0, 0.0), (1_500_000.0, -900_000.0), (-2_300_000.0, 700_000.0)])
+@pytest.mark.parametrize(("east", "north"), [(0.0, 0.0), (1_500_000.0, -900_000.0), (-1_900_000.0, 700_000.0)])
 def test_a_document_may_lie_anywhere_within_the_scenes_reach(east: float, north: float) -> None:
-    """The same bodies, up to 23 km from X = Y = 0: the distances between them stay."""
+    """The same bodies, up to 24 km from X = Y = 0: the distances between them stay."""
 
     def move(scenario: Json) -> None:
         for drone in listed(scenario, "droneEntityList"):
@@ -280,6 +280,13 @@ def test_bodies_that_would_overlap_as_centimetres_are_in_metres() -> None:
         loaded("13", lambda s: (s.update(lingjing={"unit": "m"}), state(s).update(coordinate_system="UE_XYZ_cm")))
 
 
+def test_a_unit_beside_coordinates_agrees_with_what_is_read() -> None:
+    loaded("13", lambda scenario: state(scenario).update(unit="m"))
+    with pytest.raises(MissionError, match="says 'm', and X, Y and Z are read in centimetres") as raised:
+        loaded("16", lambda scenario: state(scenario).update(unit="m"))
+    assert raised.value.hint and '{"unit": "m"}' in raised.value.hint
+
+
 @pytest.mark.parametrize("unit", ["cm", "m"])
 def test_where_both_units_are_plausible_the_document_must_say(unit: str) -> None:
     def alone(scenario: Json) -> None:
@@ -379,3 +386,29 @@ def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(arguments) == ExitCode.OK
     told = capsys.readouterr()
     assert "success: yes" in told.out and "note: template 'goals'" in told.err
+
+
+def test_rows_say_less_or_more_than_one_goal() -> None:
+    def listed_in_one(scenario: Json) -> None:
+        goals = [row["initial_state"]["goalPosition"] for row in scenario["taskMatrix"]]
+        del scenario["taskMatrix"][1:]
+        state(scenario)["goalPosition"] = goals
+
+    def second(value: object) -> Edit:
+        return lambda scenario: scenario["taskMatrix"][1]["initial_state"].update(goalPosition=value)
+
+    assert at(loaded("16", listed_in_one)[0], "goal") == at(loaded("16")[0], "goal")
+    instance, notes = loaded("16", second({"status": "pending"}))
+    assert len(at(instance, "goal")) == 2 and "no goal is that of 'drone2'" in notes
+    with pytest.raises(MissionError, match=r"taskMatrix\[1\].initial_state.goalPosition: an object is due"):
+        loaded("16", second("over there"))
+
+
+def test_what_lies_beyond_every_scene_keeps_its_template(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole = json.loads(FILES["06"].read_text(encoding="utf-8"))
+    for dog in listed(whole, "unmannedDogEntityList"):
+        dog["data"]["X"] += 20_000_000.0
+    file = tmp_path / "w.json"
+    file.write_text(json.dumps(whole), encoding="utf-8")
+    assert main(["validate", str(file)]) == ExitCode.MISSION
+    assert "outside of the scene" in capsys.readouterr().out

@@ -25,6 +25,9 @@ _OTHER_LENGTHS = frozenset({
 })  # fmt: skip
 """Lengths that a document may say its coordinates are in, folded."""
 
+_METRES = frozenset({"m", "metre", "metres", "meter", "meters", "米"})
+_UNIT_HINT = 'give X, Y and Z in centimetres, or in metres with "lingjing": {"unit": "m"}; leave other units out'
+
 
 def document_error(file: str, faults: Sequence[Fault]) -> MissionError:
     """The error of a document that is no mission, with every fault that was found."""
@@ -51,8 +54,9 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
             yield Fault(where.rpartition(".")[0], f"has {PLACELESS}", _PLACE)
 
 
-def foreign_lengths(root: Mapping[str, Any], path: str) -> Iterator[Fault]:
+def foreign_lengths(root: Mapping[str, Any], path: str, *, in_metres: bool) -> Iterator[Fault]:
     """A fault for each object that says its lengths are in another unit than `X`, `Y` and `Z` are read in."""
+    others, read_in = (_OTHER_LENGTHS - _METRES, "metres") if in_metres else (_OTHER_LENGTHS, "centimetres")
     stack: list[tuple[object, str]] = [(root, path)]
     while stack:
         value, where = stack.pop()
@@ -61,13 +65,12 @@ def foreign_lengths(root: Mapping[str, Any], path: str) -> Iterator[Fault]:
         elif isinstance(value, Mapping):
             stack.extend((one, f"{where}.{key}") for key, one in value.items() if isinstance(one, Mapping | list))
             for key, one in value.items():
-                other = isinstance(one, str) and folded(key) in _UNIT_KEYS and folded(one) in _OTHER_LENGTHS
-                if other and _holds_centimetres(value):
-                    hint = "give X, Y and Z in centimetres, and leave the unit out"
-                    yield Fault(f"{where}.{key}", f"says '{one}', and X, Y and Z are read in centimetres", hint)
+                other = isinstance(one, str) and folded(key) in _UNIT_KEYS and folded(one) in others
+                if other and _holds_lengths(value):
+                    yield Fault(f"{where}.{key}", f"says '{one}', and X, Y and Z are read in {read_in}", _UNIT_HINT)
 
 
-def _holds_centimetres(root: object) -> bool:
+def _holds_lengths(root: object) -> bool:
     stack = [root]
     while stack:
         value = stack.pop()

@@ -165,7 +165,7 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
 
 def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tuple[list[str], list[Any]]:
     """The entries without those that say that their place comes later, which are noted."""
-    later = [isinstance(item, dict) and _is_pending(item) for item in items]
+    later = [isinstance(item, dict) and is_pending(item) for item in items]
     parsed.notes.extend(
         f"{path}: has no place yet ({_words(item)}); taken as absent"
         for path, item, absent in zip(paths, items, later, strict=True)
@@ -175,7 +175,7 @@ def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tupl
     return [paths[k] for k in kept], [items[k] for k in kept]
 
 
-def _is_pending(item: Mapping[str, Any]) -> bool:
+def is_pending(item: Mapping[str, Any]) -> bool:
     """Whether an entry has no coordinates and says that it will have some."""
     inner = [one for one in item.values() if isinstance(one, Mapping)]
     keys = {folded(key) for holder in (item, *inner) for key in holder}

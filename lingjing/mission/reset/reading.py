@@ -32,6 +32,7 @@ from lingjing.mission.reset.scene_fit import fitted_template
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
 from lingjing.mission.reset.template import FREE, fleet_of, template_name
+from lingjing.mission.reset.unit import METRE_M
 from lingjing.mission.vocabulary import MODES
 from lingjing.mission.weather_words import RAINY, sky_of
 
@@ -73,7 +74,6 @@ def instantiate_document(
     found = (goals.found,) if goals else found
     template = _of_several(template, parsed, found, templates)
     template, mission = _placed(template, parsed, found, goals.order if goals else ())
-    parsed.faults.extend(foreign_lengths(parsed.raw, parsed.path))
     if parsed.faults:
         raise document_error(path, followed(parsed.faults, first, parsed.task_path))
     parsed.notes.extend(leftovers(text, parsed, found))
@@ -129,6 +129,7 @@ def _placed(
     plain = _with_origin(plain, frame)
     before = len(parsed.notes)
     mission = _filled(plain, parsed, found, frame, order)
+    parsed.faults.extend(foreign_lengths(parsed.raw, parsed.path, in_metres=frame.unit_m == METRE_M))
     if parsed.faults:
         return plain, mission
     fitted = fitted_template(plain, mission, parsed)

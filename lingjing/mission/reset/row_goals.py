@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from lingjing.mission.reset.document import Parsed
-from lingjing.mission.reset.fields import FIELDS, Found, field_of
+from lingjing.mission.reset.fields import FIELDS, REMARKS, Found, field_of, is_pending
 from lingjing.mission.reset.shapes import LISTS, Equipment, HiddenPlace, folded
 
 GOALS = "goals"
@@ -103,8 +103,9 @@ def _only_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
     return all(one is FIELD for one in full) or (all(one in PLACES for one in full) and rows_with_goals(parsed) > 1)
 
 
-def _entries(parsed: Parsed) -> Iterator[tuple[dict[str, Any], str, str, str]]:
-    """Each goal of each row, its JSON path, and the words that may name its UAV."""
+def _entries(parsed: Parsed) -> Iterator[tuple[Any, str, str, str]]:
+    """Each goal of each row, its JSON path, and the words that may name its UAV: those of a row with several name
+    none. A goal whose place comes later is left out."""
     rows = parsed.raw.get("taskMatrix")
     for k, row in enumerate(rows if isinstance(rows, list) else ()):
         if not isinstance(row, dict):
@@ -117,18 +118,21 @@ def _entries(parsed: Parsed) -> Iterator[tuple[dict[str, Any], str, str, str]]:
             for key, value in holder.items():
                 if field_of(key) not in PLACES:
                     continue
+                if not isinstance(value, dict | list) and (k == 0 or folded(key) in REMARKS):
+                    continue  # a remark, or what the reader of the first row reports
                 items = value if isinstance(value, list) else [value]
                 paths = [f"{path}.{key}[{j}]" for j in range(len(items))] if items is value else [f"{path}.{key}"]
+                words = (str(row.get("goal", "")), owner) if len(items) == 1 else ("", "")
                 for item, at in zip(items, paths, strict=True):
-                    if isinstance(item, dict):
-                        yield item, at, str(row.get("goal", "")), owner
+                    if not (isinstance(item, dict) and is_pending(item)):
+                        yield item, at, *words
 
 
 def _names_owner(key: str) -> bool:
     return folded(key) in _OWNER_KEYS
 
 
-def _place(parsed: Parsed, item: dict[str, Any], path: str) -> HiddenPlace:
+def _place(parsed: Parsed, item: Any, path: str) -> HiddenPlace:
     before = len(parsed.spelt.faults)
     place = parsed.converted(parsed.spelt.unify(item, HiddenPlace, path), HiddenPlace, path)
     parsed.faults.extend(fault for fault in parsed.spelt.faults[before:] if fault not in parsed.faults)

@@ -21,7 +21,7 @@ from lingjing.mission import model
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Entity, Instance, SceneSpec
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.kinds import builtin_scenes, engine_kind, extent_m
+from lingjing.mission.kinds import LINE_MOST_M, builtin_scenes, engine_kind, extent_m
 from lingjing.mission.reset.document import Parsed
 
 MARGIN_M = 60.0
@@ -93,7 +93,8 @@ def fitted_template(template: model.Mission, mission: model.Mission, parsed: Par
         return _with_options(carried(template, by), (_centre(by),))
     square = _square(plain.scene, box, by, structured=_is_structured(plain.scene))
     most = kind.options["extent"].high
-    if most is not None and square.extent_m > most:
+    farthest = max(map(abs, square.centre)) + square.extent_m / 2.0
+    if (most is not None and square.extent_m > most) or farthest > LINE_MOST_M:
         return None
     parsed.notes.append(
         f"{_said(parsed, box, template)} is {square.extent_m:g} m wide and put around "
