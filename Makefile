@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
-.PHONY: help setup demo test check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck clean
+.PHONY: help setup demo test check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -17,6 +17,7 @@ help:
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make model   install a small open model and play with it, offline: minutes'
+	@echo 'make faults  plant 2,000 faults in episodes and suites, one at a time: an hour (FAULTS=200 SEED=7)'
 	@echo 'make detector  play development seeds and train the detector of `learned` on their frames: an hour'
 	@echo 'make browser  install a browser (Debian'"'"'s Chromium, playwright) and try the pages in it'
 	@echo 'make readers  install what Foxglove and Rerun read traces with, and try it (needs Node.js)'
@@ -57,6 +58,9 @@ detector: setup
 	@$(BIN)/lingjing frames export --play bi idf ufr --seeds 2000-2007 -j 2 -o build/frames
 	@$(BIN)/python tools/train_detector.py build/frames-ssr --classes person_in_water
 	@$(BIN)/python tools/train_detector.py build/frames --classes bridge_fracture building_fire fire_source
+
+faults: setup
+	@FAULTS=$(or $(FAULTS),2000) SEED=$(or $(SEED),1) $(BIN)/python -m pytest -q -s -p no:xdist -m faults --timeout 36000 tests/faults
 
 selfcheck: setup
 	@$(BIN)/python -m lingjing.play.selfcheck

@@ -103,7 +103,10 @@ def write_fault(folder: str) -> str:
 def _existing(place: str) -> str:
     """A place, or the nearest one above it that is there."""
     while not os.path.lexists(place):
-        place = os.path.dirname(place) or "."  # noqa: PTH120
+        above = os.path.dirname(place) or "."  # noqa: PTH120
+        if above == place:  # a working folder that was removed, or a disk that answers no question
+            break
+        place = above
     return place
 
 

@@ -5,7 +5,6 @@ Only the chosen verb's module is imported, so that `lingjing validate` starts wi
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -16,12 +15,11 @@ from typing import NamedTuple
 from lingjing.cli.process import deaf, endable, leave, open_streams, say, say_error, silence_stdout
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.file_names import check_name
+from lingjing.refusals import refusal_of
 from lingjing.signals import unheard
 
 BROKEN_PIPE = 141
 """128 + SIGPIPE: what a shell reports for any tool whose reader went away."""
-
-_UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPERM, errno.EFBIG, errno.EIO}
 
 
 class CommandVerb(NamedTuple):
@@ -96,12 +94,13 @@ def _guarded(arguments: list[str]) -> int:
         return BROKEN_PIPE
     except LingjingError as error:
         return _interrupted() if _was_interrupt(error) else _report(error, arguments)
-    except OSError as error:
-        if error.filename is None:
+    except Exception as error:  # noqa: BLE001 - whatever comes here is a refusal of the system's or a fault of ours
+        if isinstance(error, OSError) and error.filename is None:
             silence_stdout()  # it may be full: what it still holds must not be tried again at the end
-        return _report(_unwritable(error), arguments) if error.errno in _UNWRITABLE else _bug(error, arguments)
-    except Exception as error:  # noqa: BLE001 - whatever comes here is a fault of ours
-        return _interrupted() if _was_interrupt(error) else _bug(error, arguments)
+        if _was_interrupt(error):
+            return _interrupted()
+        refusal = refusal_of(error)
+        return _bug(error, arguments) if refusal is None else _report(refusal, arguments)
     return code
 
 
@@ -190,11 +189,6 @@ def _report(error: LingjingError, arguments: Sequence[str]) -> int:
         return _bug(error, arguments)
     say_error(error)
     return error.exit_code
-
-
-def _unwritable(error: OSError) -> UsageError:
-    name = f"`{error.filename}`" if error.filename else "the output"
-    return UsageError(f"cannot write {name}: {error.strerror}", hint="choose another place with -o, or make room")
 
 
 def _bug(error: BaseException, arguments: Sequence[str]) -> int:

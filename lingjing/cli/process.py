@@ -78,13 +78,14 @@ def _count_interrupts(reading: int) -> None:
     """End everything at the second interrupt; return when the other end of the pipe is closed."""
     ending = {signal.SIGINT, *(getattr(signal, name) for name in _ENDING)}
     first_s: float | None = None
-    while numbers := os.read(reading, 64):
-        if ending.isdisjoint(numbers):
-            continue
-        if first_s is None:
-            first_s = time.monotonic()
-        elif time.monotonic() - first_s >= SECOND_S:
-            end_everything()
+    with suppress(OSError):  # without the pipe the second interrupt is met as the first one is
+        while numbers := os.read(reading, 64):
+            if ending.isdisjoint(numbers):
+                continue
+            if first_s is None:
+                first_s = time.monotonic()
+            elif time.monotonic() - first_s >= SECOND_S:
+                end_everything()
     os.close(reading)
 
 
@@ -120,7 +121,7 @@ def leave(code: int) -> int:
 
 def say(line: str) -> None:
     """One line on standard error."""
-    with suppress(BrokenPipeError):  # nobody is listening; the exit code still says it
+    with suppress(OSError, ValueError):  # closed, full or failing: the exit code still says it
         print(line, file=sys.stderr, flush=True)
 
 

@@ -130,6 +130,9 @@ class EpisodeTask(NamedTuple):
         return [*_PYTHON, "run", "--options", "-", "-o", str(self.folder), "--json"]
 
 
+_MUTE_HINT = "see if there is room in the folder of temporary files (TMPDIR), where its messages go"
+
+
 @dataclass(frozen=True, slots=True)
 class _Worker:
     task: EpisodeTask
@@ -247,7 +250,9 @@ def _finish(child: _Worker) -> EpisodeReport:
     if code <= ExitCode.OK:
         return without_result(child.task, end_without_result(code))
     said, _, hint = complaint.partition("\nhint: ")
-    raise error_of(code, said.removeprefix("error: ") or f"an episode ended with code {code}", hint)
+    if not said:
+        said, hint = f"an episode ended with code {code} and could not say why", _MUTE_HINT
+    raise error_of(code, said.removeprefix("error: "), hint)
 
 
 def without_result(task: EpisodeTask, why: str) -> EpisodeReport:

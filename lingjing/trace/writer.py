@@ -85,7 +85,8 @@ class TraceWriter:
         except (IsADirectoryError, NotADirectoryError) as error:
             raise disturbed(self.path, error.strerror or str(error)) from None
         except OSError as error:
-            raise UsageError(f"cannot name the trace {self.path}: {error.strerror}") from error
+            hint = f"it is whole under the name {self.part.name}"
+            raise UsageError(f"cannot name the trace {self.path}: {error.strerror}", hint=hint) from error
         return self.path
 
     def abandon(self, outcome: Outcome | None = None) -> Path:
@@ -110,7 +111,8 @@ class TraceWriter:
         try:
             return ContainerWriter(self.part, self._key)
         except OSError as error:
-            raise UsageError(f"cannot write the trace {self.part}: {error.strerror}") from error
+            hint = "choose another place with -o, or make room"
+            raise UsageError(f"cannot write the trace {self.part}: {error.strerror}", hint=hint) from error
 
     def _begin(self, header: Header) -> None:
         self._own("header", header, 0)

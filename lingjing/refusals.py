@@ -1,0 +1,49 @@
+"""What the system refuses a program: no fault of the program, and each with its way out.
+
+A place that cannot be written is a wrong argument (`UsageError`). A machine that lacks descriptors, memory or
+processes, or whose disk fails, is an `InfrastructureError`. Any other error of the system, such as a file that is not
+there, is nothing that a refusal explains.
+"""
+
+from __future__ import annotations
+
+import errno
+
+from lingjing.errors import InfrastructureError, LingjingError, UsageError
+
+_UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPERM, errno.EFBIG}
+
+_DESCRIPTORS = "close other programs, or raise the limit: `ulimit -n`"
+_MEMORY = "close other programs, or play fewer episodes at a time with -j"
+_PROCESSES = "close other programs, or raise the limit: `ulimit -u`"
+_DISK = "check the disk: `dmesg` shows the errors of its device"
+
+_LACKING = {
+    errno.EMFILE: _DESCRIPTORS,
+    errno.ENFILE: _DESCRIPTORS,
+    errno.ENOMEM: _MEMORY,
+    errno.EAGAIN: _PROCESSES,
+    errno.EIO: _DISK,
+    errno.ESTALE: _DISK,
+}
+
+
+def refusal_of(error: BaseException) -> LingjingError | None:
+    """The error to report in place of one that says what the system refuses; None for any other."""
+    if isinstance(error, MemoryError):
+        return InfrastructureError("the system has not enough memory", hint=_MEMORY)
+    if isinstance(error, RuntimeError) and "start new thread" in str(error):
+        return InfrastructureError("the system starts no more threads", hint=_PROCESSES)
+    if not isinstance(error, OSError):
+        return None
+    name = f"`{error.filename}`" if error.filename else ""
+    if error.errno in _UNWRITABLE:
+        hint = "choose another place with -o, or make room"
+        return UsageError(f"cannot write {name or 'the output'}: {error.strerror}", hint=hint)
+    if error.errno in _LACKING:
+        message = f"the system refuses {name or 'what is needed'}: {error.strerror}"
+        return InfrastructureError(message, hint=_LACKING[error.errno])
+    return None
+
+
+__all__ = ["refusal_of"]
