@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 import shapely
+import shapely.affinity
 
 from lingjing.engines.road.engine import RoadEngine
 from lingjing.errors import InfrastructureError
@@ -668,6 +669,31 @@ def test_a_dog_that_walks_on_without_looking_is_seen_in_time(play: Start, city: 
 
     assert played.until_ended(drive.request, mirrors=dog).status == "completed"
     assert not any(event.kind == "collided" for event in played.events)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("y", "both"), [(-3.7, True), (-3.3, True), (-6.2, False)], ids=["near", "on", "edge"])
+def test_background_traffic_touches_no_dog_beside_a_lane_line(play: Start, y: float, both: bool, seed: int) -> None:
+    """The bug: cars that changed lanes for a dog 0.4 m from a line were still partly in its lane. At x = 300 m two
+    lanes lead to the east, with lines at -6.6, -3.3 and 0 m."""
+    there = msgspec.structs.replace(other("dog", "robot_dog", "quadruped"), position=(300.0, y, 0.3))
+    played = play([there], grid(lanes=2), seed=seed, traffic=250)
+    dog = BodyState(id="dog", position=there.position)
+    body = shapely.box(300.0 - 0.16, y - 0.35, 300.0 + 0.16, y + 0.35)
+    passed = set()
+    for _ in range(80):
+        for car in played.step(lambda _: (dog,)).ambient:
+            if abs(car.position[0] - 300.0) < 20.0 and -8.0 < car.position[1] < 0.0:
+                assert outline(car).distance(body) > 0.1, car
+                passed |= {car.id} if car.position[0] > 303.0 else set()
+    assert bool(passed) != both, "only the lane that it touches is blocked"
+
+
+def outline(car: BodyState) -> shapely.Polygon:
+    size, angle = SIZES[car.kind], math.radians(90.0 - car.heading_deg)
+    box = shapely.box(-size.length_m / 2.0, -size.width_m / 2.0, size.length_m / 2.0, size.width_m / 2.0)
+    turned = shapely.affinity.rotate(box, angle, origin=(0.0, 0.0), use_radians=True)
+    return shapely.affinity.translate(turned, *car.position[:2])
 
 
 def test_a_parked_truck_is_not_driven_through(play: Start, city: City) -> None:

@@ -81,7 +81,10 @@ class RoadEngine(FleetEngine):
                 self._congestion.appear(jam, occupied)
         self._traffic.populate(count, occupied)
         self._traffic.keep_off(self._congestion.blocked)
+        if count:  # what stands on a road is there before the traffic comes
+            self._foreign.look([self._standing(one) for one in strangers if self._schedule.present(one.id, 0.0)], 0.0)
         for _ in range(WARM_UP_STEPS if count else 3):
+            self._foreign.step(0.0)
             sim.step()
             self._traffic.step()
 
@@ -148,6 +151,10 @@ class RoadEngine(FleetEngine):
         self.requests.complete(vehicle.id, now_s)
         if outcome == "arrived":
             self.emit(ARRIVED, vehicle.id, odometer_m=vehicle.odometer_m)
+
+    def _standing(self, entity: Entity) -> BodyState:
+        """An entity of another engine before that has told of it."""
+        return BodyState(id=entity.id, position=entity.position, heading_deg=entity.heading_deg)
 
     def _put(self, entity: Entity, occupied: Occupied) -> None:
         x, y, _ = entity.position
