@@ -31,7 +31,7 @@ MOST_WAITING_IN_ALL = 64
 """Connections without a request, of all addresses: every address of 127.0.0.0/8 is this machine."""
 
 
-class Refusal(NamedTuple):
+class RefusedRequest(NamedTuple):
     """Why a request gets no answer."""
 
     status: HTTPStatus
@@ -46,18 +46,18 @@ class RequestHead(NamedTuple):
     origins: Sequence[str]
 
 
-def refusal(head: RequestHead, port: int, token: str, origins: Sequence[str] = ()) -> Refusal | None:
+def refusal(head: RequestHead, port: int, token: str, origins: Sequence[str] = ()) -> RefusedRequest | None:
     """The reason why a request gets no answer, None if it does. Pages of this server and of `origins` may ask."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
     if len(head.hosts) != 1 or head.hosts[0].lower() not in names:
-        return Refusal(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for 127.0.0.1 and localhost only")
+        return RefusedRequest(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for 127.0.0.1 and localhost only")
     allowed = {*origins, *(f"http://{name}" for name in names)}
     if len(head.origins) > 1 or not allowed.issuperset(head.origins):
-        return Refusal(HTTPStatus.FORBIDDEN, "a page of another site may not ask this server")
+        return RefusedRequest(HTTPStatus.FORBIDDEN, "a page of another site may not ask this server")
     given = asked_for(head.target)[1].get("token", "")
     if not hmac.compare_digest(given.encode(), token.encode()):
         words = "the address lacks its token: open the one that the command printed"
-        return Refusal(HTTPStatus.FORBIDDEN, words)
+        return RefusedRequest(HTTPStatus.FORBIDDEN, words)
     return None
 
 
@@ -153,7 +153,7 @@ __all__ = [
     "HOST",
     "MOST_WAITING",
     "ConnectionGate",
-    "Refusal",
+    "RefusedRequest",
     "RequestHead",
     "asked_for",
     "gated",

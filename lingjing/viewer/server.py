@@ -19,7 +19,7 @@ from typing import Protocol
 
 from lingjing.errors import LingjingError, UsageError
 from lingjing.signals import unheard
-from lingjing.viewer.admission import HOST, ConnectionGate, Refusal, RequestHead, asked_for, refusal
+from lingjing.viewer.admission import HOST, ConnectionGate, RefusedRequest, RequestHead, asked_for, refusal
 from lingjing.viewer.page import element, page, policy
 
 MOST_CONNECTIONS = 32
@@ -154,13 +154,13 @@ class LocalRequest(BaseHTTPRequestHandler):
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
         """Nothing is logged: the addresses hold the token."""
 
-    def refused(self) -> Refusal | None:
+    def refused(self) -> RefusedRequest | None:
         """The reason why the request gets no answer, None if it does. A connection that is refused is closed."""
         hosts, origins = self.headers.get_all("Host", []), self.headers.get_all("Origin", [])
         head, port = RequestHead(self.path, hosts, origins), self.connection.getsockname()[1]
         refused = refusal(head, port, self.token, self.origins)
         if refused is None and not self.server.admit(self.connection):  # type: ignore[attr-defined]
-            refused = Refusal(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections")
+            refused = RefusedRequest(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections")
         self.close_connection |= refused is not None
         return refused
 

@@ -10,5 +10,6 @@ In the order of the work:
 - `blocks`: properties of a block against the keys it knows. `properties`: their form in the mission.
 - `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
   `events`, `studies`: one checker for each sort of declaration.
+- `unseen_pictures`: the warning for agents that observe fields of an asset and not its cameras.
 - `checker`: a whole mission.
 """
