@@ -4,8 +4,9 @@ For each column, with the oracle's kinds of engines and `stopping.py` as the pol
 
 - *alone, cold*: the first episode after the caches were emptied, as a process of its own (`lingjing run`);
 - *alone*: the same on a city seen before;
-- *forked*: each further episode of a study (`play_apart`), up to the first decision and up to the second one with a
-  picture between them; the second holds a tick of simulation and a picture, which are no part of starting.
+- *forked*: each further episode of a study (`play_apart`) on another seed, up to the first decision and to the second
+  one with a picture between them; this one holds a tick of simulation and a picture, which are no part of starting;
+- *seen before*: each further episode on the same seed, up to the first decision.
 
 `--oracle` also plays oracles' episodes and tells which share of one starting is; `--many N` plays N episodes in one
 run and tells what they leave: memory of the process they are forked from, descriptors, processes.
@@ -45,7 +46,7 @@ COLUMNS = (
     "upr-star",
     "vdn-single",
 )
-FURTHER = 4
+FURTHER = 6
 
 
 def main() -> None:
@@ -59,14 +60,22 @@ def main() -> None:
         if args.many:
             many(args.columns[0], args.many)
             return
-        head = ["column", "alone, cold", "alone", "forked, to a decision", "forked, to the next one with a picture"]
+        head = [
+            "column",
+            "alone, cold",
+            "alone",
+            "seen before",
+            "forked, to a decision",
+            "forked, to the next one with a picture",
+        ]
         print_row(*head, *(["oracle's episode", "share of starting"] if args.oracle else []))
         print_row(*["---"] * (len(head) + 2 * args.oracle))
         for column in args.columns:
             cold, warm = alone(column), alone(column)
+            seen = further(column, "decision", same=True)
             decision, picture = further(column, "decision"), further(column, "picture")
             played = [f"{(whole := further(column, '')):.2f}", f"{100 * decision / whole:.0f} %"] if args.oracle else []
-            print_row(column, f"{cold:.2f}", f"{warm:.2f}", f"{decision:.2f}", f"{picture:.2f}", *played)
+            print_row(column, f"{cold:.2f}", f"{warm:.2f}", f"{seen:.2f}", f"{decision:.2f}", f"{picture:.2f}", *played)
 
 
 def alone(column: str) -> float:
@@ -79,25 +88,29 @@ def alone(column: str) -> float:
         return spent() - before
 
 
-def further(column: str, until: str) -> float:
-    """CPU seconds of each episode after the first in one run; until nothing: of a whole episode of the oracle."""
-    return (forked(column, until, 1 + FURTHER) - forked(column, until, 1)) / FURTHER
+def further(column: str, until: str, *, same: bool = False) -> float:
+    """CPU seconds of each episode after the first in one run, on the `same` seed or on others; until nothing: of a
+    whole episode of the oracle."""
+    return (forked(column, until, 1 + FURTHER, same=same) - forked(column, until, 1, same=same)) / FURTHER
 
 
-def forked(column: str, until: str, count: int) -> float:
+def forked(column: str, until: str, count: int, *, same: bool = False) -> float:
+    """CPU seconds of so many episodes in one run."""
     before = spent()
     with tempfile.TemporaryDirectory() as folder:
-        for _ in play_apart(tasks(column, until, count, Path(folder)), jobs=1):
+        for _ in play_apart(tasks(column, until, count, Path(folder), same=same), jobs=1):
             pass
     return spent() - before
 
 
-def tasks(column: str, until: str, count: int, folder: Path) -> Iterator[EpisodeTask]:
+def tasks(column: str, until: str, count: int, folder: Path, *, same: bool = False) -> Iterator[EpisodeTask]:
+    """The episodes: seed 1 again and again, or the seeds from 1 on, none of which comes again."""
     mission, _, mode = column.rpartition("-")
     policy = {"policy": POLICY, "policy_args": {"until": until}} if until else {"policy": "oracle"}
     for seed in range(1, 1 + count):
-        options = PlayOptions(mission=str(find_mission(mission)), mode=mode, seed=seed, overview=False, **policy)
-        yield EpisodeTask(options, folder / str(seed))
+        played = 1 if same else seed
+        options = PlayOptions(mission=str(find_mission(mission)), mode=mode, seed=played, overview=False, **policy)
+        yield EpisodeTask(options, folder / str(seed), repeated=same)
 
 
 def many(column: str, count: int) -> None:

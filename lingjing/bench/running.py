@@ -181,13 +181,15 @@ class SuiteRun:
 
     def _tasks(self, of: dict[Path, SuiteEpisode], started: dict[Path, float]) -> Iterator[EpisodeTask]:
         """The tasks, each with what an earlier, unfinished try left taken away; no more once the money is used up."""
+        played_on = Counter(_played_on(episode) for episode in of.values())
         for folder, episode in of.items():
             self.is_out_of_money |= self.max_cost is not None and self.spent() >= self.max_cost
             if self.is_out_of_money:
                 return
             take_away(folder)
             started[folder] = time.monotonic()
-            yield EpisodeTask(self._counted(self._options(episode.cell, episode.seed), episode), folder)
+            options = self._counted(self._options(episode.cell, episode.seed), episode)
+            yield EpisodeTask(options, folder, repeated=played_on[_played_on(episode)] > 1)
 
     def spent(self) -> float:
         """US dollars that the folder's calls of models have cost, those of aborted and of stopped episodes too."""
@@ -262,6 +264,12 @@ class SuiteRun:
             options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from=""),
             report=msgspec.structs.replace(report, trace=kept),
         )
+
+
+def _played_on(episode: SuiteEpisode) -> tuple[object, ...]:
+    """What decides the instance: episodes of one are played on one placed world."""
+    column = episode.cell.column
+    return str(column.path), column.mode, tuple(sorted(column.settings.items())), episode.seed
 
 
 def cost_of(row: SuiteRow) -> float:

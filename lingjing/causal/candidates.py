@@ -180,7 +180,7 @@ class CandidatePlayer:
             rmtree(place, ignore_errors=True)
             mission = self.folder / f"{one.key[:16]}.ljs"
             mission.write_text(one.text, encoding="utf-8")
-            tasks[place] = (one, EpisodeTask(self.options_for(one, str(mission), who), place))
+            tasks[place] = (one, EpisodeTask(self.options_for(one, str(mission), who), place, repeated=False))
             self.played += 1
         for task, report in play_apart([task for _, task in tasks.values()], self.jobs):
             one = tasks[task.folder][0]

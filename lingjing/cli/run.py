@@ -322,7 +322,9 @@ def _played(
 ) -> Iterator[EpisodeReport]:
     """The episodes; each agent's policy plays in a process of its own."""
     if args.jobs > 1:
-        tasks = (EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed)) for seed in seeds)
+        tasks = (
+            EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed), repeated=False) for seed in seeds
+        )
         yield from (report for _, report in play_apart(tasks, args.jobs))
         return
     places = ((seed, claim(seed)) for seed in seeds)

@@ -57,9 +57,10 @@ class SteppedEpisodes:
     def begin(self, seed: int, outside: Collection[str]) -> Published:
         """Boundary 0 of the episode of `seed`; the agents `outside` are played by the caller."""
         self._end()
-        instance, city = self._cities.place(self.instance(seed), imported=bool(self._mission.origin.places))
+        imported = bool(self._mission.origin.places)
+        instance, city = self._cities.place(self.instance(seed), imported=imported, hold=True)
         if self._world is None:
-            self._world = open_world(self._kind, host=self._host)
+            self._world = open_world(self._kind, host=self._host, hold_starts=True)
         played = [agent.id for agent in instance.agents if agent.id not in outside]
         privileged = frozenset(played) if self._others.privileged else frozenset()
         self._kernel = Kernel(

@@ -6,7 +6,9 @@ distribution is read for itself: what cannot be read is named, the rest counts.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, distributions
 from importlib.util import find_spec
 from pathlib import Path
@@ -35,8 +37,24 @@ class FoundEntries(NamedTuple):
     broken: tuple[BrokenEntry, ...]
 
 
+_held: dict[tuple[str, tuple[str, ...]], FoundEntries] = {}
+
+
+def hold_entries() -> None:
+    """Keep what is installed on Python's path for this process and for those that will be forked from it."""
+    for group in (PLUGINS, TYPES):
+        _held[group, tuple(sys.path)] = found = _read_entries(group)
+        for point in found.points:
+            label(point.dist)
+
+
 def find_entries(group: str) -> FoundEntries:
-    """The entry points of a group. Of two distributions with one name the first on Python's path counts."""
+    """The entry points of a group, as they are or as `hold_entries` found them on the same path. Of two distributions
+    with one name the first on Python's path counts."""
+    return _held.get((group, tuple(sys.path))) or _read_entries(group)
+
+
+def _read_entries(group: str) -> FoundEntries:
     points: list[EntryPoint] = []
     broken: list[BrokenEntry] = []
     for found in _distinct():
@@ -57,6 +75,7 @@ def find_entries(group: str) -> FoundEntries:
     return FoundEntries(tuple(sorted(points, key=lambda point: (point.name, label(point.dist)))), tuple(broken))
 
 
+@lru_cache(maxsize=256)  # a distribution's metadata is parsed anew at each look
 def label(found: Distribution | None) -> str:
     """A distribution's name and version, as far as its metadata has them."""
     name = _name(found) if found is not None else ""

@@ -105,7 +105,8 @@ _CLI = "lingjing.cli.main"
 _PYTHON = [sys.executable, "-m", _CLI]
 
 PLAYED_WITH = (
-    "lingjing.cli.run", "lingjing.cli.progress", "lingjing.play.episode", "lingjing.dsl.compilation",
+    "lingjing.cli.parser", "lingjing.cli.run", "lingjing.cli.progress", "lingjing.kernel.world.process",
+    "lingjing.play.episode", "lingjing.dsl.compilation",
     "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin", "lingjing.engines.camera.engine",
     "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.aeroplane", "lingjing.engines.multirotor.drone",
     "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine", "lingjing.kernel.evaluation",
@@ -120,10 +121,11 @@ WITH_EXTRAS = (("libsumo", "lingjing.engines.road.engine"), ("mujoco", "lingjing
 
 
 class EpisodeTask(NamedTuple):
-    """An episode to be played in a process of its own."""
+    """An episode to be played in a process of its own. `repeated` if others may begin with the same instance."""
 
     options: PlayOptions
     folder: Path
+    repeated: bool = True
 
     def command(self) -> list[str]:
         """The command line that plays it with the options on its standard input, and prints its report as JSON."""
@@ -148,6 +150,7 @@ class _Starter:
     def __init__(self) -> None:
         self._server: ForkServer | None = None
         self._shared: set[bytes] = set()
+        self._preloaded: set[str] = set()
 
     def start(self, task: EpisodeTask) -> _Worker:
         """The process of an episode. A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then
@@ -178,6 +181,7 @@ class _Starter:
             except InfrastructureError:  # it was killed: another one takes its place
                 self._server.close()
                 self._shared.clear()
+                self._preloaded.clear()
         self._server = ForkServer(
             [*PLAYED_WITH, *SERVES, *(module for package, module in WITH_EXTRAS if find_spec(package))]
         )
@@ -186,12 +190,25 @@ class _Starter:
     def _asked(
         self, server: ForkServer, task: EpisodeTask, arguments: list[str], streams: tuple[int, int, int]
     ) -> ForkedProcess:
-        one = msgspec.structs.replace(task.options, seed=0, policy_seed=0)
-        if (kind := msgspec.json.encode(one)) not in self._shared:
-            self._shared.add(kind)
-            server.call(SHARE, kind.decode())
-            server.call(PRELOAD, _policy_names(one))
+        start = msgspec.json.encode({"options": _played_on(task.options), "repeated": task.repeated})
+        if start not in self._shared:
+            self._shared.add(start)
+            server.call(SHARE, start.decode())
+        if (names := _policy_names(task.options)) not in self._preloaded:
+            self._preloaded.add(names)
+            server.call(PRELOAD, names)
         return server.run_module(_CLI, arguments, streams)
+
+
+def _played_on(options: PlayOptions) -> PlayOptions:
+    """The options that decide the instance, without those of whoever plays it."""
+    return PlayOptions(
+        mission=options.mission,
+        seed=options.seed,
+        mode=options.mode,
+        settings=options.settings,
+        engine_args=options.engine_args,
+    )
 
 
 def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:

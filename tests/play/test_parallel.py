@@ -29,17 +29,28 @@ if hasattr(road, "tainted") or "TAINTED" in os.environ:
 road.tainted = os.environ["TAINTED"] = "by an episode"
 road.RoadEngine.advance = None  # in this process; the world is another one
 
+def children(pid):
+    return [int(one) for one in Path(f"/proc/{{pid}}/task/{{pid}}/children").read_text().split()]
+
+def holders():
+    return [one for one in children(os.getppid()) if children(one)]
+
 class Player:
     def __init__(self, fatal="no"):
-        self.fatal = fatal == "yes"
+        self.fatal = fatal
 
     async def reset(self, brief):
         self.role = brief.role
         Path(HERE, f"server-{{os.getppid()}}").touch()
 
     async def act(self, observation, inbox):
-        if self.fatal and observation.tick == 1:
+        if self.role == "flyer" and observation.tick == 0:
+            for pid in holders():
+                Path(HERE, f"holder-{{pid}}").open("a").write(f"{{os.getpid()}}\\n")
+        if self.role == "flyer" and observation.tick == 1 and self.fatal == "yes":
             os.kill(os.getppid(), signal.SIGKILL)
+        if self.role == "flyer" and observation.tick == 1 and self.fatal == "holder":
+            os.kill(*holders(), signal.SIGKILL)
         if self.role == "flyer" and observation.tick == 0:
             return Decision(command=Action(verb="takeoff"))
         if self.role == "walker" and observation.tick == 0:
@@ -86,6 +97,8 @@ def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_an
     assert fresh(given[0]) == told[0]
     assert fresh(given[1]) == told[1]
     assert not (tmp_path / "tainted").exists()
+    users = sorted(len(path.read_text().split()) for path in tmp_path.glob("holder-*"))
+    assert users == [1, 2], "the worlds of one instance are forks of one holder"
     loaded = {path.name.partition("-")[2]: path.read_text() for path in tmp_path.glob("loaded-*")}
     assert len(loaded) == 5 * (3 + 1), "a process for each agent, and one that reads the declaration"
     streams = 3 * 3 + 1  # fresh episodes have those of the first two
@@ -103,7 +116,7 @@ from lingjing.play.parallel import PLAYED_WITH
 for name in PLAYED_WITH:
     import_module(name)
 from lingjing.play.sharing import share
-share('{{"mission": "ssr", "policy": "random"}}')
+share('{{"options": {{"mission": "ssr", "policy": "random"}}}}')
 from lingjing.trace.schemas import schema_text
 before, made = set(sys.modules), schema_text.cache_info().misses
 from lingjing.play.episode import Session
@@ -122,6 +135,24 @@ except Begun:
 """
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert told.stdout.splitlines() == ["[]", "[]", "0"], told.stderr
+
+
+def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_its_own(tmp_path: Path) -> None:
+    first, second = tasks(tmp_path, player(tmp_path), (3, 3))
+    first = first._replace(options=replace(first.options, policy_args={"fatal": "holder"}))
+    played = {task.folder: report for task, report in play_apart([first, second], jobs=1)}
+    assert played[first.folder].reason == ABORTED
+    assert played[first.folder].detail.startswith("the world process died")
+    assert played[second.folder].reason == "budget"
+    holders = [int(path.name.partition("-")[2]) for path in tmp_path.glob("holder-*")]
+    await_gone(holders)
+
+
+def test_an_instance_that_comes_once_is_not_held(tmp_path: Path) -> None:
+    given = [task._replace(repeated=False) for task in tasks(tmp_path, player(tmp_path), (3,))]
+    ((_, report),) = play_apart(given, jobs=1)
+    assert report.reason == "budget"
+    assert not list(tmp_path.glob("holder-*"))
 
 
 def test_a_killed_server_is_an_abort_of_its_episode_and_the_next_is_played(tmp_path: Path) -> None:

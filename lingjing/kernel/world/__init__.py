@@ -12,7 +12,8 @@ In the order of a call:
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
 - `handle`      the caller's end of a worker ← `launch` (its process) ← `packets` (framing) ← `messages`, `shared`
 - `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `handlers` (its answer to each request)
-- `held_cities`   cities that a process holds for its forks
+- `held_cities`   cities that a process holds for its forks; `placed_worlds` worlds that stand at boundary 0 (a fork
+  server's), `held_starts` the same of one caller; `first_pictures` the pictures of boundary 0
 - `forking`     a command's fork server as its callers see it ← `fork_server`, the process that episodes and workers are
   forked from
 - `parent_death`   a process that ends with its parent; `descendants` ends what processes leave behind
@@ -46,13 +47,15 @@ def open_world(
     paths: tuple[str, ...] = (),
     installed: bool = True,
     fork_server: ForkServerClient | None = None,
+    hold_starts: bool = False,
 ) -> World:
     """A world of the given kind, idle until `reset`.
 
     `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
     before the caller's `sys.path`); without `installed` they are the only ones. `host`, if the caller has built one
     already, must offer the same; workers always find plug-ins for themselves. A `fork_server` forks them from a process
-    that has imported all they need, else each is started anew.
+    that has imported all they need, else each is started anew. With `hold_starts` an instance that begins again begins
+    in a copy of the world that was kept at its boundary 0.
     """
     if kind == "inline":
         from lingjing.kernel.world.extra_plugins import host_with
@@ -65,4 +68,6 @@ def open_world(
         raise UsageError("worker processes need Linux (or WSL2)", hint="use `--world inline`")
     from lingjing.kernel.world.process import ProcessWorld
 
-    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, host=host, fork_server=fork_server)
+    return ProcessWorld(
+        plugins=plugins, paths=paths, installed=installed, host=host, fork_server=fork_server, hold_starts=hold_starts
+    )

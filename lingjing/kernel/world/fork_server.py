@@ -4,7 +4,8 @@ It has imported everything and has one thread, which is asserted before each for
 the locks of those that are gone. It opens no OpenGL, loads no OpenCV, runs nothing of a policy, and plays nothing:
 what happens in an episode happens in its forks. Of the state that a fork takes along only what was imported counts; the
 global random streams are begun anew. A camera process outlives its episode and is handed to the next one that asks: it
-keeps its graphics context, and a picture depends on nothing before it.
+keeps its graphics context, and a picture depends on nothing before it. The world of an instance that comes again is
+forked from a holder, a fork that has placed it and serves this one world (`placed_worlds`).
 
 It ends with the end of its caller's socket and with its caller, and its forks with it: workers by SIGKILL, modules by
 SIGTERM. A world process or a function's ends with the process that asked for it, a camera process that does not become
@@ -32,6 +33,7 @@ from typing import NoReturn
 
 import msgspec
 
+from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.descendants import adopt, end_children
 from lingjing.kernel.world.forking import (
@@ -42,15 +44,21 @@ from lingjing.kernel.world.forking import (
     StartFunction,
     StartWorker,
     WorkerSettings,
+    send_request,
 )
+from lingjing.kernel.world.handlers import WorldHandler
 from lingjing.kernel.world.parent_death import die_with
-from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
+from lingjing.kernel.world.placed_worlds import WorldStart, announced
+from lingjing.kernel.world.shared import CallMonitor, progress_memory
+from lingjing.kernel.world.worker import placed_handler, serve_as_camera, serve_as_world, serve_placed
 from lingjing.numerics import pins
 
 _PATROL_S = 1.0
 _LINGERS_S = 2.0
 """How long a camera process may take to become idle when the process that it drew for has ended, in its own time."""
 _MOST_DESCRIPTORS = 8
+MOST_HOLDERS = 8
+"""Processes that hold a placed world; the one that was not asked for the longest time ends first."""
 _USUAL = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
 
 _REQUESTS: msgspec.msgpack.Decoder[ForkRequest] = msgspec.msgpack.Decoder(ForkRequest)
@@ -67,6 +75,7 @@ class _Process:
     is_module: bool = False
     asker: int = -1
     camera: _CameraUse | None = None
+    holds: bytes = b""
 
 
 @dataclass(slots=True)
@@ -86,6 +95,8 @@ class _Server:
     pid: int
     selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
     processes: dict[int, _Process] = field(default_factory=dict)
+    holders: dict[bytes, socket.socket] = field(default_factory=dict)
+    unplaceable: set[bytes] = field(default_factory=set)
 
     def run(self) -> None:
         """Serve until the caller's end is closed."""
@@ -148,6 +159,8 @@ class _Server:
     def start_worker(self, request: StartWorker, descriptors: list[int]) -> None:
         """Hand over an idle camera process, or fork a worker."""
         channel, progress, output, asker, told = descriptors
+        if request.start and self.start_placed(request, descriptors):
+            return
         tells = socket.socket(fileno=os.dup(told))
         if request.place == "camera" and self.hand_over(request.settings, (channel, progress, output), tells, asker):
             return
@@ -196,6 +209,39 @@ class _Server:
             return True
         return False
 
+    def start_placed(self, request: StartWorker, descriptors: list[int]) -> bool:
+        """Have the holder of a placed world start the worker; False if there is none and none can be made."""
+        start = announced(request.start) if request.start not in self.unplaceable else None
+        if start is None:
+            return False
+        holder = self.holders.pop(request.start, None) or self.hold(request.settings, start)
+        if holder is None:
+            return False
+        try:
+            send_request(holder, request, descriptors)
+        except InfrastructureError:  # it has just ended
+            holder.close()
+            return False
+        self.holders[request.start] = holder  # the one that was used last is the last to go
+        return True
+
+    def hold(self, settings: WorkerSettings, start: WorldStart) -> socket.socket | None:
+        """Fork a process that places a world; what it is asked through. The oldest ends when there are too many."""
+        while len(self.holders) >= MOST_HOLDERS:
+            self.holders.pop(next(iter(self.holders))).close()
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        unread, told = socket.socketpair()
+        with theirs, unread:
+            pid = self.fork(told)
+            if pid == 0:
+                _keep_only([theirs.fileno()])
+                _become_holder(settings, start, theirs.fileno(), self.pid)
+        if pid is None:
+            ours.close()
+            return None
+        self.processes[pid].holds = start.key
+        return ours
+
     # -- processes
 
     def fork(self, told: socket.socket) -> int | None:
@@ -222,6 +268,8 @@ class _Server:
         self.unwatch(process)
         with process.told, contextlib.suppress(OSError):
             process.told.sendall(status.to_bytes(4, "little"))
+        if process.holds and status:  # the next worker says by itself what is wrong
+            self.unplaceable.add(process.holds)
         if process.camera is not None:
             self.selector.unregister(process.camera.control)
             process.camera.control.close()
@@ -268,6 +316,56 @@ class _Server:
         for pid in modules:
             os.kill(pid, signal.SIGTERM)
         end_children(modules)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Holder(_Server):
+    """The server of one placed world: each worker that it is asked for is a fork of itself."""
+
+    handler: WorldHandler
+    progress: CallMonitor
+    is_over: bool = False
+
+    def run(self) -> None:
+        """Serve until the server's end is closed, then until the last worker has ended."""
+        self.selector.register(self.asking, selectors.EVENT_READ, self.asked_by_caller)
+        while os.getppid() == self.parent and not (self.is_over and not self.processes):
+            for key, _ in self.selector.select(_PATROL_S):
+                if self.selector.get_map().get(key.fd) == key:
+                    key.data(key.fileobj)
+
+    def asked_by_caller(self, asking: socket.socket) -> bool:
+        """A worker is asked for."""
+        try:
+            request, descriptors = _received(asking)
+        except EOFError:
+            self.selector.unregister(asking)
+            self.is_over = True
+            return False
+        if isinstance(request, StartWorker) and len(descriptors) == 5:
+            self.start_worker(request, descriptors)
+        _close(descriptors)
+        return True
+
+    def start_worker(self, request: StartWorker, descriptors: list[int]) -> None:
+        """Fork a worker."""
+        channel, progress, output, asker, told = descriptors
+        tells = socket.socket(fileno=os.dup(told))
+        pid = self.fork(tells)
+        if pid == 0:
+            tells.close()
+            _close([asker, told])
+            _become_placed(self, (channel, progress, output))
+        if pid is not None:
+            self.watch(self.processes[pid], asker)
+
+    def forget(self) -> None:
+        """In a fork: let go of what is the holder's."""
+        self.selector.close()
+        self.asking.close()
+        for process in self.processes.values():
+            process.told.close()
+            _close([one for one in (process.pidfd, process.asker) if one >= 0])
 
 
 class _CallerEndedError(BaseException):
@@ -406,6 +504,41 @@ def _become_function(request: StartFunction, ends: Sequence[int], output: int, p
         _take_environment(request.environment)
         module, _, name = request.function.partition(":")
         getattr(import_module(module), name)(tuple(ends))
+        code = 0
+    except Exception:  # noqa: BLE001 - as the interpreter does
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+def _become_holder(settings: WorkerSettings, start: WorldStart, control: int, parent: int) -> NoReturn:
+    """Place a world, within the time that its engines have, and fork workers of it."""
+    code = 1
+    try:
+        empty = os.open(os.devnull, os.O_RDWR)
+        _begin(parent, signal.SIGKILL, (empty, os.dup(empty), os.dup(empty)))
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        sys.path[:0] = [path for path in settings.paths if path not in sys.path]
+        progress = progress_memory()
+        monitor = CallMonitor(progress)
+        os.close(progress)
+        signal.setitimer(signal.ITIMER_PROF, start.reset.instance.budget.engine_s)
+        handler = placed_handler(settings, start, monitor)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        _Holder(socket.socket(fileno=control), parent, os.getpid(), handler=handler, progress=monitor).run()
+        code = 0
+    except Exception:  # noqa: BLE001 - as the interpreter does
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+def _become_placed(holder: _Holder, ends: tuple[int, int, int]) -> NoReturn:
+    code = 1
+    try:
+        holder.forget()
+        _begin(holder.pid, signal.SIGKILL, (0, ends[2], ends[2]))
+        serve_placed(holder.handler, holder.progress, ends[:2], holder.pid)
         code = 0
     except Exception:  # noqa: BLE001 - as the interpreter does
         traceback.print_exc()

@@ -58,10 +58,12 @@ class RunModule(msgspec.Struct, frozen=True, tag=True):
 
 class StartWorker(msgspec.Struct, frozen=True, tag=True):
     """Start a worker, or hand over one that is idle. With it come its channel, its progress memory, what it writes its
-    output to, the socket to tell through, and a descriptor of the process that asks: the worker ends with it."""
+    output to, the socket to tell through, and a descriptor of the process that asks: the worker ends with it. `start`
+    is the key of the world's start (`placed_worlds`), empty if it is not to be had placed."""
 
     place: WorkerPlace
     settings: WorkerSettings
+    start: bytes = b""
 
 
 class CallFunction(msgspec.Struct, frozen=True, tag=True):
@@ -149,11 +151,14 @@ class ForkServerClient:
     def __init__(self, descriptor: int) -> None:
         self._socket = socket.socket(fileno=descriptor)
 
-    def start_worker(self, place: WorkerPlace, settings: WorkerSettings, ends: tuple[int, int, int]) -> ForkedProcess:
-        """A worker at the far side of its channel, progress memory and output."""
+    def start_worker(
+        self, place: WorkerPlace, settings: WorkerSettings, ends: tuple[int, int, int], start: bytes = b""
+    ) -> ForkedProcess:
+        """A worker at the far side of its channel, progress memory and output; with the key of an announced start, one
+        that is placed already."""
         own = os.pidfd_open(os.getpid())
         try:
-            return _asked(self._socket, StartWorker(place, settings), (*ends, own))
+            return _asked(self._socket, StartWorker(place, settings, start), (*ends, own))
         finally:
             os.close(own)
 
@@ -208,7 +213,7 @@ class ForkServer:
     def call(self, function: str, argument: str) -> None:
         """Have it call a function, `module:name`, before it forks again. An error of it is nobody's: what a fork does
         not find, it does itself, and tells what is wrong."""
-        _send(self._socket, CallFunction(function, argument), ())
+        send_request(self._socket, CallFunction(function, argument), ())
 
     def close(self) -> None:
         """End it, with what still runs."""
@@ -266,14 +271,15 @@ def _asked(asking: socket.socket, request: ForkRequest, descriptors: Sequence[in
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         with theirs:
-            _send(asking, request, (*descriptors, theirs.fileno()))
+            send_request(asking, request, (*descriptors, theirs.fileno()))
     except InfrastructureError:
         ours.close()
         raise
     return ForkedProcess(ours)
 
 
-def _send(asking: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> None:
+def send_request(asking: socket.socket, request: ForkRequest, descriptors: Sequence[int]) -> None:
+    """Send a request with its descriptors. Raises `InfrastructureError` if the other end is gone."""
     letter = os.memfd_create("lingjing-request", os.MFD_CLOEXEC)  # of any size, which a packet is not
     try:
         with open(letter, "wb") as file:  # noqa: PTH123 - a descriptor

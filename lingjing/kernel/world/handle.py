@@ -78,9 +78,16 @@ class Worker:
         self._lent = lent
 
     @classmethod
-    def start(cls, place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None = None) -> Worker:
-        """A new process of its own; through a fork server, a camera process may have drawn for others before."""
-        made = launch(place, settings, fork_server)
+    def start(
+        cls,
+        place: WorkerPlace,
+        settings: WorkerSettings,
+        fork_server: ForkServerClient | None = None,
+        start: bytes = b"",
+    ) -> Worker:
+        """A new process of its own; through a fork server, a camera process may have drawn for others before, and a
+        world with the key `start` may be placed already."""
+        made = launch(place, settings, fork_server, start)
         name = f"{place} process"
         return cls(name, made.pidfd, made.end, made.progress, made.words, process=made.process, lent=made.lent)
 

@@ -6,8 +6,10 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 
+from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.cosimulation import CoSimulation
 from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
+from lingjing.kernel.world.first_pictures import FirstPictures, capture_key
 from lingjing.kernel.world.held_cities import unpacked
 from lingjing.kernel.world.messages import (
     Admitted,
@@ -25,10 +27,11 @@ from lingjing.kernel.world.messages import (
     Submit,
     WorkerMessage,
 )
+from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import CallMonitor, store_frame
 from lingjing.numerics import taken
-from lingjing.plugins.engine import CaptureRequest, Engine
+from lingjing.plugins.engine import Engine
 from lingjing.plugins.host import PluginHost
 
 ReplyWithDescriptors = tuple[WorkerMessage, tuple[int, ...]]
@@ -80,12 +83,25 @@ class WorldHandler(RequestHandler):
         super().__init__(find_host, progress)
         self._engine_group: EngineGroup | None = None
         self._cosimulation: CoSimulation | None = None
+        self._placed: PlacedReplies | None = None
+
+    def place(self, start: WorldStart) -> None:
+        """Bring the engines to boundary 0 and keep the replies for forks of this process. Raises what engines raise."""
+        self._reply(start.prepare)
+        ready = self._reply(start.reset)
+        begun = self._reply(Begin())
+        assert isinstance(ready, Ready)
+        self._placed = PlacedReplies(start, ready, begun)
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
         """One reply to each request."""
         yield self._reply(request), ()
 
     def _reply(self, request: Request) -> WorkerMessage:
+        kept = self._placed.to(request) if self._placed is not None else None
+        if kept is not None:
+            return kept
+        self._placed = None  # the engines go on, or others take their place
         match request:
             case Prepare():
                 gc.unfreeze()
@@ -124,6 +140,8 @@ class CameraHandler(RequestHandler):
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         super().__init__(find_host, progress)
         self._sensor: Sensor | None = None
+        self._start = b""
+        self._first = FirstPictures()
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
         """One reply, or one for each picture asked for."""
@@ -132,6 +150,7 @@ class CameraHandler(RequestHandler):
                 yield self._prepare(request), ()
             case Reset() if self._sensor is not None:
                 self._sensor.reset(request.instance, unpacked(request.city))
+                self._start = WorldStart(Prepare(engines=(self._sensor.name,)), request).key
                 yield self._is_reset(), ()
             case Capture() if self._sensor is not None:
                 yield from self._capture(self._sensor, request)
@@ -147,19 +166,30 @@ class CameraHandler(RequestHandler):
         return ready
 
     def _capture(self, sensor: Sensor, request: Capture) -> Iterator[ReplyWithDescriptors]:
-        sensor.settle(request.time_s, request.states)
-        for index, wanted in enumerate(request.requests):
-            yield from self._picture(sensor, request.serial, index, wanted)
-
-    def _picture(
-        self, sensor: Sensor, serial: int, index: int, wanted: CaptureRequest
-    ) -> Iterator[ReplyWithDescriptors]:
-        frame = sensor.picture(wanted)
-        if frame is None:
-            yield PictureReply(serial=serial, index=index), ()
+        """The pictures, one by one; those of boundary 0 are kept for the next episode that begins alike."""
+        key = capture_key(self._start, request) if request.time_s == 0.0 else b""
+        kept = self._first.find(key) if key else None
+        if kept is not None:
+            for index, frame in enumerate(kept):
+                yield from _sent(request.serial, index, frame)
             return
-        layout, descriptor = store_frame(frame)
-        try:
-            yield PictureReply(serial=serial, index=index, info=frame.info, layout=layout), (descriptor,)
-        finally:
-            os.close(descriptor)
+        sensor.settle(request.time_s, request.states)
+        drawn: list[StoredFrame | None] = []
+        for index, wanted in enumerate(request.requests):
+            frame = sensor.picture(wanted)
+            yield from _sent(request.serial, index, frame)
+            if key:
+                drawn.append(frame)
+        if key:
+            self._first.keep(key, drawn)
+
+
+def _sent(serial: int, index: int, frame: StoredFrame | None) -> Iterator[ReplyWithDescriptors]:
+    if frame is None:
+        yield PictureReply(serial=serial, index=index), ()
+        return
+    layout, descriptor = store_frame(frame)
+    try:
+        yield PictureReply(serial=serial, index=index, info=frame.info, layout=layout), (descriptor,)
+    finally:
+        os.close(descriptor)

@@ -96,15 +96,20 @@ class Launched:
     lent: bool = False
 
 
-def launch(place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None) -> Launched:
-    """Start a worker, which answers when it is up: `python -m lingjing.kernel.world.worker`, or by the fork server."""
+def launch(
+    place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None, start: bytes = b""
+) -> Launched:
+    """Start a worker, which answers when it is up: `python -m lingjing.kernel.world.worker`, or by the fork server,
+    which may have a world with this `start` placed already."""
     try:
-        return _launch(place, settings, fork_server)
+        return _launch(place, settings, fork_server, start)
     except OSError as error:
         raise InfrastructureError(f"the {place} process cannot be started: {error}") from error
 
 
-def _launch(place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None) -> Launched:
+def _launch(
+    place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None, start: bytes
+) -> Launched:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
@@ -112,7 +117,7 @@ def _launch(place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServe
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
     try:
         if fork_server is not None:
-            forked = fork_server.start_worker(place, settings, (theirs.fileno(), progress, writing))
+            forked = fork_server.start_worker(place, settings, (theirs.fileno(), progress, writing), start)
             return Launched(forked, os.dup(forked.pidfd), ours, progress, ErrorOutput(reading), place == "camera")
         process = _started(place, settings, (theirs.fileno(), progress), writing)
         return Launched(process, os.pidfd_open(process.pid), ours, progress, ErrorOutput(reading))

@@ -32,6 +32,7 @@ from lingjing.kernel.world.forking import ForkServerClient, WorkerPlace, WorkerS
 from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
 from lingjing.kernel.world.held_cities import packed
+from lingjing.kernel.world.held_starts import HeldStarts
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
@@ -46,6 +47,7 @@ from lingjing.kernel.world.messages import (
     WorkerMessage,
     encoded,
 )
+from lingjing.kernel.world.placed_worlds import world_start
 from lingjing.kernel.world.selection import EngineSelection, select_engines, takes_pictures_unasked
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
@@ -53,6 +55,9 @@ from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command, Receipt
+
+OWN_ENGINES = "builtin"
+"""The plug-in that offers the project's own engines."""
 
 
 class _FarPart:
@@ -126,13 +131,20 @@ class _Episode:
 class _Workers:
     """The workers and the remote engines of a world; they can be ended without the world that uses them."""
 
-    def __init__(self, world: Worker | None = None, camera: CameraProcess | None = None) -> None:
+    def __init__(
+        self, world: Worker | None = None, camera: CameraProcess | None = None, starts: HeldStarts | None = None
+    ) -> None:
         self.world = world
         self.camera = camera
         self.remote: dict[str, Engine] = {}
+        self.starts = starts
+        self.original: Worker | None = None
 
     def end_all(self) -> None:
         """End everything; idempotent."""
+        self.return_to_original()
+        if self.starts is not None:
+            self.starts.clear()
         world, camera, remote = self.world, self.camera, self.remote
         self.world, self.camera, self.remote = None, None, {}
         if camera is not None:
@@ -140,6 +152,17 @@ class _Workers:
         if world is not None:
             world.release()
         _warn(close_engines(remote))
+
+    def play_in(self, copy: Worker) -> None:
+        """Play an episode in a copy; the original waits for an instance that was not seen before."""
+        self.original, self.world = self.world, copy
+
+    def return_to_original(self) -> None:
+        """The episode in a copy is over."""
+        if self.original is not None:
+            copy, self.world, self.original = self.world, self.original, None
+            if copy is not None:
+                copy.release()
 
     def abandon_world(self) -> None:
         """Kill the world process, whose state nobody knows any more."""
@@ -159,13 +182,14 @@ class ProcessWorld:
         installed: bool = True,
         host: PluginHost | None = None,
         fork_server: ForkServerClient | None = None,
+        hold_starts: bool = False,
     ) -> None:
         self._fork_server = fork_server
         self._settings = WorkerSettings(plugins, paths, installed)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
         self._taken: Mapping[str, Mapping[str, str]] = {}
-        self._keep(_Workers())
+        self._keep(_Workers(starts=HeldStarts() if hold_starts else None))
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
@@ -181,12 +205,11 @@ class ProcessWorld:
         self._episode = None
         carried = packed(city)
         try:
-            self._start_workers(roles)
+            self._start_workers(roles, instance, carried)
             if self._workers.camera is not None and roles.sensor is not None:
                 drawn = Reset(instance=instance, city=carried, coupled=False)
                 self._workers.camera.begin(roles.sensor, drawn, at_once=takes_pictures_unasked(instance))
-            self._prepare(roles)
-            return self._reset(_Episode(instance, roles), city, carried)
+            return self._placed(_Episode(instance, roles), city, carried)
         except BaseException:
             self._workers.abandon_world()
             self._abandon_camera()
@@ -260,12 +283,15 @@ class ProcessWorld:
             raise no_episode()
         return self._episode
 
-    def _start_workers(self, roles: EngineSelection) -> None:
+    def _start_workers(self, roles: EngineSelection, instance: Instance, city: msgspec.Raw) -> None:
         """Have the workers that this episode needs; they come up side by side."""
         workers = self._workers
+        workers.return_to_original()
         workers.world = self._fit(workers.world)
         if roles.local and workers.world is None:
-            workers.world = self._start("world")
+            may_be_placed = self._fork_server is not None and not roles.remote
+            start = world_start(roles.local, instance, city).key if may_be_placed else b""
+            workers.world = self._start("world", start)
         camera = workers.camera
         if camera is not None and (not camera.worker.alive or camera.busy or camera.worker.users > 1):
             _let_go(camera)
@@ -275,13 +301,38 @@ class ProcessWorld:
 
     def _fit(self, worker: Worker | None) -> Worker | None:
         """The worker if it can play another episode: alive and nobody's copy or original."""
-        if worker is None or (worker.alive and worker.parent is None and worker.users == 1):
+        copies = len(self._workers.starts) if self._workers.starts is not None else 0
+        if worker is None or (worker.alive and worker.parent is None and worker.users == 1 + copies):
             return worker
+        if self._workers.starts is not None:
+            self._workers.starts.clear()  # they end with it
         worker.release()
         return None
 
-    def _start(self, place: WorkerPlace) -> Worker:
-        return Worker.start(place, self._settings, self._fork_server)
+    def _start(self, place: WorkerPlace, start: bytes = b"") -> Worker:
+        return Worker.start(place, self._settings, self._fork_server, start)
+
+    def _placed(self, episode: _Episode, city: City, carried: msgspec.Raw) -> WorldBoundary:
+        """Boundary 0: in a copy of a world that stands there, or of engines that are reset."""
+        workers, roles = self._workers, episode.cast
+        starts = workers.starts if self._may_hold(roles) else None
+        key = world_start(roles.local, episode.instance, carried).key if starts is not None else b""
+        found = starts.again(key) if starts is not None else None
+        if found is not None:
+            copy, start = found
+            workers.play_in(copy)
+            self._episode, self._taken = episode, start.taken
+            return start.boundary
+        self._prepare(roles)
+        boundary = self._reset(episode, city, carried)
+        if starts is not None and workers.world is not None:
+            starts.hold(key, workers.world, boundary, self._taken)
+        return boundary
+
+    def _may_hold(self, roles: EngineSelection) -> bool:
+        """True for worlds of the project's own engines, which a fork copies bit by bit."""
+        own = all(self._host.sources.get(("lingjing_engines", name)) == OWN_ENGINES for name in roles.local)
+        return own and bool(roles.local) and not roles.remote
 
     def _prepare(self, roles: EngineSelection) -> None:
         workers = self._workers

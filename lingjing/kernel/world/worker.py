@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import faulthandler
+import gc
 import os
 import random
 import signal
@@ -39,6 +40,7 @@ from lingjing.kernel.world.messages import (
 )
 from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
 from lingjing.kernel.world.parent_death import die_with
+from lingjing.kernel.world.placed_worlds import WorldStart
 from lingjing.kernel.world.shared import CallMonitor
 from lingjing.plugins.host import PluginHost
 from lingjing.terminal import guard_streams
@@ -96,6 +98,30 @@ def serve_as_world(settings: WorkerSettings, ends: tuple[int, int], parent: int)
     _flush()
 
 
+def placed_handler(settings: WorkerSettings, start: WorldStart, progress: CallMonitor) -> WorldHandler:
+    """The handler of a world process that stands at boundary 0; one that has yet to go there, and then reports why it
+    cannot, if the engines fail."""
+
+    def find_host() -> PluginHost:
+        return host_with(settings.plugins, installed=settings.installed)
+
+    handler = WorldHandler(find_host, progress)
+    try:
+        handler.place(start)
+    except Exception:  # noqa: BLE001 - each fork meets and reports it
+        handler = WorldHandler(find_host, progress)
+    gc.collect()
+    gc.freeze()
+    return handler
+
+
+def serve_placed(handler: WorldHandler, progress: CallMonitor, ends: tuple[int, int], parent: int) -> None:
+    """In a fork of a process that holds a placed world: serve one caller at these ends."""
+    progress.rebind(ends[1])
+    _serve(handler, _new_context(*ends, parent, progress), handler.close)
+    _flush()
+
+
 def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: int, parent: int) -> None:
     """In a fork of the server: serve one caller after another, until the server's end of `control` is closed.
 
@@ -123,13 +149,13 @@ def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: in
         context.take(*given[:2])
 
 
-def _new_context(channel: int, progress: int, parent: int) -> WorkerContext:
+def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor | None = None) -> WorkerContext:
     guard_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
-    context = WorkerContext(PacketSocket(socket.socket(fileno=channel)), CallMonitor(progress), parent)
+    context = WorkerContext(PacketSocket(socket.socket(fileno=channel)), monitor or CallMonitor(progress), parent)
     os.close(progress)
     signal.signal(signal.SIGCHLD, context.reap)
     return context

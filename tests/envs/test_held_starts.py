@@ -1,0 +1,63 @@
+"""An instance that begins again begins in a copy of its world, and nothing of the episode depends on it."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from lingjing.dsl.loading.load import load_mission
+from lingjing.envs.stepping import SteppedEpisodes
+from lingjing.kernel.world.process import ProcessWorld
+from lingjing.play import selfcheck
+from lingjing.plugins.policy import Action, Decision
+from tests.kernel.test_world_process import await_gone
+
+TICKS = 3
+MOVES = {"flyer": "takeoff", "walker": "takePhoto"}
+
+
+@pytest.fixture
+def game() -> SteppedEpisodes:
+    return SteppedEpisodes(load_mission(str(selfcheck.MISSION)), None, {}, "random", "process")
+
+
+def played(game: SteppedEpisodes, seed: int) -> list[str]:
+    """The digests of the first boundaries, with the aircraft in the air and a picture taken."""
+    agents = {agent.id: agent.role for agent in game.instance(seed).agents}
+    record = game.begin(seed, agents).record
+    digests = [record.digest]
+    for tick in range(TICKS):
+        made = {
+            agent: Decision(command=Action(verb=MOVES[role])) if tick == 0 and role in MOVES else Decision()
+            for agent, role in agents.items()
+        }
+        digests.append(game.step(made).record.digest)
+    return digests
+
+
+def test_a_seed_that_was_seen_before_begins_in_a_copy_and_plays_the_same(game: SteppedEpisodes) -> None:
+    try:
+        first, other, again, once_more = (played(game, seed) for seed in (5, 6, 5, 5))
+        assert first == again == once_more != other
+        assert isinstance(game._world, ProcessWorld)
+        workers = game._world._workers
+        assert workers.original is not None and workers.world is not None
+        assert workers.starts is not None and len(workers.starts) == 2
+        pids = [workers.original.pid, workers.world.pid, *(one.worker.pid for one in workers.starts._held.values())]
+    finally:
+        game.close()
+    await_gone(pids)
+
+
+def test_a_copy_that_was_killed_is_placed_anew(game: SteppedEpisodes) -> None:
+    try:
+        first = played(game, 5)
+        assert isinstance(game._world, ProcessWorld) and game._world._workers.starts is not None
+        (held,) = game._world._workers.starts._held.values()
+        os.kill(held.worker.pid, signal.SIGKILL)
+        await_gone([held.worker.pid])
+        assert played(game, 5) == first == played(game, 5)
+    finally:
+        game.close()
