@@ -45,8 +45,10 @@ def children() -> list[int]:
     try:
         lists = [(task / "children").read_text() for task in Path("/proc/self/task").iterdir()]
         return [int(pid) for listed in lists for pid in listed.split()]
-    except FileNotFoundError:  # a kernel without CONFIG_PROC_CHILDREN, or a thread that has just ended
-        return _children_by_parent()
+    except OSError:  # a kernel without CONFIG_PROC_CHILDREN, a thread that has just ended, or no descriptor is left
+        with contextlib.suppress(OSError):
+            return _children_by_parent()
+        return []  # where `/proc` cannot be read, the children end with their parent (`be_told_of_the_end_of`)
 
 
 def _children_by_parent() -> list[int]:

@@ -246,10 +246,10 @@ class _Server:
 
     def fork(self, told: socket.socket) -> int | None:
         """Fork: 0 in the copy, else its process id, of which `told` has been told; None where it cannot be done."""
-        if len(list(Path("/proc/self/task").iterdir())) != 1:
-            told.close()
-            raise AssertionError("the process that episodes are forked from has more than one thread")
         try:
+            if len(list(Path("/proc/self/task").iterdir())) != 1:
+                told.close()
+                raise AssertionError("the process that episodes are forked from has more than one thread")
             pid = os.fork()
         except OSError:
             told.close()  # who asked reads the end of it

@@ -128,7 +128,7 @@ class _PolicyHost:
                 self._take(self._channel.receive(WallDeadline(0.0)))
         except TimeoutError:
             return
-        except ChannelClosedError:
+        except (ChannelClosedError, OSError):  # the other end is gone, or what came cannot be read: there is no more
             asyncio.get_running_loop().remove_reader(self._descriptor)
             self._orders.put_nowait(None)
 

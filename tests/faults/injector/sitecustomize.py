@@ -105,9 +105,11 @@ def is_hit(kind: str) -> bool:
         _inside.counting = False
 
 
-def system_error(path: object = None) -> OSError:
-    """The planted error."""
+def system_error(path: object = None, *, reading: bool = False) -> OSError:
+    """The planted error; to open a file for reading needs no room."""
     number = getattr(errno, _fault.error, errno.EIO)
+    if reading and number in (errno.ENOSPC, errno.EROFS):
+        number = errno.EIO
     return OSError(number, os.strerror(number), path) if path is not None else OSError(number, os.strerror(number))
 
 
@@ -142,7 +144,7 @@ class FaultyFile(_io.FileIO):
 
 def _open(file, mode="r", buffering=-1, encoding=None, errors=None, newline=None, closefd=True, opener=None):
     if is_hit("open"):
-        raise system_error(None if isinstance(file, int) else os.fspath(file))
+        raise system_error(None if isinstance(file, int) else os.fspath(file), reading=mode in ("r", "rb", "rt"))
     if _counts is None:
         return _io.open(file, mode, buffering, encoding, errors, newline, closefd, opener)
     plain = mode.replace("b", "").replace("t", "").replace("U", "") or "r"
