@@ -17,10 +17,11 @@ GeneratorStates = tuple[object, object]
 
 def generator_states() -> GeneratorStates:
     """The states of the global generators, to be compared."""
-    numpy = sys.modules.get("numpy.random")
-    if numpy is None:
+    # numpy loads the module when it is first used: another policy's thread may be loading it now.
+    read = getattr(sys.modules.get("numpy.random"), "get_state", None)
+    if read is None:
         return random.getstate(), None
-    state = numpy.get_state(legacy=False)
+    state = read(legacy=False)
     drawn = state["state"]
     return random.getstate(), (drawn["key"].tobytes(), drawn["pos"], state["has_gauss"], state["gauss"])
 

@@ -98,7 +98,8 @@ class Session:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
         errors = ErrorCollector()
         options, compiled, given = options_of(mission, changes, errors)
-        return self._play(prepare(options, compiled, self.host, given, errors), options, out, progress)
+        apart = self._apart(options, given)
+        return self._play(prepare(options, compiled, self.host, given, errors, apart), options, out, progress, apart)
 
     def play(
         self,
@@ -111,9 +112,14 @@ class Session:
     ) -> EpisodeReport:
         """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
         that have been loaded already, by their names in the options."""
-        server = self._policy_server if options.world == "process" else None
-        prepared = prepare(options, mission or compiled(options), self.host, given or {}, server=server)
-        return self._play(prepared, options, out, progress)
+        apart = self._apart(options, given or {})
+        prepared = prepare(options, mission or compiled(options), self.host, given or {}, server=apart)
+        return self._play(prepared, options, out, progress, apart)
+
+    def _apart(self, options: PlayOptions, given: Mapping[str, PolicyPlugin]) -> ForkServerClient | None:
+        """What forks the processes of policies; None where they play in this process: with the engines, and policies
+        that were given as objects, which have no name in another process."""
+        return self._policy_server if options.world == "process" and not given else None
 
     def _play(
         self,
@@ -121,6 +127,7 @@ class Session:
         options: PlayOptions,
         out: str | Path | None,
         progress: Callable[[Progress], None] | None,
+        apart: ForkServerClient | None,
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance, imported=bool(prepared.places))
         told = tuple(displacements(prepared.instance, instance, prepared.places))
@@ -139,7 +146,7 @@ class Session:
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
-        barrier = self._barrier(prepared.assigned, options, instance, city, calls)
+        barrier = _barrier(prepared.assigned, options, instance, city, calls, apart)
         try:
             give_briefs(kernel, barrier)
             named = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
@@ -163,32 +170,6 @@ class Session:
         return msgspec.structs.replace(
             report, warnings=(*_hopeless(instance), *told, *calls.differences(), *report.warnings)
         )
-
-    def _barrier(
-        self,
-        assigned: Mapping[str, AssignedPolicy],
-        options: PlayOptions,
-        instance: Instance,
-        city: City,
-        calls: EpisodeCalls,
-    ) -> Barrier:
-        """The policies, built, in the order of their agents."""
-        limit_s, outages = instance.budget.policy_s, ServiceOutages(assigned, calls)
-        if self._policy_server is not None and options.world == "process":
-            from lingjing.play.policy_processes.barrier import ProcessBarrier
-            from lingjing.play.policy_processes.loading import agent_policies
-
-            apart = ProcessBarrier(
-                agent_policies(assigned, options, instance, city, calls), limit_s, self._policy_server
-            )
-            apart.load()
-            return apart
-        here = {
-            agent: build_policy(policy.plugin, policy.arguments, calls.of(agent))
-            for agent, policy in assigned.items()
-            if policy.plugin is not None
-        }
-        return PolicyBarrier(here, limit_s, outages)
 
     def close(self) -> None:
         """End the workers; the next episode starts new ones."""
@@ -231,6 +212,31 @@ def run(
     """
     with Session() as session:
         return session.run(mission, out=out, progress=progress, **changes)
+
+
+def _barrier(
+    assigned: Mapping[str, AssignedPolicy],
+    options: PlayOptions,
+    instance: Instance,
+    city: City,
+    calls: EpisodeCalls,
+    apart: ForkServerClient | None,
+) -> Barrier:
+    """The policies, built, in the order of their agents: `apart` in processes of their own, or here."""
+    limit_s, outages = instance.budget.policy_s, ServiceOutages(assigned, calls)
+    if apart is not None:
+        from lingjing.play.policy_processes.barrier import ProcessBarrier
+        from lingjing.play.policy_processes.loading import agent_policies
+
+        barrier = ProcessBarrier(agent_policies(assigned, options, instance, city, calls), limit_s, apart, outages)
+        barrier.load()
+        return barrier
+    here = {
+        agent: build_policy(policy.plugin, policy.arguments, calls.of(agent))
+        for agent, policy in assigned.items()
+        if policy.plugin is not None
+    }
+    return PolicyBarrier(here, limit_s, outages)
 
 
 def _hopeless(instance: Instance) -> tuple[str, ...]:

@@ -14,12 +14,14 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 import lingjing
 from lingjing.errors import LingjingError, UsageError
+from lingjing.kernel.ambient_random import generator_states, has_moved
 from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
@@ -385,3 +387,11 @@ def test_a_folder_is_that_of_the_start_wherever_a_policy_goes(tmp_path: Path, mo
     report = lingjing.run(mission, policy=lambda: Drawing(lambda: os.chdir("..")), out="out", overview=False)
     assert report.trace == "out/trace.mcap"
     assert read_trace(tmp_path / "start" / "out" / "trace.mcap").complete
+
+
+def test_a_generator_that_is_being_loaded_is_not_there_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """numpy loads its generators when they are first used, perhaps in the thread of another policy."""
+    monkeypatch.setitem(sys.modules, "numpy.random", ModuleType("numpy.random"))
+    before = generator_states()
+    monkeypatch.undo()
+    assert before[1] is None and not has_moved(before, (before[0], generator_states()[1]))

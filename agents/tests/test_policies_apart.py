@@ -1,0 +1,111 @@
+"""The reference policies in processes of their own decide what they decide in the caller's: one digest."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from agents.tests.chat_server import serve
+from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking, play
+from lingjing.data import data_path
+from lingjing.kernel.world.forking import ForkServer, ForkServerClient
+from lingjing.play.episode import Session
+from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.trace.call_store import CALLS_NAME, CallReader
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ForkServerClient]:
+    with ForkServer(SERVES) as started:
+        started.call(PRELOAD, json.dumps(["heuristic", "oracle", "random", "react", "scripted"]))
+        client = started.client()
+        yield client
+        client.close()
+
+
+@pytest.fixture(autouse=True)
+def key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEST_KEY", "sk-a-planted-key-4711-0815")
+
+
+def short(folder: Path, mission: str, ticks: int) -> Path:
+    text = data_path("scenarios", f"{mission}.ljs").read_text("utf-8")
+    file = folder / f"{mission}.ljs"
+    file.write_text(re.sub(r"ticks <= \d+", f"ticks <= {ticks}", text, count=1), "utf-8")
+    return file
+
+
+COLUMNS = [
+    ("ssr", "star", "heuristic"),
+    ("ssr", "broadcast", "oracle"),
+    ("ssr", "broadcast", "random"),
+    pytest.param("cd", "broadcast", "heuristic", marks=pytest.mark.slow),
+    pytest.param("cd", "star", "oracle", marks=pytest.mark.slow),
+    pytest.param("ld", "star", "heuristic", marks=pytest.mark.slow),
+    pytest.param("bi", "single", "oracle", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize(("mission", "mode", "policy"), COLUMNS)
+def test_one_digest_here_and_apart(
+    mission: str, mode: str, policy: str, server: ForkServerClient, tmp_path: Path
+) -> None:
+    if mission in ("cd", "ld") and find_spec("libsumo") is None:
+        pytest.skip("the road engine is an optional extra")
+    text = lingjing.compile(short(tmp_path, mission, 6))
+    given = {"policy": policy, "mode": mode, "seed": 1, "overview": False}
+    with Session(policy_server=server) as session:
+        apart = session.run(text, out=tmp_path / "apart", **given)
+    with Session() as session:
+        here = session.run(text, out=tmp_path / "here", **given)
+    assert apart.metrics is not None and apart.metrics.substitutions == 0
+    assert (apart.digest, apart.frames_digest, apart.ticks) == (here.digest, here.frames_digest, here.ticks)
+
+
+def test_a_script_decides_the_same_apart(server: ForkServerClient, tmp_path: Path) -> None:
+    mission = tmp_path / "glance.ljs"
+    mission.write_text(TEXT)
+    script = tmp_path / "script.json"
+    commands = {"0": {"command": {"verb": "takeoff"}}, "1": {"command": {"verb": "takePhoto"}}}
+    script.write_text(json.dumps({"scout[1]": commands}))
+    given = {"policy": "scripted", "policy_args": {"script": str(script)}, "overview": False, "seed": 1}
+    with Session(policy_server=server) as session:
+        apart = session.run(mission, out=tmp_path / "apart", **given)
+    here = lingjing.run(mission, out=tmp_path / "here", **given)
+    assert (apart.digest, apart.frames_digest) == (here.digest, here.frames_digest)
+
+
+def test_model_calls_cross_the_border(server: ForkServerClient, tmp_path: Path) -> None:
+    """What is recorded apart is replayed here without a service, and the other way round."""
+    mission = tmp_path / "glance.ljs"
+    mission.write_text(TEXT)
+    with serve(looking()) as service:
+        given = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": service.url}, "overview": False}
+        with Session(policy_server=server) as session:
+            apart = session.run(mission, out=tmp_path / "apart", **given)
+    replaying = {"calls": "replay", "calls_from": tmp_path / "apart"}
+    here = play(mission, tmp_path / "here", service.url, **replaying)
+    with Session(policy_server=server) as session:
+        again = session.run(mission, out=tmp_path / "again", **given, calls="replay", calls_from=tmp_path / "here")
+    assert apart.digest == here.digest == again.digest
+    assert decisions(apart) == decisions(here) == decisions(again)
+    assert again.warnings == here.warnings
+    asked = [len(list(CallReader(tmp_path / name / CALLS_NAME).calls())) for name in ("apart", "here", "again")]
+    assert len(set(asked)) == 1 and asked[0] > 8
+
+
+def test_limits_of_spending_hold_for_all_processes(server: ForkServerClient, tmp_path: Path) -> None:
+    mission = tmp_path / "glance.ljs"
+    mission.write_text(TEXT)
+    with serve(looking()) as service:
+        given = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": service.url}, "overview": False}
+        with Session(policy_server=server) as session:
+            report = session.run(mission, out=tmp_path / "apart", **given, max_tokens=1)
+    assert report.reason == "infrastructure-abort"
+    assert report.detail.startswith("tokens: the limit of 1 does not cover another call")
