@@ -590,4 +590,7 @@ def _run(module: str) -> int:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except OSError as refusal:  # the caller says what it lacks; this is what the system said
+        sys.exit(f"the process that starts others cannot go on: {refusal}")
