@@ -121,7 +121,8 @@ def test_a_file_size_limit_leaves_a_readable_part(short: Path, tmp_path: Path) -
     arguments = ["run", str(short), "--policy", "random", "-o", "out", "--json"]
     done = subprocess.run([*limited, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: cannot write the trace out/trace.mcap.part: File too large\nhint: ")
+    part = tmp_path / "out" / "trace.mcap.part"
+    assert done.stderr.startswith(f"error: cannot write the trace {part}: File too large\nhint: ")
     assert os.listdir(tmp_path / "out") == ["trace.mcap.part"]
     assert read_trace(tmp_path / "out" / "trace.mcap.part").boundaries
 

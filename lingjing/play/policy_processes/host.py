@@ -11,11 +11,13 @@ import asyncio
 import atexit
 import contextlib
 import faulthandler
+import fcntl
 import os
 import random
 import resource
 import socket
 import sys
+import termios
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
@@ -81,6 +83,7 @@ def serve(ends: tuple[int, ...]) -> None:
     calls."""
     limit_memory(memory_limit())
     _yield_memory()
+    _detach_from_terminal()
     adopt()
     faulthandler.enable()
     channel, calls = (PacketSocket(socket.socket(fileno=end)) for end in ends)
@@ -272,6 +275,17 @@ def _plugin(spec: str, source: str) -> PolicyPlugin:
 def _yield_memory() -> None:
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_bytes(_FIRST_TO_GO)
+
+
+def _detach_from_terminal() -> None:
+    """Give up the terminal of the user, which could be steered through `/dev/tty`, and standard input."""
+    with contextlib.suppress(OSError):
+        terminal = os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY)
+        fcntl.ioctl(terminal, termios.TIOCNOTTY)
+        os.close(terminal)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
 
 
 def _leave(loop: asyncio.AbstractEventLoop, host: _PolicyHost) -> None:

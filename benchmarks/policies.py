@@ -1,0 +1,121 @@
+"""What a policy in a process of its own costs: CPU of the player and of the policy's process a turn, and of a start.
+
+An agent that decides nothing is asked again and again, with a 1080p picture: colour alone, and colour with depth and
+classes. Beside it the same turn in a thread of the caller. Starting is one more process of `heuristic` from a fork
+server that is there already, from the request to the answer of `reset`.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from lingjing.kernel.barrier import Barrier, PolicyBarrier
+from lingjing.kernel.visibility import Projector
+from lingjing.kernel.world.forking import ForkServer, ForkServerClient
+from lingjing.mission.instantiate import instantiate
+from lingjing.play.options import PlayOptions, compiled
+from lingjing.play.policy_processes.barrier import AgentPolicy, ProcessBarrier
+from lingjing.play.policy_processes.messages import LoadPolicy
+from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.plugins.loading import UNRECORDED
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Picture
+from lingjing.trace.images import encode_jpeg
+from lingjing.trace.records import CameraPose
+
+WARM, TURNS = 5, 100
+HEIGHT, WIDTH = 1080, 1920
+
+
+class Idle:
+    """Decides nothing."""
+
+    async def reset(self, brief: Brief) -> None:
+        """Nothing to take in."""
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """No command, no message."""
+        return Decision()
+
+
+def main() -> None:
+    """Print the table: milliseconds of CPU a turn, and for one more process."""
+    brief = _brief()
+    with _server() as server:
+        print("picture | player, process of its own | both | in a thread")
+        for name, picture in (("none", None), ("colour", _picture(False)), ("colour, depth, classes", _picture(True))):
+            apart = ProcessBarrier({"a": _idle()}, 600.0, server)
+            apart.load()
+            ours, theirs = _turns(apart, brief, picture)
+            here, _ = _turns(PolicyBarrier({"a": Idle()}, 600.0), brief, picture)
+            print(f"{name} | {ours:.2f} | {ours + theirs:.2f} | {here:.2f}")
+        print(f"one more process: {_starting(server, brief):.1f} ms of CPU, player and process")
+
+
+def _turns(barrier: Barrier, brief: Brief, picture: Picture | None) -> tuple[float, float]:
+    """Milliseconds of CPU a turn: of this process, and of the policy's."""
+    barrier.reset({"a": brief})
+    pids = [process.pid for process in barrier._processes.values()] if isinstance(barrier, ProcessBarrier) else []
+    pictures = (picture,) if picture is not None else ()
+    for turn in range(WARM + TURNS):
+        if turn == WARM:
+            ours, theirs = time.process_time(), sum(map(_cpu_s, pids))
+        barrier.act({"a": (Observation(agent="a", tick=turn, time_s=float(turn), pictures=pictures), Inbox())})
+    spent = time.process_time() - ours, sum(map(_cpu_s, pids)) - theirs
+    barrier.close()
+    return spent[0] / TURNS * 1e3, spent[1] / TURNS * 1e3
+
+
+def _starting(server: ForkServerClient, brief: Brief, count: int = 10) -> float:
+    spent = time.process_time()
+    load = LoadPolicy(spec="heuristic", source="agents", arguments={}, seed=1)
+    crew = ProcessBarrier({f"a{number}": AgentPolicy(load, UNRECORDED) for number in range(count)}, 600.0, server)
+    crew.load()
+    crew.reset({f"a{number}": brief for number in range(count)})
+    whole = time.process_time() - spent + sum(_cpu_s(process.pid) for process in crew._processes.values())
+    crew.close()
+    return whole / count * 1e3
+
+
+def _cpu_s(pid: int) -> float:
+    """Seconds of CPU that the first thread of a process has run (`schedstat`, nanoseconds)."""
+    return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) * 1e-9
+
+
+def _idle() -> AgentPolicy:
+    return AgentPolicy(LoadPolicy(spec=f"{__file__}:Idle", source="", arguments={}, seed=1), UNRECORDED)
+
+
+@contextmanager
+def _server() -> Iterator[ForkServerClient]:
+    with ForkServer(SERVES) as started:
+        started.call(PRELOAD, json.dumps(["heuristic"]))
+        client = started.client()
+        yield client
+        client.close()
+
+
+def _brief() -> Brief:
+    instance = instantiate(compiled(PlayOptions(mission="ssr")), seed=1, mode=None, settings={})
+    return Projector(instance).brief(instance.agents[0], ())
+
+
+def _picture(whole: bool) -> Picture:
+    rgb = np.random.default_rng(1).integers(0, 255, (HEIGHT // 8, WIDTH // 8, 3), np.uint8)
+    rgb = np.repeat(np.repeat(rgb, 8, 0), 8, 1)
+    return Picture(
+        frame="f", entity="uav", camera="nadir", tick=0, time_s=0.0,
+        pose=CameraPose(position=(0.0, 0.0, 50.0), heading_deg=0.0, tilt_deg=90.0),
+        rgb=rgb, jpeg=encode_jpeg(rgb),
+        depth=np.ones((HEIGHT, WIDTH), np.float32) if whole else None,
+        semantic=np.zeros((HEIGHT, WIDTH), np.uint8) if whole else None,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
