@@ -19,6 +19,7 @@ SCRIPTS = (
     "harness.py",
     "memory.py",
     "starting.py",
+    "policies.py",
 )
 
 

@@ -13,7 +13,7 @@ from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.parser import ArgumentParser
-from lingjing.cli.process import say
+from lingjing.cli.process import ending_at_second_interrupt, say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
 
@@ -135,7 +135,8 @@ def handler(args: argparse.Namespace) -> int:
                        calls=args.calls, calls_from=args.calls_from)  # fmt: skip
         run.check_resumable(other_code=args.other_code)
         results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
-        return _run(run, cells, seeds, shard)
+        with ending_at_second_interrupt():
+            return _run(run, cells, seeds, shard)
 
 
 def _executor(args: argparse.Namespace, plan: SuitePlan, results: ResultsFolder) -> Executor:
