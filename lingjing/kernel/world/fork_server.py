@@ -95,7 +95,7 @@ class _Server:
     pid: int
     selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
     processes: dict[int, _Process] = field(default_factory=dict)
-    holders: dict[bytes, socket.socket] = field(default_factory=dict)
+    holders: dict[tuple[bytes, WorkerSettings], socket.socket] = field(default_factory=dict)
     unplaceable: set[bytes] = field(default_factory=set)
 
     def run(self) -> None:
@@ -214,7 +214,8 @@ class _Server:
         start = announced(request.start) if request.start not in self.unplaceable else None
         if start is None:
             return False
-        holder = self.holders.pop(request.start, None) or self.hold(request.settings, start)
+        key = request.start, request.settings
+        holder = self.holders.pop(key, None) or self.hold(request.settings, start)
         if holder is None:
             return False
         try:
@@ -222,7 +223,7 @@ class _Server:
         except InfrastructureError:  # it has just ended
             holder.close()
             return False
-        self.holders[request.start] = holder  # the one that was used last is the last to go
+        self.holders[key] = holder  # the one that was used last is the last to go
         return True
 
     def hold(self, settings: WorkerSettings, start: WorldStart) -> socket.socket | None:
