@@ -306,6 +306,38 @@ def test_an_empty_part_that_the_file_states_is_said_and_not_gone_by(tmp_path: Pa
         build(path, Options(), tmp_path / "out2")
 
 
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ('<bounds minlat="10" minlon="10" maxlat="10.01" maxlon="10.01"/>', "a part without data (10,10,10.01,10.01)"),
+        ('<bound box="-90,-180,90,180"/>', "the whole Earth as its part"),
+    ],
+)
+def test_a_stated_part_that_says_nothing_of_the_data_is_not_gone_by(tmp_path: Path, bounds: str, said: str) -> None:
+    path = tmp_path / "elsewhere.osm"
+    path.write_text(house(31.2, 121.5, bounds))
+    summary = build(path, Options(), tmp_path / "out").summary
+    assert (summary.counts["buildings"], summary.box_is) == (1, "around its buildings")
+    assert any(f"states {said}" in note for note in summary.notes)
+
+
+def test_what_lies_outside_of_the_stated_part_is_said(tmp_path: Path) -> None:
+    made = Map(half_m=100.0)
+    made.way(square(0, 0, 30), {"building": "yes"})
+    made.way([(-300, 10), (300, 10)], {"highway": "footway"})
+    made.way([(-300, 50), (0, 50), (300, 50)], {"highway": "residential"})  # it sticks out, as in every extract
+    whole = build(made.write(tmp_path / "whole.osm"), Options(), tmp_path / "whole").summary
+    assert not whole.notes
+    made.way(square(300, 0, 30), {"building": "yes"})
+    made.way(square(400, 0, 30), {"building": "no"})
+    made.way([(300, 80), (300, 200)], {"highway": "residential"})
+    path = made.write(tmp_path / "part.osm")
+    (note,) = build(path, Options(), tmp_path / "part").summary.notes
+    assert note.startswith("1 building and 1 road lie outside the part stated in the file; with them it is --bbox=")
+    wide = build(path, Options(box=parse_box(note.split("=")[1])), tmp_path / "wide").summary
+    assert (wide.counts["buildings"], wide.notes) == (2, ())
+
+
 @pytest.mark.parametrize("value", ["nan", "inf", "999", "1e300"])
 def test_places_that_are_not_on_earth_are_refused(tmp_path: Path, value: str) -> None:
     path = tmp_path / "odd.osm"

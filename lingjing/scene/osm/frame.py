@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from lingjing.errors import UsageError
 from lingjing.mission import geometry2d
 from lingjing.mission.frames import from_geodetic
 from lingjing.scene.osm.map_data import DegreeBox, MapData, Way
-from lingjing.scene.osm.tags import VEHICLES
+from lingjing.scene.osm.tags import VEHICLES, is_set
 
 LARGEST_M = 60_000.0
 """A side beyond that is no city, and the projection about one point no longer fits it."""
@@ -20,11 +20,16 @@ SMALLEST_M = 5.0
 FARTHEST_DEG = 85.0
 """Nearer to a pole meridians run together so fast that a box in degrees is no rectangle; no town lies there."""
 
+WORLD = (-180.0, -90.0, 180.0, 90.0)
+"""The part that programs state which do not look at what they write."""
+
 MARGIN_DEG = 0.0006
 """Ground kept around the outermost buildings where nobody says what the map covers: about 60 m."""
 
 REACH_DEG = 0.005
 """How far from its buildings a map's nearest street still is theirs, where none runs among them: about 500 m."""
+
+_Choice = Callable[[Way], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +73,25 @@ def choose(data: MapData, box: DegreeBox | None) -> MapFrame:
         return frame_of(box, "asked for")
     if data.box is None:
         return _around(data)
-    west, south, east, north = data.box
-    if west == east or south >= north:
-        said = f"the file states an empty part ({_text(data.box)}), which was not gone by"
+    fault = _fault(data, data.box)
+    if fault:
         frame = _around(data)
+        said = f"the file states {fault} ({_text(data.box)}), which was not gone by"
         return replace(frame, notes=(*frame.notes, said))
-    return frame_of(data.box, "stated in the file")
+    frame = frame_of(data.box, "stated in the file")
+    return replace(
+        frame, notes=_left_outside(data, data.box, frame.because, {"building": _is_built, "road": _is_street})
+    )
+
+
+def _fault(data: MapData, box: DegreeBox) -> str:
+    """The kind of a stated part that says nothing of what the file holds; empty for one that does."""
+    west, south, east, north = box
+    if west == east or south >= north:
+        return "an empty part"
+    if (west, south, east, north) == WORLD:
+        return "the whole Earth as its part"
+    return "" if west > east or any(_holds(box, place) for place in data.nodes.values()) else "a part without data"
 
 
 def _check_data(data: MapData, box: DegreeBox) -> None:
@@ -129,7 +147,7 @@ def _around(data: MapData) -> MapFrame:
 
 def _among(data: MapData, box: DegreeBox) -> MapFrame:
     """The frame around buildings: grown to the streets near them where none runs among them. Says what it leaves."""
-    roads = [way for way in data.ways if way.tags.get("highway") in VEHICLES]
+    roads = [way for way in data.ways if _is_street(way)]
     frame = frame_of(box, "around its buildings")
     if roads and all(_is_outside(data, road, box) for road in roads):
         reach = _grown(box, REACH_DEG)
@@ -138,13 +156,31 @@ def _among(data: MapData, box: DegreeBox) -> MapFrame:
             west, south, east, north = _grown(_bounds(near))
             box = min(box[0], west), min(box[1], south), max(box[2], east), max(box[3], north)
             frame = frame_of(box, "around its buildings and the streets near them")
-    outside = [road for road in roads if _nodes(data, road) and _is_outside(data, road, box)]
-    if not outside:
-        return frame
-    corners = _bounds([(box[1], box[0]), (box[3], box[2]), *(p for road in outside for p in _nodes(data, road))])
-    said = "1 road lies" if len(outside) == 1 else f"{len(outside)} roads lie"
-    wide = ",".join(f"{value:.4f}" for value in _grown(corners))
-    return replace(frame, notes=(f"{said} outside the part {frame.because}; with them it is --bbox={wide}",))
+    return replace(frame, notes=_left_outside(data, box, frame.because, {"road": _is_street}))
+
+
+def _left_outside(data: MapData, box: DegreeBox, because: str, kinds: Mapping[str, _Choice]) -> tuple[str, ...]:
+    """A note of what lies wholly outside of a part, by kind, and of the box with it; none where nothing does."""
+    counts, corners = [], [(box[1], box[0]), (box[3], box[2])]
+    for kind, chosen in kinds.items():
+        lines = [_nodes(data, way) for way in data.ways if chosen(way) and _is_outside(data, way, box)]
+        lines = [line for line in lines if line]
+        corners += [place for line in lines for place in line]
+        if lines:
+            counts.append(f"{len(lines)} {kind}" + ("s" if len(lines) > 1 else ""))
+    if not counts:
+        return ()
+    lie = "lies" if counts[0].startswith("1 ") and len(counts) == 1 else "lie"
+    wide = ",".join(f"{value:.4f}" for value in _grown(_bounds(corners)))
+    return (f"{' and '.join(counts)} {lie} outside the part {because}; with them it is --bbox={wide}",)
+
+
+def _is_street(way: Way) -> bool:
+    return way.tags.get("highway") in VEHICLES
+
+
+def _is_built(way: Way) -> bool:
+    return is_set(way.tags, "building")
 
 
 def _places(data: MapData, key: str) -> list[tuple[float, float]]:
