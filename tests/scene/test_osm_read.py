@@ -5,6 +5,7 @@ import gzip
 import os
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import osmium
@@ -286,6 +287,13 @@ def test_another_remark_is_a_note(tmp_path: Path) -> None:
     assert data.notes == ("the map's server remarks: served from a copy",)
 
 
+def test_a_budget_that_overpass_repeats_is_no_cut(tmp_path: Path) -> None:
+    budget = "runtime remark: Timeout is 180 and maxsize is 536870912."
+    assert reading(tmp_path, f"{NODES}<remark> {budget} </remark>").notes == ()
+    with pytest.raises(UsageError, match="stopped before its end: runtime error: Query timed out"):
+        reading(tmp_path, f"{NODES}<remark> {budget}\nruntime error: Query timed out </remark>")
+
+
 LANELET = (
     '<node id="1" lat="" lon=""><tag k="local_x" v="1"/></node><node id="2" lat="49.1" lon="8.2"/>'
     '<way id="3"><nd ref="1"/><nd ref="2"/><tag k="type" v="line_thin"/></way>'
@@ -317,6 +325,7 @@ LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 4\n"
         ("\ufeff <!DOCTYPE HTML><title>Sign in</title>", r"a web page \(HTML\), `Sign in`", "download"),
         ("<!-- a --><HTML lang='en'>", "a web page", "download"),
         ("<osmChange><modify/></osmChange>", "a list of changes", "osmium"),
+        (f"<osm>{NODES}<delete>{HOUSE}</delete></osm>", "a list of changes", "osmium"),
         ("<osm><action type='create'/></osm>", "augmented diff", "as a map"),
         ("<gpx/>", "a GPS track", ".osm"),
         ('<k:kml xmlns:k="x"/>', "it is KML", ".osm"),
@@ -369,6 +378,14 @@ def test_a_packed_download_that_was_cut_off_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"cannot be unpacked: .*end") as caught:
         read(tmp_path / "cut.osm.gz")
     assert "download the map again" in caught.value.hint
+
+
+@pytest.mark.parametrize("inner", [gzip.compress, bz2.compress])
+def test_a_map_that_was_packed_twice_is_named(tmp_path: Path, inner: Callable[[bytes], bytes]) -> None:
+    (tmp_path / "a.osm.gz").write_bytes(gzip.compress(inner(f"<osm>{NODES}</osm>".encode())))
+    with pytest.raises(UsageError, match="was packed twice") as caught:
+        read(tmp_path / "a.osm.gz")
+    assert "unpack it once" in caught.value.hint
 
 
 def test_a_pbf_that_was_packed_again_is_named(tmp_path: Path) -> None:

@@ -104,6 +104,8 @@ def recognise(path: Path) -> MapFile:
     packing: Packing = next((packing for mark, packing in _PACKED if head.startswith(mark)), "")
     if packing:
         head = _unpacked_head(path, packing)
+        if any(head.startswith(mark) for mark, _ in _PACKED):
+            raise UsageError(f"`{path}` was packed twice", hint="unpack it once first: gunzip FILE, or bunzip2 FILE")
     if _PBF.match(head):
         if packing:
             raise UsageError(f"`{path}` is a .pbf that was packed once more", hint="unpack it first: gunzip FILE")

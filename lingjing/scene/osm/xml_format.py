@@ -31,6 +31,9 @@ _KINDS = {"node": "n", "way": "w", "relation": "r"}
 _CUT = re.compile(r"error|time[d]?[ -]?out|out of memory|abort|exceed|incomplete|too many|truncat", re.IGNORECASE)
 """Words of a remark by which Overpass says that its answer is not whole."""
 
+_BUDGET = re.compile(r"runtime remark: timeout is \d+( and maxsize is \d+)?\.?\s*", re.IGNORECASE)
+"""The part of a remark by which Overpass repeats what it was asked to keep to."""
+
 _ELSEWHERE = "download the place's OpenStreetMap data instead (.osm or .osm.pbf)"
 _ROOTS: dict[str, tuple[str, str]] = {
     "html": ("a web page (HTML)", "the server answered with a page, perhaps an error: read it in a browser"),
@@ -113,6 +116,7 @@ class _Handler:
         self._starts: dict[str, Callable[[_Attributes], None]] = {
             "tag": self._start_tag, "nd": self._start_nd, "member": self._start_member, "bounds": self._start_bounds,
             "bound": self._start_bound, "remark": self._start_remark, "action": self._start_action,
+            "create": self._start_change, "modify": self._start_change, "delete": self._start_change,
         }  # fmt: skip
 
     def start(self, name: str, attributes: _Attributes) -> None:
@@ -131,7 +135,7 @@ class _Handler:
         elif name == "member":
             self._end_member()
         elif name == "remark" and self._remark is not None:
-            self._remarks.append(" ".join("".join(self._remark).split()))
+            self._remarks.append(_BUDGET.sub("", " ".join("".join(self._remark).split())))
             self._remark = None
 
     def text(self, text: str) -> None:
@@ -251,8 +255,14 @@ class _Handler:
             self._remark = []
 
     def _start_action(self, attributes: _Attributes) -> None:
-        kind, hint = _ROOTS["osmAugmentedDiff"]
-        raise UsageError(f"`{self._source.path}` is not OpenStreetMap data: it is {kind}", hint=hint)
+        raise self._foreign("osmAugmentedDiff")
+
+    def _start_change(self, attributes: _Attributes) -> None:
+        raise self._foreign("osmChange")
+
+    def _foreign(self, root: str) -> UsageError:
+        kind, hint = _ROOTS[root]
+        return UsageError(f"`{self._source.path}` is not OpenStreetMap data: it is {kind}", hint=hint)
 
     def _place(self, attributes: _Attributes) -> LatLon | None:
         """Where attributes say that something is; None if they do not."""
