@@ -37,8 +37,11 @@ _FEET = re.compile(
     r"(?:(?P<feet>\d+(?:\.\d+)?)\s*(?:'(?!')|ft\.?|feet|foot)\s*-?\s*)?(?P<inches>\d+(?:\.\d+)?)\s*(?:\"|''|inches|inch|in\.?|$)"
 )
 _THOUSANDS = re.compile(r"(\d),(\d{3})(?=\s*(?:ft|feet|foot|'))")
-_QUALIFIER = re.compile(r"^(?:~|≈|±|<|>|=|\+|(?:ca|approx|circa|about|est|约|約)\.?)\s*")
-"""Words and signs before a number that is an estimate; the number counts."""
+_QUALIFIER = re.compile(r"^(?:~|≈|±|<|>|=|\+|(?:ca|approx|circa|about|est|约|約)\.?|地上)\s*")
+"""Words and signs before a number that is an estimate, or counts what is over the ground; the number counts."""
+
+_ASIDE = re.compile(r"\s*(?:\(.*\)|/\s*[\d.,]+\s*(?:ft|feet|m)\b.*|±.*|\?+|地下.*)$")
+"""What follows a number and does not change it: `12 m (39 ft)`, `12 m / 40 ft`, `12 ± 1`, `5?`."""
 
 _STOREY_WORD = r"(?:f|fl|floors?|levels?|lvls?|stor(?:e?y|ies|eys)|etagen?|geschosse?|层|層|楼|樓|階)?"
 _STOREYS = re.compile(
@@ -51,9 +54,9 @@ _WITH_ROOF = re.compile(r"(?P<walls>\d+)\s*\+\s*(?:\d+|[a-z]+)")
 """Full storeys and those in the roof, as in `4+1` or `3+D`."""
 
 _PEOPLE = re.compile(
-    r"(?P<whole>\d{1,3}(?:[ .,']\d{3})+|\d+)(?P<part>[.,]\d{1,2})?\s*(?P<scale>万|萬|million|mio)?(?!\d)"
+    r"(?P<whole>\d{1,3}(?:[ .,']\d{3})+|\d+)(?P<part>[.,]\d{1,2})?\s*(?P<scale>万|萬|million|mio|k\b)?(?!\d)"
 )
-_SCALES = {None: 1.0, "万": 1e4, "萬": 1e4, "million": 1e6, "mio": 1e6}
+_SCALES = {None: 1.0, "k": 1e3, "万": 1e4, "萬": 1e4, "million": 1e6, "mio": 1e6}
 _SIGNS = str.maketrans({"′": "'", "’": "'", "‘": "'", "´": "'", "`": "'", "″": '"', "”": '"', "“": '"', "–": "-",
                         "—": "-", "−": "-", "〜": "~", "½": ".5", "至": "-", "到": "-"})  # fmt: skip
 _LONGEST = 80
@@ -147,11 +150,11 @@ def linear(red: int, green: int, blue: int) -> LinearRgb:
 
 
 def _plain(text: str) -> str:
-    """A value without what does not change it: widths of characters, typographic signs, case, words before numbers."""
+    """A value without what does not change it: widths of characters, typographic signs, case, words around numbers."""
     if len(text) > _LONGEST:
         return ""
     plain = unicodedata.normalize("NFKC", text.translate(_SIGNS)).strip().lower()
-    return _QUALIFIER.sub("", plain)
+    return _ASIDE.sub("", _QUALIFIER.sub("", plain))
 
 
 def _length(text: str) -> float | None:
