@@ -65,7 +65,7 @@ _NATIONAL = {
 
 def limits(tags: Mapping[str, str]) -> tuple[float | None, float | None]:
     """The permitted speeds along and against a street, km/h; None where no tag names one."""
-    both = _first(tags, _KEYS) or _first(tags, _IMPLIED)
+    both = _first(tags, _KEYS) or next(filter(None, (_implied_kmh(tags.get(key, "")) for key in _IMPLIED)), None)
     forward, backward = (
         _first(tags, [f"{key}:{direction}" for key in _KEYS]) or both for direction in ("forward", "backward")
     )
@@ -76,7 +76,7 @@ def limit_kmh(text: str) -> float | None:
     """The lowest speed that a value names, km/h; None if it names none."""
     plain = text.casefold().replace("km/h", "kmh")
     always = _AT_TIMES.sub("", plain) if "@" in plain else plain
-    values = [_single(part.strip()) for part in _SEPARATORS.split(always)]
+    values = [_single(part) for part in _with_units([part.strip() for part in _SEPARATORS.split(always)])]
     if all(value is None for value in values):
         values = [_single("".join(found.groups(""))) for found in _WITHIN.finditer(always)]
     return min((value for value in values if value is not None), default=None)
@@ -88,6 +88,19 @@ def limit_kmh(text: str) -> float | None:
 def _first(tags: Mapping[str, str], keys: Sequence[str]) -> float | None:
     found = (limit_kmh(tags[key]) for key in keys if key in tags)
     return next((value for value in found if value is not None), None)
+
+
+def _with_units(parts: list[str]) -> list[str]:
+    """The parts of a list; numbers have the unit of the last part where that alone has one (`20-30 mph`)."""
+    if len(parts) > 1 and parts[-1].endswith("mph") and "mph" not in "".join(parts[:-1]):
+        return [f"{part} mph" if part.isdecimal() else part for part in parts]
+    return parts
+
+
+def _implied_kmh(text: str) -> float | None:
+    """The speed of the zone that a value names alone: these keys have free texts too (`survey 2020-05-30`)."""
+    zones = (_of_zone(part.strip()) for part in text.casefold().split(";"))
+    return min((zone for zone in zones if zone is not None), default=None)
 
 
 def _single(text: str) -> float | None:
