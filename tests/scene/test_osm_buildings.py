@@ -90,6 +90,19 @@ def test_courtyards_and_several_outlines_of_one_relation(tmp_path: Path) -> None
     assert sorted(len(building.holes) for building in found.values()) == [0, 1]
 
 
+def test_swapped_roles_and_members_named_twice_give_the_same_courtyard(tmp_path: Path) -> None:
+    areas = []
+    for roles, times in ((("outer", "inner"), 1), (("inner", "outer"), 1), (("outer", "inner"), 2)):
+        made = Map()
+        ways = made.way(square(0, 0, 60)), made.way(square(20, 20, 20))
+        made.relation(list(zip(ways, roles, strict=True)) * times, {"building": "yes", "height": "12"})
+        features = made.features(tmp_path)
+        (area,) = (area for area in features.areas if area.ref == "r1")
+        areas.append(area.shape.area)
+        assert not features.skipped
+    assert areas == pytest.approx([3200.0] * 3, abs=1.0)
+
+
 def test_an_outline_of_several_ways_and_one_that_does_not_close(tmp_path: Path) -> None:
     made = Map()
     first = made.way([(0, 0), (50, 0), (50, 50)])

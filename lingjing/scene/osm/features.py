@@ -225,12 +225,17 @@ class _Shaper:
         if outer is None or outer.is_empty:
             return None
         inner = self._rings(relation, inner=True)
-        return sound(outer if inner is None else shapely.difference(outer, inner))
+        if inner is None or inner.is_empty:
+            return sound(outer)
+        if inner.contains(outer):  # the roles are swapped
+            outer, inner = inner, outer
+        return sound(shapely.difference(outer, inner))
 
     def _rings(self, relation: MapRelation, *, inner: bool) -> Any:
         import shapely
 
-        refs = [ref for kind, ref, role in relation.members if kind == "w" and (role == "inner") is inner]
+        named = (ref for kind, ref, role in relation.members if kind == "w" and (role == "inner") is inner)
+        refs = list(dict.fromkeys(named))  # a member named twice is one
         lines = [self._line(self._ways[ref]) for ref in refs if ref in self._ways]
         found = [line for line in lines if line is not None]
         if not found or (not inner and len(found) < len(refs) and not all(line.is_ring for line in found)):
