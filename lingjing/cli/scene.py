@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lingjing.scene.osm.summary import Summary
 
 _PICTURES = (".png", ".svg", ".pdf")
+_MAPS = (".osm", ".pbf", ".gz", ".bz2", ".xml")
 _KINDS = (
     ("buildings", "building", "buildings"), ("roads", "road", "roads"), ("junctions", "junction", "junctions"),
     ("bridges", "bridge deck", "bridge decks"), ("waters", "water", "waters"), ("areas", "surface", "surfaces"),
@@ -105,6 +106,10 @@ def _city(args: argparse.Namespace) -> City:
         from lingjing.scene.store import read_store
 
         return read_store(folder)
+    if folder.is_file() and folder.suffix.lower() in _MAPS:
+        raise UsageError(
+            f"`{folder}` is a map, no city yet", hint=f"build it first: lingjing scene build {folder} -o FOLDER"
+        )
     from lingjing.cli.arguments import parse_seed
     from lingjing.dsl.loading.load import load_mission
     from lingjing.mission.instantiate import instantiate
