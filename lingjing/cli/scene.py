@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -87,6 +88,9 @@ def _info(args: argparse.Namespace) -> int:
 
 def _draw(args: argparse.Namespace) -> int:
     """Draw a city from above: waters, surfaces, roads, buildings (darker is higher), trees."""
+    from matplotlib import rc_context
+
+    from lingjing.analysis.fonts import families, note_of_boxes
     from lingjing.scene.plan import draw_plan
 
     target = Path(args.output)
@@ -94,8 +98,14 @@ def _draw(args: argparse.Namespace) -> int:
         raise UsageError(f"no picture is written to `{target.name}`", hint=f"end the name in {', '.join(_PICTURES)}")
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
-    draw_plan(_city(args), target)
+    city = _city(args)
+    words = f"{city.id} {city.attribution}"
+    with rc_context({"font.family": families(words)}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # it is said below
+        draw_plan(city, target)
     print(target)
+    for note in note_of_boxes(words):
+        print(f"note: {note}", file=sys.stderr)
     return ExitCode.OK
 
 

@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
+from lingjing.errors import UsageError
 from lingjing.mission.geometry2d import Extent, Polygon, Vector2, bounds, signed_area
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.tiles import Tiles
+from lingjing.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -156,7 +158,10 @@ def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette) -> None:
 
 
 def draw_plan(city: City, path: Path) -> None:
-    """Write the whole city as a picture with a scale; the file's suffix says which format (`.png`, `.svg`, `.pdf`)."""
+    """Write the whole city as a picture with a scale; the file's suffix says which format (`.png`, `.svg`, `.pdf`).
+
+    `UsageError` where it cannot be written.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -173,7 +178,12 @@ def draw_plan(city: City, path: Path) -> None:
     axes.plot([west + wide * 0.03, west + wide * 0.03 + bar], [south + high * 0.03] * 2, color="black", lw=3, zorder=20)
     axes.text(west + wide * 0.03, south + high * 0.038, f"{bar:g} m", fontsize=9, zorder=20)
     figure.text(0.01, 0.01, f"{city.id} · {city.attribution}", fontsize=8, parse_math=False)
-    figure.savefig(path, dpi=DPI, metadata={"Date": None} if path.suffix == ".svg" else None)
+    kind = path.suffix[1:].lower()
+    try:
+        with written_whole(path) as partial:
+            figure.savefig(partial, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
+    except OSError as error:
+        raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from error
 
 
 # -- private

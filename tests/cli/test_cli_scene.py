@@ -148,6 +148,26 @@ def test_a_city_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert "OpenStreetMap" in (folder / "plan.svg").read_text(encoding="utf-8")
 
 
+def test_a_city_with_a_chinese_name_is_drawn_without_stray_lines(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    town().write(folder / "陆家嘴.osm")
+    assert main(["scene", "build", "陆家嘴.osm", "-o", "city"]) == ExitCode.OK
+    assert main(["scene", "draw", "city", "-o", "PLAN.PNG"]) == ExitCode.OK
+    said = capfd.readouterr().err.splitlines()
+    assert all(line.startswith("note: no font here has") for line in said)
+    assert len(said) <= 1
+
+
+def test_a_picture_that_cannot_be_written_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    town().write(folder / "town.osm")
+    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    (folder / "plan.png").mkdir()
+    assert main(["scene", "draw", "city", "-o", "plan.png"]) == ExitCode.USAGE
+    assert "error: cannot write `plan.png`: Is a directory" in capsys.readouterr().err
+    assert not list(folder.glob("*.partial")) + list(folder.glob(".*.partial"))
+
+
 def test_the_scene_of_a_mission_is_looked_at(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scene", "info", "vdn", "--seed", "3"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("city      residential-")
