@@ -81,6 +81,17 @@ def test_no_towers_stand_in_a_small_place(tmp_path: Path, place: dict[str, str])
     assert max(tops) < 24.0
 
 
+def test_what_stands_alone_in_the_fields_is_no_block(tmp_path: Path) -> None:
+    made = Map()
+    farm = made.way(square(0, 0, 24), {"building": "yes"})
+    flats = made.way(square(450, 0, 24), {"building": "apartments"})
+    tower = made.way(square(-450, 0, 24), {"building": "apartments", "building:levels": "9"})
+    found = {building.id: building.top_m for building in raised(made, tmp_path).buildings}
+    assert found[f"w{farm}"] <= 9.0
+    assert found[f"w{flats}"] <= 12.0
+    assert found[f"w{tower}"] == 27.0
+
+
 def test_a_large_city_has_towers_where_their_own_tags_name_them(tmp_path: Path) -> None:
     made = Map()
     made.node(0, 0, place="city", population="24000000")

@@ -20,7 +20,7 @@ from typing import Any
 
 from lingjing.scene.osm.features import AROUND_M
 from lingjing.scene.osm.heights import tagged_height_m, tagged_levels
-from lingjing.scene.osm.storeys import DEEP_M, StoreyRange
+from lingjing.scene.osm.storeys import DEEP_M, HOUSES_M2, StoreyRange
 from lingjing.scene.osm.uses import LOW, is_landmark
 
 NEAR_M = 300.0
@@ -142,9 +142,10 @@ class NearbyBuildings:
         return np.where(same, SAME_LAND, 1.0) * np.exp(-unlike / SIMILAR) / (1.0 + (apart / HALF_M) ** 2)
 
     def _footprint(self, near: Any, shape: Any) -> float:
-        """The median footprint of what is no hall; a building's own where it stands all but alone."""
+        """The median footprint of what is no hall; a building's own where it stands all but alone, and then that of a
+        house at most: out there no town makes it a block."""
         areas = self._areas[near][~self._halls[near]].tolist()
-        return median(areas) if len(areas) >= FEWEST else float(shape.area)
+        return median(areas) if len(areas) >= FEWEST else min(float(shape.area), HOUSES_M2)
 
 
 def tagged_storeys(tags: Mapping[str, str]) -> float | None:
