@@ -136,7 +136,7 @@ def test_a_part_around_buildings_takes_streets_near_them_and_says_which_it_leave
     far = build(path, Options(), tmp_path / "far").summary
     assert (far.box, far.counts["roads"]) == (near.box, 2)
     (note,) = far.notes
-    assert note.startswith("1 road lies outside the part around its buildings and the streets near them; with")
+    assert note.startswith("1 road lies outside the part around its buildings and the streets near them; the")
     wide = build(path, Options(box=parse_box(note.split("=")[1])), tmp_path / "wide").summary
     assert wide.counts["roads"] > 2
     assert not wide.notes
@@ -333,9 +333,12 @@ def test_what_lies_outside_of_the_stated_part_is_said(tmp_path: Path) -> None:
     made.way([(300, 80), (300, 200)], {"highway": "residential"})
     path = made.write(tmp_path / "part.osm")
     (note,) = build(path, Options(), tmp_path / "part").summary.notes
-    assert note.startswith("1 building and 1 road lie outside the part stated in the file; with them it is --bbox=")
+    assert note.startswith("1 building and 1 road lie outside the part stated in the file; the box with all is")
     wide = build(path, Options(box=parse_box(note.split("=")[1])), tmp_path / "wide").summary
     assert (wide.counts["buildings"], wide.notes) == (2, ())
+    made.way(square(90_000, 0, 30), {"building": "yes"})
+    (note,) = build(made.write(tmp_path / "far.osm"), Options(), tmp_path / "far").summary.notes
+    assert note.endswith("stated in the file, too far away to be built with it")
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "999", "1e300"])

@@ -171,8 +171,12 @@ def _left_outside(data: MapData, box: DegreeBox, because: str, kinds: Mapping[st
     if not counts:
         return ()
     lie = "lies" if counts[0].startswith("1 ") and len(counts) == 1 else "lie"
-    wide = ",".join(f"{value:.4f}" for value in _grown(_bounds(corners)))
-    return (f"{' and '.join(counts)} {lie} outside the part {because}; with them it is --bbox={wide}",)
+    said, wide = f"{' and '.join(counts)} {lie} outside the part {because}", _grown(_bounds(corners))
+    try:
+        frame_of(wide, because)
+    except UsageError:
+        return (f"{said}, too far away to be built with it",)
+    return (f"{said}; the box with all is --bbox={','.join(f'{value:.4f}' for value in wide)}",)
 
 
 def _is_street(way: Way) -> bool:
