@@ -90,7 +90,12 @@ def test_the_second_run_does_nothing(environment, created, pips) -> None:
 
 def test_distributions_of_an_earlier_name_are_removed_first(environment, pips, monkeypatch) -> None:
     seen: list[str] = []
-    monkeypatch.setattr(setup, "create", lambda environment: seen.append("create"))
+
+    def create(made: object) -> None:
+        environment.folder.mkdir()
+        seen.append("create")
+
+    monkeypatch.setattr(setup, "create", create)
     monkeypatch.setattr(setup, "remove", lambda environment: seen.extend(environment.replaced))
     monkeypatch.setattr(setup, "pip", lambda environment, arguments: seen.append("install"))
     setup.ensure(replace(environment, replaced=("lingjing", "lingjing-agents")))
