@@ -47,15 +47,15 @@ class Quits:
 
 
 @pytest.mark.slow
-def test_a_policy_that_ends_its_process_has_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "quits.py").write_text(QUITS)
     suite = tmp_path / "small.toml"
     suite.write_text(SMALL.replace('"bi", "cd"', '"bi"').replace("seeds = 2", "seeds = [3]"))
     out = tmp_path / "out"
     assert main(["bench", str(suite), "--policy", str(tmp_path / "quits.py"), "-o", str(out)]) == ExitCode.OK
     (row,) = read_results(out)
-    assert (row.standing, row.tries, row.report.reason, row.report.success) == ("counted", 1, "policy-crash", False)
-    assert row.report.ticks == 2 and row.report.metrics is not None and row.report.metrics.success is False
+    assert (row.standing, row.tries, row.report.reason, row.report.success) == ("counted", 1, "budget", False)
+    assert row.report.ticks == 60 and row.report.metrics is not None and row.report.metrics.success is False
     assert "| quits.py:Quits | 0 | 0 |" in capsys.readouterr().out
 
 

@@ -256,7 +256,13 @@ class _Server:
             told.close()  # who asked reads the end of it
             return None
         if pid:
-            process = self.processes[pid] = _Process(pid, os.pidfd_open(pid), told)
+            try:
+                pidfd = os.pidfd_open(pid)
+            except OSError:
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+                raise
+            process = self.processes[pid] = _Process(pid, pidfd, told)
             self.selector.register(process.pidfd, selectors.EVENT_READ, lambda _: self.ended(process))
             _tell_start(process)
         return pid
@@ -396,6 +402,8 @@ def main() -> NoReturn:
         server.run()
     except _CallerEndedError:
         pass
+    except OSError as refusal:  # the caller says what it lacks; this is what the system said
+        print(f"the process that starts others cannot go on: {refusal}", file=sys.stderr)  # noqa: T201
     except BaseException:  # noqa: BLE001 - as the interpreter does, which would wait for threads that should not be
         traceback.print_exc()
     server.end_all()
