@@ -309,14 +309,17 @@ def test_line_26_what_a_call_without_a_decision_has_spent_is_kept():
     assert made.decision == Decision(usage=Usage(calls=3, prompt_tokens=70))
 
 
-def test_line_26_a_policy_whose_service_is_gone_aborts_the_episode():
+def test_line_26_a_policy_that_claims_an_outage_has_failed():
+    """A policy does not decide what counts: without a probe that finds its service gone, what it raises is its own."""
+
     def act(observation, inbox):
         raise InfrastructureError("the service is gone", hint="start it")
 
     outcome, log = play_kit(policies={"scout[2]": Table({2: act})})
-    assert (outcome.reason, outcome.detail, outcome.hint) == ("infrastructure-abort", "the service is gone", "start it")
-    assert log.endings == [("abandon", outcome)]
-    assert [record.tick for record in log.records] == [0, 1, 2]
+    assert outcome.reason == "budget"
+    (made,) = (one for one in log.records[3].decisions if one.agent == "scout[2]")
+    assert (made.substituted, made.decision) == ("policy_error", Decision())
+    assert "the service is gone" in made.detail
 
 
 def test_line_27_outputs_are_collected_by_name_in_declaration_order():
