@@ -28,7 +28,7 @@ def test_the_oracle_wins_and_the_declared_relations_come_about(mission, mode, se
         compiled, policy="oracle", seed=3, mode=mode, settings=settings, out=tmp_path / "run", overview=False
     )
     assert result.success, result.reason
-    assert result.warnings == ()
+    assert [said for said in result.warnings if not said.startswith("moved from")] == []  # vans are put on the road
     records = [relation for record in read_trace(result.trace).boundaries for relation in record.relations]
     assert relations <= {record.kind for record in records}
     assert all(record.source and record.target and record.by for record in records)
