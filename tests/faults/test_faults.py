@@ -25,7 +25,7 @@ def planted(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.slow
+@pytest.mark.faults  # a sample depends on threads, and some still have a wrong case
 def test_a_hundred_planted_faults_end_as_they_should() -> None:
     done = planted("--cases", "100", "--seed", "0")
     assert done.returncode == 0, done.stdout + done.stderr
