@@ -181,6 +181,6 @@ def test_houses_of_endless_storeys_and_nodes_off_the_earth(tmp_path: Path) -> No
     town.write(tmp_path / "town.osm")
     assert build(tmp_path / "town.osm", Options(), tmp_path / "town").summary.counts["tallest_m"] < 100
     text = (tmp_path / "town.osm").read_text(encoding="utf-8")
-    (tmp_path / "off.osm").write_text(text.replace('lat="31', 'lat="931', 1), encoding="utf-8")
+    (tmp_path / "off.osm").write_text(text.replace(' lat="31', ' lat="931', 1), encoding="utf-8")
     with pytest.raises(UsageError, match=r"off\.osm` is not OpenStreetMap data"):
         build(tmp_path / "off.osm", Options(), tmp_path / "off")
