@@ -25,7 +25,7 @@ STEEP_M = 5.0
 
 
 def wants_pictures(brief: Brief) -> bool:
-    """Whether the mission is won by pictures that bodies have taken."""
+    """True if the mission is won by pictures that bodies have taken."""
     return any(PHOTOGRAPHED in sentence for sentence in brief.rules)
 
 

@@ -344,7 +344,7 @@ class _Anchoring:
         return _moved(entity, (*spot, self._footing.height(*spot)))
 
     def _suits(self, entity: Entity, above_m: float = 0.0) -> Callable[[float, float], bool]:
-        """Whether an entity so far above the ground at a place would meet no other body."""
+        """True if an entity so far above the ground at a place would meet no other body."""
         return lambda x, y: self._is_free(_moved(entity, (x, y, self._footing.height(x, y) + above_m)))
 
     def _out_of_the_way(self, entity: Entity) -> Entity:

@@ -176,7 +176,7 @@ def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tupl
 
 
 def is_pending(item: Mapping[str, Any]) -> bool:
-    """Whether an entry has no coordinates and says that it will have some."""
+    """True if an entry has no coordinates and says that it will have some."""
     inner = [one for one in item.values() if isinstance(one, Mapping)]
     keys = {folded(key) for holder in (item, *inner) for key in holder}
     return not keys & _COORDINATES and any(word in folded(said) for said in _texts(item) for word in PENDING)

@@ -152,7 +152,7 @@ def untied_fault(parsed: Parsed, found: Sequence[Found], origin: tuple[float, fl
 
 
 def _are_planar(parsed: Parsed, places: Sequence[Coordinates]) -> bool:
-    """Whether `lon` and `lat` hold metres: beside X and Y in metres, they are no degrees of one scene. It is noted."""
+    """True if `lon` and `lat` hold metres: beside X and Y in metres, they are no degrees of one scene. It is noted."""
     pairs = _degrees(places)
     if len(pairs) < 2 or len(pairs) == len(places):
         return False

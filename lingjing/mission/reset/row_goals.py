@@ -44,7 +44,7 @@ class RowGoals(NamedTuple):
 
 
 def has_row_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
-    """Whether UAVs are all that is listed, and goals all that is hidden."""
+    """True if UAVs are all that is listed, and goals all that is hidden."""
     listed = {one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute)}
     return listed == {"multirotor"} and _only_goals(parsed, found) and next(_entries(parsed), None) is not None
 

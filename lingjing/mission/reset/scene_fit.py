@@ -52,7 +52,7 @@ class GroundBox(NamedTuple):
         return (self.west + self.east) / 2.0, (self.south + self.north) / 2.0
 
     def holds(self, other: GroundBox) -> bool:
-        """Whether another box lies within this one."""
+        """True if another box lies within this one."""
         return (
             self.west <= other.west
             and self.south <= other.south

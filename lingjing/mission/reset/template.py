@@ -135,7 +135,7 @@ def _of_bodies_alone(parsed: Parsed, full: Sequence[Found]) -> tuple[str, str] |
 
 
 def _in_words(parsed: Parsed, signature: TemplateSignature) -> bool:
-    """Whether the scene's name or the goal has a word for what the mission looks for."""
+    """True if the scene's name or the goal has a word for what the mission looks for."""
     text = folded(f"{parsed.scenario.scene_name} {parsed.task.goal}")
     return any(word in text for type_ in signature.types for word in SPECIAL.get(type_, ()))
 

@@ -96,7 +96,7 @@ def stated_fault(parsed: Parsed) -> Fault | None:
 
 
 def system_is_understood(parsed: Parsed) -> bool:
-    """Whether the document names a coordinate system that says a unit."""
+    """True if the document names a coordinate system that says a unit."""
     system = _system(parsed)
     return system is not None and bool(system[1])
 
@@ -152,7 +152,7 @@ def _farthest(places: Sequence[Coordinates]) -> float:
 
 
 def _fits_as_metres(places: Sequence[Coordinates]) -> bool:
-    """Whether the places could be those of a scene if their numbers were metres."""
+    """True if the places could be those of a scene if their numbers were metres."""
     heights = [data.z for data in places if data.z is not None]
     return (
         _extent(places) <= WIDEST_M
