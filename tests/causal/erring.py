@@ -32,7 +32,7 @@ class Astray(OraclePolicy):
 
 
 class Wavering(Astray):
-    """Thinks otherwise in any process but that in which it took its brief."""
+    """Does nothing in any process but that in which it took its brief."""
 
     async def reset(self, brief: Brief) -> None:
         await super().reset(brief)
@@ -40,7 +40,7 @@ class Wavering(Astray):
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         made = await super().act(observation, inbox)
-        return made if os.getpid() == self._process else replace(made, thought="elsewhere")
+        return made if os.getpid() == self._process else Decision()
 
 
 class Moody(OraclePolicy):

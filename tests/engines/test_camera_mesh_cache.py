@@ -80,7 +80,8 @@ def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: 
 
 def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.write_bytes(b"no folder")
-    assert kept_texture("grain", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
+    # A name of its own: the temporary folder is the process's, and other tests keep textures there.
+    assert kept_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
     monkeypatch.setenv(CACHE_OFF, "1")
     assert kept_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 

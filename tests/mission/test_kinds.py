@@ -61,7 +61,7 @@ def test_a_strangers_scene_is_checked_by_its_file(acme: Path) -> None:
     assert "`depth` is 5.0" in found.message
     text = re.sub(r"scene +bay \{", "scene canyon { wide = 5 m,", shipped)
     (found,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
-    assert (found.code, found.hint) == ("LJ0108", "known: datum, depth, layout, origin")
+    assert (found.code, found.hint) == ("LJ0108", "known: datum, depth, displacement, layout, origin")
 
 
 def test_validate_imports_no_plug_in_whose_kinds_are_described(

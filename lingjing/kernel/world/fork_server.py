@@ -380,6 +380,7 @@ class _CallerEndedError(BaseException):
 
 
 def _end(number: int, frame: object) -> NoReturn:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would break off what the first one has begun
     raise _CallerEndedError
 
 
@@ -400,6 +401,8 @@ def main() -> NoReturn:
     server = _Server(socket.socket(fileno=options.fd), options.parent, os.getpid())
     try:
         server.run()
+        # The caller's end of the socket closes before the kernel sends the signal of its death.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
     except _CallerEndedError:
         pass
     except OSError as refusal:  # the caller says what it lacks; this is what the system said
