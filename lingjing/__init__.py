@@ -5,12 +5,12 @@ contract) and `engines` → `kernel` (the episode) → `trace` (what happened) �
 an episode in a browser or as a film. `play` plays one episode, `bench` many, `report` draws the figures of them,
 `causal` runs traces again, `envs` makes learning environments of missions; `cli` is the command line, `lsp` the
 language server. Shared by all: `errors` (the exceptions), `validation` (what pydantic found, in words),
-`option_reading` (options read by their models), `suggest` (did-you-mean), `collector` (the garbage collector at rest),
-`data` (where shipped files are), `installation` (the distributions' names, and what their
-extras bring), `installed_plugins` (those of other distributions, tried before they are loaded), `kept_files` (files of
-the cache folder), `whole_files` (files written whole or not at all), `file_names` (names that are not text),
-`refusals` (what the system refuses), `numerics` (what fixes the last bits of numbers), `signals` (signals held back
-for a while), `terminal` (text made safe to print).
+`option_reading` (options read by their models), `option_listing` (options as people read them), `suggest`
+(did-you-mean), `collector` (the garbage collector at rest), `data` (where shipped files are), `installation` (the
+distributions' names, and what their extras bring), `installed_plugins` (those of other distributions, tried before they
+are loaded), `kept_files` (files of the cache folder), `whole_files` (files written whole or not at all), `file_names`
+(names that are not text), `refusals` (what the system refuses), `numerics` (what fixes the last bits of numbers),
+`signals` (signals held back for a while), `terminal` (text made safe to print).
 `docs/architecture.md` walks through them. The public surface is this module, `lingjing.plugins` and the command
 `lingjing`; the rest may change.
 

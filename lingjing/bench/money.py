@@ -53,7 +53,7 @@ def prices_of(player: Player) -> tuple[float, float] | None:
 
 def is_paid(player: Player) -> bool:
     """Whether its calls cost money, as far as anybody knows: a price that is not known may be any."""
-    return player.plugin.calls and prices_of(player) != (0.0, 0.0)
+    return player.declared.calls and prices_of(player) != (0.0, 0.0)
 
 
 def check_ready(players: Sequence[Player], max_cost: float | None) -> None:

@@ -30,14 +30,12 @@ from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
-from lingjing.option_reading import spellings, takes_any_name, unknown_option
+from lingjing.option_reading import unknown_option
 from lingjing.play.options import PlayOptions
-from lingjing.play.policy_files import load_policy
+from lingjing.play.policy_files import PolicyDeclaration, is_file
+from lingjing.play.policy_processes.examination import PolicyDeclarations
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import options_model
-from lingjing.plugins.options import option_faults
-from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import did_you_mean
 
 _READ_ELSEWHERE = {
@@ -52,12 +50,13 @@ GROUPS = {"commercial": "Commercial models", "open": "Open-source models"}
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """An entrant with its names looked up: `policy` is how `PlayOptions` names it, `args` its own options."""
+    """An entrant with its names looked up: `policy` is how `PlayOptions` names it, `declared` what it declares there,
+    `args` its own options."""
 
     name: str
     group: str
     policy: str
-    plugin: PolicyPlugin
+    declared: PolicyDeclaration
     args: Mapping[str, GivenOption] = field(default_factory=dict)
     model: ModelPlugin | None = None
     policies_for: Mapping[str, str] = field(default_factory=dict)
@@ -100,6 +99,7 @@ class SuitePlan:
 
 def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = ()) -> SuitePlan:
     """Read and check a suite file. With `policies` these play it instead of its own entrants, which need no model.
+    Policies in files are loaded by processes of their own.
 
     Raises `UsageError` that tells every fault with its path.
     """
@@ -107,8 +107,9 @@ def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = ()) -> Sui
     if policies:
         document = _played_by(document, policies)
     faults = list(form_faults(document))
-    reader = _Reader(document, path.parent, host)
-    cells = reader.cells()
+    with PolicyDeclarations(host) as declarations:
+        reader = _Reader(document, path.parent, host, declarations)
+        cells = reader.cells()
     faults += reader.faults
     if faults:
         raise faults_error(path, tuple(dict.fromkeys(faults)))
@@ -152,19 +153,22 @@ def _played_by(document: Mapping[str, Any], policies: Sequence[str]) -> dict[str
 def _absolute(folder: Path, policy: str) -> str:
     """A policy's file by its whole path; anything else is a name."""
     file, colon, name = policy.partition(":")
-    return f"{(folder / file).resolve()}{colon}{name}" if file.endswith(".py") else policy
+    return f"{(folder / file).resolve()}{colon}{name}" if is_file(policy) else policy
 
 
 class _Reader:
     """Looks up what a suite names, as far as its form can be read, and collects what is wrong."""
 
-    def __init__(self, document: Mapping[str, Any], folder: Path, host: PluginHost) -> None:
+    def __init__(
+        self, document: Mapping[str, Any], folder: Path, host: PluginHost, declarations: PolicyDeclarations
+    ) -> None:
         self.faults: list[Fault] = []
         self.missions: dict[str, Mission] = {}
         self.files: dict[str, Path] = {}
         self._document = document
         self._folder = folder
         self._host = host
+        self._declarations = declarations
 
     def cells(self) -> tuple[SuiteCell, ...]:
         """All cells; those that can be made where there are faults."""
@@ -220,12 +224,11 @@ class _Reader:
                     idle = [other for other in idle if other is not one]
         for one in idle:
             self._check_merged(one, args, "", {})
-        taken = [tuple(spellings(options_model(player.plugin))) for _, _, player in players]
-        anything = any(takes_any_name(options_model(player.plugin)) for _, _, player in players)
+        declared = [player.declared for _, _, player in players]
         unread = not players or len(players) < len(self._document["entrants"])  # one of those may take it
         for where, name in untaken.items():
-            if not unread and not anything and not any(name in each for each in taken):
-                self._say(where, unknown_option(name, (one for each in taken for one in each)))
+            if not unread and not any(each.takes(name) for each in declared):
+                self._say(where, unknown_option(name, (one for each in declared for one in each.options)))
 
     def _check_merged(
         self, one: tuple[int, Entrant, Player], args: Mapping[str, Plain], where: str, own: Mapping[str, Plain]
@@ -233,7 +236,7 @@ class _Reader:
         """The options of an entrant with those of the suite and of the condition that is written at `where`."""
         at, entrant, player = one
         shared, under = _taken(player, args), _taken(player, own)
-        for fault in option_faults(options_model(player.plugin), {**shared, **player.args, **under}):
+        for fault in self._option_faults(at, player, {**shared, **player.args, **under}):
             top = fault.where.partition(".")[0]
             if top in under:
                 place = f"{where}.args.{top}"
@@ -243,6 +246,14 @@ class _Reader:
                 place = f"args.{top}" if top in shared else f"entrants[{at}]"
             named = "" if place.endswith(f".{top}") or not top else f"option `{top}` "
             self._say(place, Fault(fault.where, f"{named}{fault.message}", fault.hint))
+
+    def _option_faults(self, at: int, player: Player, given: Mapping[str, GivenOption]) -> tuple[Fault, ...]:
+        """What is wrong with options; a policy whose own check of them fails is a fault itself."""
+        try:
+            return self._declarations.option_faults(player.policy, given)
+        except LingjingError as error:
+            self._fault(f"entrants[{at}]", str(error), error.hint)
+            return ()
 
     # -- missions, modes, settings
 
@@ -363,17 +374,17 @@ class _Reader:
                 self._fault(f"{where}.model", f"there is no model `{entrant.model}`", hint)
                 return None
         spec = _absolute(self._folder, model.policy if model else str(entrant.policy))
-        plugin = self._policy(f"{where}.policy", spec)
+        declared = self._policy(f"{where}.policy", spec)
         others = [self._policy(f"{where}.policies_for.{role}", _absolute(self._folder, named))
                   for role, named in entrant.policies_for.items()]  # fmt: skip
-        if plugin is None or None in others:
+        if declared is None or None in others:
             return None
         own = {**(model.arguments if model else {}), **entrant.args}
         player = Player(
-            name=entrant.name or ((model.title or model.name) if model else plugin.name),
+            name=entrant.name or ((model.title or model.name) if model else declared.name),
             group=entrant.group or (GROUPS[model.tier] if model else ""),
             policy=spec,
-            plugin=plugin,
+            declared=declared,
             args=own,
             model=model,
             policies_for={role: _absolute(self._folder, named) for role, named in entrant.policies_for.items()},
@@ -381,13 +392,11 @@ class _Reader:
         )
         return entrant, player
 
-    def _policy(self, where: str, spec: str) -> PolicyPlugin | None:
+    def _policy(self, where: str, spec: str) -> PolicyDeclaration | None:
         try:
-            return load_policy(spec, self._host)
+            return self._declarations.of(spec)
         except LingjingError as error:
-            close = (
-                "" if spec.partition(":")[0].endswith(".py") else did_you_mean(spec, self._host.policies, "policies")
-            )
+            close = "" if is_file(spec) else did_you_mean(spec, self._host.policies, "policies")
             self._fault(where, str(error), close or error.hint)
             return None
 
@@ -427,9 +436,7 @@ class _Place:
 
 def _taken(player: Player, given: Mapping[str, Plain]) -> dict[str, Plain]:
     """Those of the options that the player's policy has."""
-    options = options_model(player.plugin)
-    known = set(spellings(options))
-    return {name: value for name, value in given.items() if name in known or takes_any_name(options)}
+    return {name: value for name, value in given.items() if player.declared.takes(name)}
 
 
 def _setting_name(settings: Mapping[str, float]) -> str:

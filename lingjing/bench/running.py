@@ -135,7 +135,7 @@ class SuiteRun:
         """Raise `UsageError` if calls are replayed and some episodes have no record of theirs."""
         if self.calls_from is None:
             return
-        asking = [self._name(episode) for episode in episodes if episode.cell.player.plugin.calls]
+        asking = [self._name(episode) for episode in episodes if episode.cell.player.declared.calls]
         missing = [name for name in asking if not (self.calls_from / "runs" / name / CALLS_NAME).is_file()]
         if missing:
             raise UsageError(
@@ -202,7 +202,7 @@ class SuiteRun:
 
     def _counted(self, options: PlayOptions, episode: SuiteEpisode) -> PlayOptions:
         """The options with what becomes of calls, where there are any, and where their money is counted."""
-        if not episode.cell.player.plugin.calls:
+        if not episode.cell.player.declared.calls:
             return options
         record = self._name(episode)
         return msgspec.structs.replace(
@@ -230,7 +230,7 @@ class SuiteRun:
 
     def _keeps(self, cell: SuiteCell) -> bool:
         """Whether its runs stay: what a model was asked and answered has been paid for."""
-        return self.keep or cell.player.plugin.calls
+        return self.keep or cell.player.declared.calls
 
     def _row(self, episode: SuiteEpisode, options: PlayOptions, report: EpisodeReport, wall_s: float) -> SuiteRow:
         cell = episode.cell
@@ -253,9 +253,9 @@ class SuiteRun:
             seed=episode.seed,
             tries=episode.tries,
             standing=standing,
-            policy=cell.player.plugin.name,
+            policy=cell.player.declared.name,
             model=cell.player.model.name if cell.player.model else "",
-            privileged=cell.player.plugin.privileged,
+            privileged=cell.player.declared.privileged,
             policy_seed=options.policy_seed,
             salt_sha256=fingerprint(self.results.salt()),
             code=self.code,

@@ -18,6 +18,6 @@ handler for each of them.
 - `calls`                                          what an episode's policies asked chat models
 - `prompts`                                        a policy's prompts; a better one from failed traces
 - `frames`                                         sets of traces' frames for detectors; a probe of detectors
-- `plugins` ← `installed`, `option_listing`, `new` ← `newengine`      what is installed, what is begun
+- `plugins` ← `installed`, `new` ← `newengine`     what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks
 """

@@ -5,23 +5,26 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
 from lingjing.cli.files import print_columns
-from lingjing.cli.option_listing import OptionSpec, option_specs
 from lingjing.cli.process import say, say_error
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.mission.kinds import described_by, scene_kind
 from lingjing.mission.kinds_format import SceneOption
+from lingjing.option_listing import OptionSpec, option_specs
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_model
 from lingjing.plugins.options import declared_model
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest
+
+if TYPE_CHECKING:
+    from lingjing.play.policy_files import PolicyDeclaration
 
 _Offered = TypeVar("_Offered")
 
@@ -109,10 +112,11 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
     Raises `UsageError` if nothing is called so, and `PluginError` if what may be called so could not be read.
     """
     if name.partition(":")[0].endswith(".py"):
-        from lingjing.play.policy_files import load_policy
+        from lingjing.play.policy_processes.examination import PolicyDeclarations
 
-        policy = load_policy(name, host)
-        yield _policy_offer(policy, name.partition(":")[0], option_specs(options_model(policy)))
+        with PolicyDeclarations(host) as declarations:
+            declared, options = declarations.of(name), declarations.listed_options(name)
+        yield _policy_offer(declared, name.partition(":")[0], options)
         return
     faults: list[PluginError] = []
     every = list(offers(host, faults))
@@ -169,7 +173,7 @@ def _price(model: ModelPlugin) -> str:
     return f"{model.tier}, ${model.price_in:g} in and ${model.price_out:g} out a million tokens"
 
 
-def _policy_offer(policy: PolicyPlugin, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:
+def _policy_offer(policy: PolicyPlugin | PolicyDeclaration, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:
     notes = "privileged" if policy.privileged else ""
     return Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
 

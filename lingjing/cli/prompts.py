@@ -130,13 +130,13 @@ def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
     from lingjing.bench.money import check_ready, estimates, in_words, is_paid
     from lingjing.bench.planning import Player, SuiteCell
     from lingjing.bench.running import SuiteEpisode
-    from lingjing.play.policy_files import load_policy
+    from lingjing.play.policy_files import declaration_of
     from lingjing.plugins.host import PluginHost
 
     host = PluginHost()
     model = host.models.get(str(options.policy_args.get("model", "")))
     name = model.name if model else str(options.policy_args.get("model", options.policy))
-    player = Player(name, "", options.policy, load_policy(options.policy, host), options.policy_args, model)
+    player = Player(name, "", options.policy, declaration_of(host.policy(options.policy)), options.policy_args, model)
     check_ready([player], options.max_cost)
     if not is_paid(player):
         return

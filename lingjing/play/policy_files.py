@@ -6,15 +6,50 @@ import inspect
 from pathlib import Path
 from types import ModuleType
 
+import msgspec
+
 from lingjing.errors import UsageError
 from lingjing.play.python_files import load_file
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import policy_of
+from lingjing.plugins.loading import options_model, policy_of
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest
 
 _METHODS = ("reset", "act")
 _START = "`lingjing new agent NAME` writes a policy to start from"
+
+
+class PolicyDeclaration(msgspec.Struct, frozen=True, kw_only=True):
+    """The part of a `PolicyPlugin` that can leave the process which has loaded its code.
+
+    `options` are the spellings of its options, aliases too; `takes_any_name` is true if it takes others as well.
+    """
+
+    name: str
+    privileged: bool
+    calls: bool
+    summary: str
+    options: tuple[str, ...]
+    takes_any_name: bool
+
+    def takes(self, option: str) -> bool:
+        """True if the policy has an option of this name."""
+        return self.takes_any_name or option in self.options
+
+
+def declaration_of(plugin: PolicyPlugin) -> PolicyDeclaration:
+    """The declaration of a policy that this process has loaded. Raises `PluginError` for options that are no model."""
+    from lingjing.option_reading import spellings, takes_any_name
+
+    model = options_model(plugin)
+    return PolicyDeclaration(
+        name=plugin.name,
+        privileged=plugin.privileged,
+        calls=plugin.calls,
+        summary=plugin.summary,
+        options=spellings(model),
+        takes_any_name=takes_any_name(model),
+    )
 
 
 def is_file(spec: str) -> bool:

@@ -10,8 +10,11 @@ import pytest
 
 from lingjing.bench.planning import SuitePlan, options_of_cell, read_plan
 from lingjing.bench.suite import Suite, find_suite, json_schema, read_document, shipped_suites
+from lingjing.cli.main import main
 from lingjing.data import data_path
-from lingjing.errors import UsageError
+from lingjing.errors import ExitCode, UsageError
+from lingjing.kernel.world.descendants import children
+from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
@@ -223,7 +226,7 @@ def test_a_mission_with_errors_and_a_policy_file_beside_the_suite(tmp_path: Path
     assert len(told) == 1 and told[0].startswith("missions[0]: `mine.ljs` does not compile: ")
     plan = planned(SMALL.replace('"random"', '"./mine.py:Mine"'), tmp_path, host)
     assert plan.players[1].policy == f"{tmp_path}/mine.py:Mine"
-    assert plan.players[1].plugin.name == "mine.py:Mine"
+    assert plan.players[1].declared.name == "mine.py:Mine"
 
 
 def test_arguments_go_to_who_takes_them_the_nearest_counts(tmp_path: Path, host: PluginHost) -> None:
@@ -276,3 +279,79 @@ def test_every_shipped_suite_is_right_and_called_as_its_file(name: str) -> None:
     assert plan.suite.name == name
     assert plan.suite.title and plan.suite.about
     assert isinstance(plan.suite, Suite) and len(plan.cells) > 0
+
+
+DECLARES = """
+from pydantic import field_validator
+from lingjing.plugins.options import PluginOptions
+
+class Speeds(PluginOptions):
+    speed: float = 3.0
+
+    @field_validator("speed")
+    @classmethod
+    def check(cls, speed):
+        import os
+        if speed == 13.0:
+            os._exit(5)
+        return speed
+
+class {name}:
+    options = Speeds
+
+    def __init__(self, options): ...
+    async def reset(self, brief): ...
+    async def act(self, observation, inbox): ...
+"""
+
+HARMFUL = {
+    "endless": ("while True: pass", "policy `{file}` was not loaded within 2 s; correct what its file or its class"),
+    "exits": ("import os; os._exit(0)", "policy `{file}` could not be loaded: its process ended (exit code 0)"),
+    "closes": ("import os; os.closerange(0, 4096)", "policy `{file}` could not be loaded: its process "),
+    "raises": ("raise RuntimeError('on\\npurpose')", "{file}:1: RuntimeError: on"),
+    "leaves": ("import sys; sys.exit(0)", "{file}:1: SystemExit: 0"),
+    "changes": ("import os; os.chdir('/')\nimport lingjing.bench.planning as p\np.read_plan = None", "does not hold"),
+}
+
+
+def test_a_file_that_harms_its_process_is_a_fault_of_its_entrant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each file does its worst in a process of its own; the suite is read to its end, and nothing is left running."""
+    monkeypatch.setenv(LOAD_VARIABLE, "2")
+    monkeypatch.chdir(tmp_path)
+    suite = SMALL
+    for name, (text, _) in HARMFUL.items():
+        (tmp_path / f"{name}.py").write_text(text)
+        suite += f'\n[[entrants]]\npolicy = "{name}.py"\n'
+    (tmp_path / "last.py").write_text(DECLARES.format(name="Last"))
+    for number, speed in enumerate(("13", '"x"', "4")):
+        suite += f'\n[[entrants]]\nname = "last {number}"\npolicy = "last.py"\nargs = {{ speed = {speed} }}\n'
+    (tmp_path / "suite.toml").write_text(suite)
+    known = set(children())
+    assert main(["bench", "suite.toml", "--check"]) == ExitCode.USAGE
+    assert set(children()) == known and Path.cwd() == tmp_path
+    lines = capsys.readouterr().err.removeprefix("error: ").splitlines()
+    for at, (name, (_, said)) in enumerate(HARMFUL.items(), 2):
+        (line,) = [line for line in lines if line.startswith(f"suite.toml: entrants[{at}].policy: ")]
+        assert said.format(file=tmp_path / f"{name}.py") in line
+    first = 2 + len(HARMFUL)
+    assert any(
+        line.startswith(f"suite.toml: entrants[{first}]: the check of the options of policy")
+        and "could not be finished: its process ended (exit code 5)" in line
+        for line in lines
+    )
+    assert f"suite.toml: entrants[{first + 1}].args.speed: is 'x', a number is due" in lines
+    assert not any(f"entrants[{first + 2}]" in line for line in lines)
+    assert len(lines) == len(HARMFUL) + 2 + 1  # and a hint
+
+
+def test_options_of_a_file_are_shared_and_checked_as_any(tmp_path: Path, host: PluginHost) -> None:
+    (tmp_path / "mine.py").write_text(DECLARES.format(name="Mine"))
+    text = SMALL + '\n[[entrants]]\npolicy = "mine.py"\n[[conditions]]\nname = "fast"\nargs = { speed = 9.0 }\n'
+    cells = planned(text, tmp_path, host).cells
+    assert {cell.player.name: dict(cell.args) for cell in cells} == {
+        "oracle": {}, "random": {}, "mine.py:Mine": {"speed": 9.0},
+    }  # fmt: skip
+    told = faults(text.replace("speed = 9.0", "sped = 9.0"), tmp_path, host)
+    assert told == ["conditions[0].args.sped: is not known; did you mean `speed`?"]

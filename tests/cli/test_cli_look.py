@@ -71,6 +71,17 @@ def test_plugins_lists_the_options_of_a_policy_in_a_file(tmp_path: Path, monkeyp
     assert "altitude  number: 40 to 160  default 80  elevation of the search, metres" in said
 
 
+@pytest.mark.parametrize(
+    "text", ["import os; os._exit(0)", "import os; os.closerange(0, 4096)", "raise ValueError('no')"]
+)
+def test_plugins_names_a_file_that_harms_its_process(text: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(text)
+    assert main(["plugins", "mine.py"]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and "mine.py" in told.err and "hint: " in told.err
+
+
 def test_a_new_agent_can_be_loaded_as_it_is(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new", "agent", "deep-scout"]) == 0

@@ -25,8 +25,7 @@ from lingjing.kernel.ambient_random import generator_states, has_moved
 from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
-from lingjing.play.policy_processes import barrier
-from lingjing.play.policy_processes.barrier import AgentPolicy, ProcessBarrier
+from lingjing.play.policy_processes.barrier import LOAD_VARIABLE, AgentPolicy, ProcessBarrier
 from lingjing.play.policy_processes.examination import examine
 from lingjing.play.policy_processes.messages import LoadPolicy
 from lingjing.play.policy_processes.output import MOST_BYTES
@@ -225,7 +224,7 @@ def loaded(server: ForkServerClient, names: Mapping[str, str]) -> ProcessBarrier
 
 
 def test_a_constructor_that_never_ends_is_refused(server: ForkServerClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(barrier, "LOAD_S", 2.0)
+    monkeypatch.setenv(LOAD_VARIABLE, "2")
     crew = loaded(server, {"good": "Steady", "slow": "SlowConstructor"})
     with pytest.raises(UsageError, match=r"hostile_policies.py:SlowConstructor` of `slow` was not loaded within 2 s"):
         crew.load()
@@ -234,8 +233,7 @@ def test_a_constructor_that_never_ends_is_refused(server: ForkServerClient, monk
 def test_an_import_that_never_ends_is_refused(
     server: ForkServerClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("lingjing.play.policy_processes.examination.LOAD_S", 2.0)
-    monkeypatch.setattr(barrier, "LOAD_S", 2.0)
+    monkeypatch.setenv(LOAD_VARIABLE, "2")
     file = tmp_path / "endless.py"
     file.write_text("while True:\n    pass\n")
     with pytest.raises(UsageError, match=r"policy `.*endless.py` was not loaded within 2 s"):

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import AliasChoices, field_validator
 
-from lingjing.cli.option_listing import option_specs
 from lingjing.errors import PluginError, UsageError
+from lingjing.option_listing import option_specs
 from lingjing.play.option_sharing import engine_options, share_arguments
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.hookspecs import hookimpl

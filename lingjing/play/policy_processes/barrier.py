@@ -7,7 +7,10 @@ turn and begins anew at the next: the same options, seeds and brief, no memory o
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from lingjing.errors import InfrastructureError, UsageError
@@ -30,8 +33,10 @@ from lingjing.play.policy_processes.turns import RequestList, Turn, wait_for, wa
 from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.policy import Brief, Inbox, Observation, Picture
 
+LOAD_VARIABLE = "LINGJING_POLICY_LOAD_S"
 LOAD_S = 60.0
-"""How long a policy may take to be imported and built: seconds of its own time."""
+"""How long a policy may take to be imported and built, unless `LOAD_VARIABLE` sets another limit: seconds of its own
+time. Chosen; the weights of a local model may need more."""
 
 CLOSE_S = 3.0
 """How long what a policy registered for its end may take, for all agents together: seconds of wall clock."""
@@ -67,7 +72,7 @@ class ProcessBarrier(Barrier):
         try:
             turns = {name: self._turn(name, [(self._policies[name].load, ())]) for name in self._agents}
             for turn in turns.values():
-                turn.deadline = OwnDeadline(turn.process.pid, LOAD_S, watched=True)
+                turn.deadline = OwnDeadline(turn.process.pid, load_limit_s(), watched=True)
             wait_for(turns.values())
             for name, turn in turns.items():
                 check_loaded(turn, f"the policy `{self._policies[name].load.spec}` of `{name}`")
@@ -163,14 +168,24 @@ class ProcessBarrier(Barrier):
         self._slots.close()
 
 
-def check_loaded(turn: Turn, what: str) -> None:
-    """Raise the error of a policy that could not be loaded. `what` is the policy in words."""
+def load_limit_s() -> float:
+    """Seconds that a policy may take to be imported and built: `LINGJING_POLICY_LOAD_S`, or `LOAD_S`."""
+    with suppress(ValueError):
+        given_s = float(os.environ.get(LOAD_VARIABLE, LOAD_S))
+        return given_s if 0.0 < given_s < math.inf else LOAD_S
+    return LOAD_S
+
+
+def check_loaded(turn: Turn, what: str, done: str = "loaded") -> None:
+    """Raise the error of a policy that could not be loaded. `what` is the policy in words, `done` a participle: what
+    should have become of it."""
     if isinstance(turn.answer, RaisedError):
         raise error_of(turn.answer)
     if turn.is_late:
-        raise UsageError(f"{what} was not loaded within {LOAD_S:g} s", hint="correct what its file or its class does")
+        hint = f"correct what its file or its class does, or give it more time with {LOAD_VARIABLE}=SECONDS"
+        raise UsageError(f"{what} was not {done} within {load_limit_s():g} s", hint=hint)
     if turn.ended:
-        raise UsageError(f"{what} could not be loaded: {turn.ended}", hint="correct what its file or its class does")
+        raise UsageError(f"{what} could not be {done}: {turn.ended}", hint="correct what its file or its class does")
 
 
 def _has_closed(process: PolicyProcess) -> bool:

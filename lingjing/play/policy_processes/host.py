@@ -21,7 +21,6 @@ import termios
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from lingjing.errors import ErrorCollector, InfrastructureError, LingjingError
+from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.kernel.barrier import POLICY_ERRORS, failure, timed
 from lingjing.kernel.candidates import received
 from lingjing.kernel.world.deadlines import WallDeadline
@@ -37,21 +36,21 @@ from lingjing.kernel.world.descendants import adopt
 from lingjing.kernel.world.held_cities import unpacked
 from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
 from lingjing.mission.instance import Instance
-from lingjing.play.option_sharing import share_arguments
 from lingjing.play.policy_files import load_policy
+from lingjing.play.policy_processes.declaring import LoadedDeclarations
 from lingjing.play.policy_processes.letters import open_letter
 from lingjing.play.policy_processes.messages import (
     ActPolicy,
     CallEnded,
     CallFailed,
     CancelCall,
+    CheckOptions,
     ClosePolicy,
     DecisionMade,
-    ExaminedPolicy,
+    DeclarePolicy,
     ExaminePolicies,
     HandOverPictures,
     LoadPolicy,
-    PoliciesExamined,
     PolicyAnswerMessage,
     PolicyRequest,
     ResetPolicy,
@@ -63,7 +62,7 @@ from lingjing.play.policy_processes.observations import observation_of
 from lingjing.play.policy_processes.pictures import MappedSlots
 from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, options_fingerprint
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Picture, Policy, PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.records import Decision, DecisionRecord
@@ -114,6 +113,7 @@ class _PolicyHost:
         self._current: asyncio.Task[Any] | None = None
         self._handed: list[int] = []
         self._slots = MappedSlots()
+        self._declarations = LoadedDeclarations()
         self._constants: tuple[Instance, City] | None = None
         self.policy: Policy | None = None
 
@@ -149,7 +149,13 @@ class _PolicyHost:
     async def _answer(self, order: _Order) -> PolicyAnswerMessage:
         match order.request:
             case ExaminePolicies():
-                return _examined(order.request)
+                seed_generators(0)
+                return self._declarations.examine(order.request)
+            case DeclarePolicy():
+                seed_generators(0)
+                return self._declarations.declare(order.request)
+            case CheckOptions():
+                return self._declarations.check(order.request)
             case LoadPolicy():
                 return self._load(order.request)
             case ResetPolicy(brief=brief):
@@ -236,33 +242,6 @@ def _decided(value: Any) -> PolicyAnswerMessage:
     if made.substituted:
         return CallFailed(reason="malformed", detail=made.detail)
     return DecisionMade(decision=made.decision)
-
-
-def _examined(request: ExaminePolicies) -> PoliciesExamined:
-    seed_generators(0)
-    errors = ErrorCollector()
-    host = PluginHost()
-    plugins: dict[str, PolicyPlugin] = {}
-    for spec in request.specs:
-        plugin = errors.attempt(partial(load_policy, spec, host), None)
-        if plugin is not None:
-            plugins[spec] = plugin
-    complete, shares = len(plugins) == len(request.specs), {}
-    if request.whole:
-        shares = errors.attempt(lambda: share_arguments(plugins, request.arguments, whole=complete), {})
-    found = {
-        spec: ExaminedPolicy(
-            name=plugin.name,
-            privileged=plugin.privileged,
-            calls=plugin.calls,
-            summary=plugin.summary,
-            arguments=shares[spec],
-            fingerprint=options_fingerprint(plugin, shares[spec]),
-        )
-        for spec, plugin in plugins.items()
-        if spec in shares
-    }
-    return PoliciesExamined(found=found, errors=tuple(map(raised, errors.errors)))
 
 
 def _plugin(spec: str, source: str) -> PolicyPlugin:

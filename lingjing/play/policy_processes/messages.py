@@ -13,6 +13,8 @@ import msgspec
 
 from lingjing.errors import Fault, InfrastructureError, LingjingError, MissionError, PluginError, UsageError
 from lingjing.mission.instance import GivenOption, Instance, Weather
+from lingjing.option_listing import OptionSpec
+from lingjing.play.policy_files import PolicyDeclaration
 from lingjing.play.policy_processes.pictures import PicturePart
 from lingjing.plugins.calls import MissingCallError, SpendingLimitError
 from lingjing.plugins.policy import Brief, Inbox
@@ -60,6 +62,20 @@ class ExaminePolicies(PolicyMessage, frozen=True, kw_only=True):
     specs: tuple[str, ...]
     arguments: dict[str, GivenOption]
     whole: bool
+
+
+class DeclarePolicy(PolicyMessage, frozen=True, kw_only=True):
+    """Load the policy of a file and return its declaration, with the list of its options if they are to be `listed`."""
+
+    spec: str
+    listed: bool
+
+
+class CheckOptions(PolicyMessage, frozen=True, kw_only=True):
+    """Check options of a policy that has been declared."""
+
+    spec: str
+    arguments: dict[str, GivenOption]
 
 
 class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
@@ -124,16 +140,24 @@ class ClosePolicy(PolicyMessage, frozen=True, kw_only=True):
     """Run what was registered for the end of the process, and end."""
 
 
-PolicyRequest = ExaminePolicies | LoadPolicy | ResetPolicy | HandOverPictures | ActPolicy | CancelCall | ClosePolicy
+PolicyRequest = (
+    ExaminePolicies
+    | DeclarePolicy
+    | CheckOptions
+    | LoadPolicy
+    | ResetPolicy
+    | HandOverPictures
+    | ActPolicy
+    | CancelCall
+    | ClosePolicy
+)
 
 
 class ExaminedPolicy(msgspec.Struct, frozen=True, kw_only=True):
-    """The declaration of a policy, its share of the options, and what decides beside these (its fingerprint)."""
+    """The name of a policy, its share of the options, and what decides beside these (its fingerprint)."""
 
     name: str
     privileged: bool
-    calls: bool
-    summary: str
     arguments: dict[str, GivenOption]
     fingerprint: dict[str, str]
 
@@ -153,6 +177,19 @@ class PoliciesExamined(PolicyMessage, frozen=True, kw_only=True):
 
     found: dict[str, ExaminedPolicy]
     errors: tuple[RaisedError, ...]
+
+
+class PolicyDeclared(PolicyMessage, frozen=True, kw_only=True):
+    """The declaration of a policy; `listed` are its options as people read them, if they were asked for."""
+
+    declaration: PolicyDeclaration
+    listed: tuple[OptionSpec, ...] = ()
+
+
+class OptionsChecked(PolicyMessage, frozen=True, kw_only=True):
+    """Everything that is wrong with the options."""
+
+    faults: tuple[Fault, ...]
 
 
 class CallEnded(PolicyMessage, frozen=True, kw_only=True):
@@ -175,7 +212,9 @@ class CallFailed(PolicyMessage, frozen=True, kw_only=True):
     usage: Usage | None = None
 
 
-PolicyAnswerMessage = PoliciesExamined | CallEnded | DecisionMade | CallFailed | RaisedError
+PolicyAnswerMessage = (
+    PoliciesExamined | PolicyDeclared | OptionsChecked | CallEnded | DecisionMade | CallFailed | RaisedError
+)
 
 
 class BeginModelCall(PolicyMessage, frozen=True, kw_only=True):

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import msgspec
+from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
-
-from lingjing.plugins.options import PluginOptions
 
 
 class OptionSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,7 +24,7 @@ class OptionSpec(msgspec.Struct, frozen=True, kw_only=True):
     help: str = ""
 
 
-def option_specs(model: type[PluginOptions]) -> tuple[OptionSpec, ...]:
+def option_specs(model: type[BaseModel]) -> tuple[OptionSpec, ...]:
     """Every option of a model as it is listed, in the order of declaration.
 
     One whose type JSON Schema has no words for, such as a function, is listed as `any`.

@@ -1,0 +1,76 @@
+"""The far end of an examination: policies are loaded for what they declare, and none of them is built."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from lingjing.errors import ErrorCollector, LingjingError
+from lingjing.option_listing import option_specs
+from lingjing.play.option_sharing import share_arguments
+from lingjing.play.policy_files import declaration_of, load_policy
+from lingjing.play.policy_processes.messages import (
+    CheckOptions,
+    DeclarePolicy,
+    ExaminedPolicy,
+    ExaminePolicies,
+    OptionsChecked,
+    PoliciesExamined,
+    PolicyDeclared,
+    RaisedError,
+    raised,
+)
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import options_fingerprint, options_model
+from lingjing.plugins.options import option_faults
+from lingjing.plugins.policy import PolicyPlugin
+
+
+class LoadedDeclarations:
+    """Answers requests for declarations. A file is executed once, whatever is asked about it."""
+
+    def __init__(self) -> None:
+        self._plugins: dict[str, PolicyPlugin] = {}
+
+    def examine(self, request: ExaminePolicies) -> PoliciesExamined:
+        """Load policies by name or file, and share the options among them."""
+        errors = ErrorCollector()
+        host = PluginHost()
+        plugins: dict[str, PolicyPlugin] = {}
+        for spec in request.specs:
+            plugin = errors.attempt(partial(load_policy, spec, host), None)
+            if plugin is not None:
+                plugins[spec] = plugin
+        complete, shares = len(plugins) == len(request.specs), {}
+        if request.whole:
+            shares = errors.attempt(lambda: share_arguments(plugins, request.arguments, whole=complete), {})
+        found = {
+            spec: ExaminedPolicy(
+                name=plugin.name,
+                privileged=plugin.privileged,
+                arguments=shares[spec],
+                fingerprint=options_fingerprint(plugin, shares[spec]),
+            )
+            for spec, plugin in plugins.items()
+            if spec in shares
+        }
+        return PoliciesExamined(found=found, errors=tuple(map(raised, errors.errors)))
+
+    def declare(self, request: DeclarePolicy) -> PolicyDeclared | RaisedError:
+        """Load the policy of a file."""
+        try:
+            plugin = self._plugins[request.spec] = load_policy(request.spec, PluginHost(entry_points=False))
+            listed = option_specs(options_model(plugin)) if request.listed else ()
+            return PolicyDeclared(declaration=declaration_of(plugin), listed=listed)
+        except LingjingError as error:
+            return raised(error)
+
+    def check(self, request: CheckOptions) -> OptionsChecked | RaisedError:
+        """Check options by the model of a policy that has been declared."""
+        try:
+            model = options_model(self._plugins[request.spec])
+            return OptionsChecked(faults=option_faults(model, request.arguments))
+        except LingjingError as error:
+            return raised(error)
+
+
+__all__ = ["LoadedDeclarations"]
