@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from lingjing.data import data_path
 from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.play.episode import Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.play.report import EpisodeReport
 from lingjing.trace.call_store import CALLS_NAME, CallReader
 
 
@@ -68,31 +71,52 @@ def test_one_digest_here_and_apart(
     assert (apart.digest, apart.frames_digest, apart.ticks) == (here.digest, here.frames_digest, here.ticks)
 
 
-def test_a_script_decides_the_same_apart(server: ForkServerClient, tmp_path: Path) -> None:
+@pytest.fixture
+def glance(tmp_path: Path) -> Path:
     mission = tmp_path / "glance.ljs"
     mission.write_text(TEXT)
+    return mission
+
+
+def test_a_script_decides_the_same_apart(server: ForkServerClient, glance: Path, tmp_path: Path) -> None:
     script = tmp_path / "script.json"
     commands = {"0": {"command": {"verb": "takeoff"}}, "1": {"command": {"verb": "takePhoto"}}}
     script.write_text(json.dumps({"scout[1]": commands}))
     given = {"policy": "scripted", "policy_args": {"script": str(script)}, "overview": False, "seed": 1}
     with Session(policy_server=server) as session:
-        apart = session.run(mission, out=tmp_path / "apart", **given)
-    here = lingjing.run(mission, out=tmp_path / "here", **given)
+        apart = session.run(glance, out=tmp_path / "apart", **given)
+    here = lingjing.run(glance, out=tmp_path / "here", **given)
     assert (apart.digest, apart.frames_digest) == (here.digest, here.frames_digest)
 
 
-def test_model_calls_cross_the_border(server: ForkServerClient, tmp_path: Path) -> None:
-    """What is recorded apart is replayed here without a service, and the other way round."""
-    mission = tmp_path / "glance.ljs"
-    mission.write_text(TEXT)
-    with serve(looking()) as service:
-        given = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": service.url}, "overview": False}
-        with Session(policy_server=server) as session:
-            apart = session.run(mission, out=tmp_path / "apart", **given)
+@dataclass
+class Asking:
+    """A mission whose agent asks a model, a session that plays it apart, and the service of the model."""
+
+    mission: Path
+    session: Session
+    url: str
+    close_service: Callable[[], None]
+
+    def play(self, out: Path, **changes: object) -> EpisodeReport:
+        given = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": self.url}, "overview": False}
+        return self.session.run(self.mission, out=out, **{**given, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def asking(server: ForkServerClient, glance: Path) -> Iterator[Asking]:
+    with ExitStack() as stack, Session(policy_server=server) as session:
+        service = stack.enter_context(serve(looking()))
+        yield Asking(glance, session, service.url, stack.close)
+
+
+def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
+    """A record that is made apart is replayed here without a service, and the other way round."""
+    apart = asking.play(tmp_path / "apart")
+    asking.close_service()
     replaying = {"calls": "replay", "calls_from": tmp_path / "apart"}
-    here = play(mission, tmp_path / "here", service.url, **replaying)
-    with Session(policy_server=server) as session:
-        again = session.run(mission, out=tmp_path / "again", **given, calls="replay", calls_from=tmp_path / "here")
+    here = play(asking.mission, tmp_path / "here", asking.url, **replaying)
+    again = asking.play(tmp_path / "again", calls="replay", calls_from=tmp_path / "here")
     assert apart.digest == here.digest == again.digest
     assert decisions(apart) == decisions(here) == decisions(again)
     assert again.warnings == here.warnings
@@ -100,12 +124,7 @@ def test_model_calls_cross_the_border(server: ForkServerClient, tmp_path: Path) 
     assert len(set(asked)) == 1 and asked[0] > 8
 
 
-def test_limits_of_spending_hold_for_all_processes(server: ForkServerClient, tmp_path: Path) -> None:
-    mission = tmp_path / "glance.ljs"
-    mission.write_text(TEXT)
-    with serve(looking()) as service:
-        given = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": service.url}, "overview": False}
-        with Session(policy_server=server) as session:
-            report = session.run(mission, out=tmp_path / "apart", **given, max_tokens=1)
+def test_limits_of_spending_hold_for_all_processes(asking: Asking, tmp_path: Path) -> None:
+    report = asking.play(tmp_path / "apart", max_tokens=1)
     assert report.reason == "infrastructure-abort"
     assert report.detail.startswith("tokens: the limit of 1 does not cover another call")

@@ -15,7 +15,8 @@ In the order of a call:
 - `held_cities`   cities that a process holds for its forks; `placed_worlds` worlds that stand at boundary 0 (a fork
   server's), `held_starts` the same of one caller; `first_pictures` the pictures of boundary 0
 - `forking`     a command's fork server as its callers see it ← `fork_server`, the process that episodes and workers are
-  forked from
+  forked from: `forks` (the processes that it has forked), `becoming` (the first steps of each), `idle_cameras` (camera
+  processes for the next episode), `world_holders` (placed worlds)
 - `parent_death`   a process that ends with its parent; `descendants` ends what processes leave behind
 - `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends
 

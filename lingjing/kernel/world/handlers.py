@@ -27,7 +27,7 @@ from lingjing.kernel.world.messages import (
     Submit,
     WorkerMessage,
 )
-from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart
+from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart, start_by
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import CallMonitor, store_frame
 from lingjing.numerics import taken
@@ -150,7 +150,7 @@ class CameraHandler(RequestHandler):
                 yield self._prepare(request), ()
             case Reset() if self._sensor is not None:
                 self._sensor.reset(request.instance, unpacked(request.city))
-                self._start = WorldStart(Prepare(engines=(self._sensor.name,)), request).key
+                self._start = start_by((self._sensor.name,), request).key
                 yield self._is_reset(), ()
             case Capture() if self._sensor is not None:
                 yield from self._capture(self._sensor, request)

@@ -24,21 +24,23 @@ _announced: dict[bytes, WorldStart] = {}
 
 @dataclass(frozen=True, slots=True)
 class WorldStart:
-    """The requests that bring a world process to boundary 0."""
+    """The requests that bring a world process to boundary 0. `key` is the hash by which such a world is asked for."""
 
     prepare: Prepare
     reset: Reset
-
-    @property
-    def key(self) -> bytes:
-        """The hash by which a world is asked for."""
-        content = msgspec.msgpack.encode((self.prepare.engines, self.reset.instance, self.reset.coupled))
-        return hashlib.sha256(content + hashlib.sha256(self.reset.city).digest()).digest()
+    key: bytes
 
 
 def world_start(engines: tuple[str, ...], instance: Instance, city: msgspec.Raw) -> WorldStart:
     """The start of a world whose engines are all in one process; `city` as it travels (`held_cities.packed`)."""
-    return WorldStart(Prepare(engines=engines), Reset(instance=instance, city=city))
+    return start_by(engines, Reset(instance=instance, city=city))
+
+
+def start_by(engines: tuple[str, ...], reset: Reset) -> WorldStart:
+    """The start of engines that are reset so."""
+    content = msgspec.msgpack.encode((engines, reset.instance, reset.coupled))
+    key = hashlib.sha256(content + hashlib.sha256(reset.city).digest()).digest()
+    return WorldStart(Prepare(engines=engines), reset, key)
 
 
 def announce(start: WorldStart) -> None:
@@ -73,4 +75,4 @@ class PlacedReplies:
         return None
 
 
-__all__ = ["MOST_STARTS", "PlacedReplies", "WorldStart", "announce", "announced", "world_start"]
+__all__ = ["MOST_STARTS", "PlacedReplies", "WorldStart", "announce", "announced", "start_by", "world_start"]
