@@ -73,6 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is not None:
         return _guarded(list(argv))
     open_streams()
+    # pydantic asks all installed distributions for plug-ins of its own, and raises where one's metadata is broken.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     code = _guarded(sys.argv[1:])
     deaf()
     return leave(code)

@@ -77,13 +77,14 @@ def _read_entries(group: str) -> FoundEntries:
 
 @lru_cache(maxsize=256)  # a distribution's metadata is parsed anew at each look
 def label(found: Distribution | None) -> str:
-    """A distribution's name and version, as far as its metadata has them."""
+    """A distribution's name and version, as far as its metadata has them; without a name, the folder that has it."""
     name = _name(found) if found is not None else ""
     try:
         version = found.version if found is not None else ""
     except Exception:  # noqa: BLE001 - metadata without a version, or none at all
         version = ""
-    return f"{name or 'an unnamed distribution'} {version or '(no version)'}"
+    folder = getattr(getattr(found, "_path", None), "name", "")
+    return f"{name or folder or 'an unnamed distribution'} {version or '(no version)'}"
 
 
 def package_folders(module: str) -> tuple[Path, ...]:

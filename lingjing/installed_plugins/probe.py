@@ -1,25 +1,34 @@
 """`python -m lingjing.installed_plugins.probe FD NAME VALUE`: try one plug-in, its import and all its hooks.
 
 Started by `discovery` alone, and killed by the kernel when that process ends. Each stage is a line; the last line is a
-`discovery.Trial` as JSON. A plug-in that ends this process, or never returns, leaves the stage that it was in.
+`discovery.Trial` as JSON. A plug-in that ends this process, or never returns, leaves the stage that it was in. What it
+registered for the end is called, and a process or a thread that it leaves running is a fault.
 """
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import ctypes
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 
 _SET_PARENT_DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
+
+_SET_CHILD_SUBREAPER = 36
+"""PR_SET_CHILD_SUBREAPER of prctl(2): what loses its parent below this process becomes its child."""
 
 
 def main(descriptor: int, name: str, value: str) -> None:
     """Write the stages and the trial, and end this process."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
+        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    myself = os.getpid()
 
     def enter(stage: str) -> None:
         os.write(descriptor, f"{stage}\n".encode("utf-8", "backslashreplace"))
@@ -30,13 +39,43 @@ def main(descriptor: int, name: str, value: str) -> None:
     from lingjing.installed_plugins.discovery import Trial
 
     try:
-        trial = Trial("", _failed_hooks(name, value, enter))
+        failed = _failed_hooks(name, value, enter)
+        enter("ending")
+        atexit._run_exitfuncs()
+        trial = Trial(_left_behind(), failed)
     except BaseException as error:  # noqa: BLE001 - SystemExit too: it is reported, not obeyed
         from lingjing.plugins.loading import one_line
 
         trial = Trial(f"does not load: {one_line(error)}")
-    os.write(descriptor, msgspec.json.encode(trial))
-    os._exit(0)  # nothing that the plug-in registered for the end runs
+    if os.getpid() == myself:  # and no copy that the plug-in has forked
+        _end_children()
+        os.write(descriptor, msgspec.json.encode(trial))
+    os._exit(0)
+
+
+def _left_behind() -> str:
+    """The reason against a plug-in that leaves something running, which would outlive or hold up each command."""
+    if any(not one.daemon and one is not threading.main_thread() for one in threading.enumerate()):
+        return "leaves a thread running, for which each command would wait at its end"
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+        return "leaves a process running"
+    return ""
+
+
+def _end_children() -> None:
+    """Kill what the plug-in has started, also in a session of its own."""
+    with contextlib.suppress(OSError):
+        while doomed := _children():
+            for child in doomed:
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+
+
+def _children() -> list[int]:
+    with open("/proc/thread-self/children", encoding="ascii") as listed:  # noqa: PTH123 - this thread alone is left
+        return [int(child) for child in listed.read().split()]
 
 
 def _failed_hooks(name: str, value: str, enter: Callable[[str], None]) -> dict[str, str]:

@@ -6,7 +6,9 @@ does not use it. Plug-ins that the caller gives raise at once.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
+from contextlib import redirect_stdout
 from functools import cached_property
 from typing import Protocol, TypeVar
 
@@ -136,7 +138,8 @@ class PluginHost:
     def _load(self, plugin: LoadablePlugin) -> None:
         name, owner = plugin.point.name, label(plugin.point.dist)
         try:
-            self.register(plugin.point.load(), name)
+            with redirect_stdout(sys.stderr):  # standard output may be read by a program: `run --json`
+                self.register(plugin.point.load(), name)
         except (Exception, SystemExit) as error:
             fault = PluginFault(name, owner, f"does not load: {one_line(error)}")
             if is_core(plugin.point):
@@ -166,7 +169,8 @@ class PluginHost:
         """What a stranger's hook offers under names of its own; what is wrong with it goes to `faults`."""
         name, owner = stranger.point.name, label(stranger.point.dist)
         try:
-            offered: tuple[NamedT, ...] = self._offered(hook, function, name)
+            with redirect_stdout(sys.stderr):
+                offered: tuple[NamedT, ...] = self._offered(hook, function, name)
         except PluginError as error:
             self.faults.append(PluginFault(name, owner, f"failed in {hook}: {_reason(error, hook)}"))
             return {}

@@ -20,6 +20,8 @@ from lingjing.installed_plugins import discovery
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.kinds import engine_kind
+from lingjing.play.policy_processes.host import _plugin as examined_plugin
+from lingjing.play.policy_processes.preloading import preload
 from lingjing.plugins.host import PluginHost
 
 OFFER = """
@@ -54,6 +56,16 @@ FAULTS = {
         "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_models(): raise SystemExit(3)",
         "failed in lingjing_models: SystemExit: 3",
     ),
+    "forks": ("import os, time\nif os.fork() == 0: time.sleep(3600)", "leaves a process running"),
+    "hides": (
+        "import os, time\nif os.fork() == 0: os.setsid(), os.fork() or time.sleep(3600), os._exit(0)\nos.wait()",
+        "leaves a process running",
+    ),
+    "threads": (
+        "import threading, time\nthreading.Thread(target=time.sleep, args=(3600,)).start()",
+        "leaves a thread running",
+    ),
+    "parting": ("import atexit, os\natexit.register(os._exit, 5)", "ends its process with code 5 while ending"),
 }
 
 
@@ -97,7 +109,8 @@ def faults_of(host: PluginHost) -> dict[str, str]:
     return {fault.plugin: fault.reason for fault in host.faults}
 
 
-def test_every_broken_plugin_is_named_and_the_others_work(site: Site, capsys) -> None:
+def test_every_broken_plugin_is_named_and_the_others_work(site: Site, capsys, descendants) -> None:
+    before = descendants(os.getpid())
     for name, (code, _) in FAULTS.items():
         site.add(name, code)
     site.add("good", OFFER.format(name="good"))
@@ -116,6 +129,7 @@ def test_every_broken_plugin_is_named_and_the_others_work(site: Site, capsys) ->
     assert "Traceback" not in printed.err
     finding = doctor.check_plugins()
     assert not finding.ok and all(f"`{name}`" in finding.found for name in FAULTS)
+    assert descendants(os.getpid()) == before
 
 
 @pytest.mark.parametrize(
@@ -172,11 +186,28 @@ def test_broken_metadata_is_named_and_hides_no_other_plugin(site: Site, text: by
     assert engine_kind("no-such-engine").name == "no-such-engine"
 
 
+def test_broken_metadata_stops_no_process_of_policies_and_no_command(site: Site) -> None:
+    """The library function that lists entry points raises for all of them, and pydantic calls it too."""
+    site.add("odd", None, entry_points=b"[lingjing]\nno equals sign\n")
+    preload('["heuristic"]')
+    assert examined_plugin("heuristic", "agents").name == "heuristic"
+    call = [sys.executable, "-m", "lingjing.cli.main", "plugins"]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "heuristic" in done.stdout
+    assert done.stderr.startswith("error: plug-in `?` (lingjing-odd 1.0): its entry_points.txt cannot be read")
+
+
+def test_what_a_plugin_prints_does_not_reach_standard_output(site: Site, capsys) -> None:
+    site.add("chatty", OFFER.format(name="chatty") + "\nprint('hello')\n")
+    assert "chatty" in PluginHost().policies
+    assert capsys.readouterr() == ("", "hello\n")
+
+
 def test_a_distribution_without_metadata_is_named(site: Site) -> None:
     site.add("nameless", "raise RuntimeError('boom')")
     (site.folder / "lingjing_nameless-1.0.dist-info" / "METADATA").unlink()
     (fault,) = PluginHost().faults
-    assert (fault.plugin, fault.distribution) == ("nameless", "an unnamed distribution (no version)")
+    assert (fault.plugin, fault.distribution) == ("nameless", "lingjing_nameless-1.0.dist-info (no version)")
 
 
 def test_metadata_of_strangers_that_is_broken_elsewhere_is_no_matter(site: Site) -> None:

@@ -21,7 +21,6 @@ import termios
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ import msgspec
 import numpy as np
 
 from lingjing.errors import InfrastructureError, LingjingError
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.barrier import POLICY_ERRORS, failure, timed
 from lingjing.kernel.candidates import received
 from lingjing.kernel.world.deadlines import WallDeadline
@@ -246,7 +246,7 @@ def _decided(value: Any) -> PolicyAnswerMessage:
 
 def _plugin(spec: str, source: str) -> PolicyPlugin:
     """The declaration of a policy: of the plug-in `source` alone, if it is named."""
-    points = entry_points(group="lingjing", name=source) if source else ()
+    points = [point for point in find_entries(PLUGINS).points if point.name == source] if source else []
     host = PluginHost(entry_points=False, extra=[point.load() for point in points])
     return load_policy(spec, host)
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import json
 from importlib import import_module
-from importlib.metadata import entry_points
 
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.plugins.host import PluginHost
 
 PRELOAD = "lingjing.play.policy_processes.preloading:preload"
@@ -23,7 +23,7 @@ _SHIPPED = ("lingjing_agents",)
 
 def preload(names: str) -> None:
     """Import what the policies of these names (a JSON list) need. What cannot be imported is left to the policy."""
-    points = [one for one in entry_points(group="lingjing") if one.module.partition(".")[0] in _SHIPPED]
+    points = [one for one in find_entries(PLUGINS).points if one.module.partition(".")[0] in _SHIPPED]
     host = PluginHost(entry_points=False, extra=[point.load() for point in points])
     for name in json.loads(names):
         for module in host.policies[name].imports if name in host.policies else ():
