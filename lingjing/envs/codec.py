@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import msgspec
@@ -18,8 +19,20 @@ from gymnasium import spaces
 
 from lingjing.envs.vocabulary import STATUSES, Vocabulary
 from lingjing.errors import UsageError
-from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec, Weather
+from lingjing.mission.instance import (
+    AgentSpec,
+    ArgumentSpec,
+    CameraSpec,
+    Datum,
+    Entity,
+    Instance,
+    MessageSpec,
+    VerbSpec,
+    Weather,
+)
+from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.model import Field
+from lingjing.mission.spec_schema import ELEVATION, altitude_band, argument_bounds
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
 from lingjing.trace.request_ids import is_request_of
@@ -32,8 +45,8 @@ INBOX = 8
 _BODY = 11
 """Numbers of an entity before its stocks: seen, place (3), velocity (3), heading as sine and cosine, busy, battery."""
 
-_IN_BAND = ("z", "altitude")
-"""Arguments whose numbers are stretched over the altitude band."""
+_ELEVATIONS_M = (0.0, 120.0)
+"""Elevations over which `z` is stretched for a body that declares no altitude band."""
 
 _FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "names": 1, "frame": 1, "text": 0}
 """Numbers that each type of a message's fields takes. A text has none, a frame says whether there is one."""
@@ -71,7 +84,7 @@ class Codec:
             for name in agent.commands
             for entity in instance.entities
             if entity.id == name
-            for verb in entity.verbs
+            for verb in (admitted(one, engine_kind(entity.engine)) for one in entity.verbs)
         )
         self._sayings = tuple(message for message in instance.messages if message.is_sent_by(agent.role))
         self._width = max([0, *(_width(message) for message in instance.messages)])
@@ -110,8 +123,9 @@ class Codec:
         if chosen:
             entity, verb = self._commands[chosen - 1]
             values = self._numbers(action, "arguments")
-            arguments = {spec.name: self._argument(spec, entity, values[k]) for k, spec in enumerate(verb.arguments)}
-            given: dict[str, Datum] = {name: value for name, value in arguments.items() if value is not None}
+            arguments = zip(verb.arguments, values, strict=False)
+            numbers = {spec.name: self._argument(verb, spec, entity, value) for spec, value in arguments}
+            given: dict[str, Datum] = {name: value for name, value in numbers.items() if value is not None}
             command = Action(verb=verb.name, arguments=given, resource=entity.id)
         return Decision(command=command, messages=self._messages(action, observation))
 
@@ -210,17 +224,16 @@ class Codec:
     def _wrong(self, what: str) -> UsageError:
         return UsageError(f"an action of `{self._agent.id}`: {what}", hint="actions are members of its `action_space`")
 
-    def _argument(self, spec: ArgumentSpec, entity: Entity, value: float) -> Datum:
+    def _argument(self, verb: VerbSpec, spec: ArgumentSpec, entity: Entity, value: float) -> Datum:
         if spec.unit == "name":
             cameras = entity.cameras
             return cameras[min(int((value + 1.0) / 2.0 * len(cameras)), len(cameras) - 1)].name if cameras else None
-        low, high = spec.minimum, spec.maximum
-        if spec.name in _IN_BAND:
-            low, high = entity.properties.get("band_low_m", 0.0), entity.properties.get("band_high_m", 120.0)  # type: ignore[assignment]
-        if low is None:
-            low = -self._reach_m
-        if high is None:
-            high = self._reach_m
+        low, high = argument_bounds(spec, entity.properties)
+        band = altitude_band(entity.properties)
+        if band is not None and engine_kind(entity.engine).is_above_start(verb.name, spec.name):
+            high = max(low, min(high, band[1] - entity.position[2]))
+        widest = _ELEVATIONS_M if spec.name == ELEVATION else (-self._reach_m, self._reach_m)
+        low, high = (bound if isfinite(bound) else widest[k] for k, bound in enumerate((low, high)))
         return float(low + (high - low) * (value + 1.0) / 2.0)
 
     def _messages(self, action: Mapping[str, Any], observation: Observation) -> tuple[Outgoing, ...]:

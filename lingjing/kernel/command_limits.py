@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import ArgumentSpec, Datum, Entity, Instance, Vector, VerbSpec
-from lingjing.mission.kinds import engine_kind, least_value
+from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.plugins.decisions import altitude_band, argument_bounds
 from lingjing.scene.city import City
 from lingjing.scene.flight_floor import FlightFloor
@@ -37,7 +37,7 @@ class CommandLimits:
         """The arguments within their limits, defaults filled in, and a sentence where that changed something."""
         values: dict[str, Datum] = {}
         notes: list[str] = []
-        for spec in verb.arguments:
+        for spec in admitted(verb, engine_kind(entity.engine)).arguments:
             value = arguments.get(spec.name)
             if value is None:
                 value = spec.default
@@ -62,7 +62,6 @@ class CommandLimits:
         The elevation band and the floor bound lengths alone: the speed of a climb has nothing to do with them.
         """
         kind, (low, high) = engine_kind(entity.engine), argument_bounds(spec, entity.properties)
-        low = max(low, least_value(kind, verb.name, spec.name))
         if spec.unit != "m":
             return low, high
         lowest, highest = altitude_band(entity.properties) or _UNBOUNDED

@@ -130,7 +130,7 @@ class CommandValidator:
             or self._authority_fault(agent, resource)
             or self._schema_fault(action, resource)
             or self._place_fault(action)
-            or _resource_fault(action, resource, registry, admitted)
+            or _resource_fault(action, self._entities[resource], registry, admitted)
         )
 
     def _conduct_fault(
@@ -220,14 +220,16 @@ def _identity_fault(sender: str, agent: AgentSpec | None, action: Action, tick: 
 
 
 def _resource_fault(
-    action: Action, resource: str, registry: Registry, admitted: Mapping[str, Command]
+    action: Action, entity: Entity, registry: Registry, admitted: Mapping[str, Command]
 ) -> Rejection | None:
+    resource = entity.id
     first = admitted.get(resource)
     if first is not None:
         return Rejection("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")
     held = registry.pending.get(resource)
     if held is not None and action.verb != STOP:
-        return Rejection("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
+        way_out = "; `stop` pre-empts it" if any(verb.name == STOP for verb in entity.verbs) else ""
+        return Rejection("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}){way_out}")
     if action.verb == PHOTO:
         return _sight_fault(resource, registry.states[resource].status)
     return None

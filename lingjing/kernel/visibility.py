@@ -20,6 +20,7 @@ from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
+from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource, RouteEnds
@@ -199,7 +200,7 @@ class Projector:
             id=entity.id,
             type=entity.type,
             embodied=name in agent.controls,
-            verbs=entity.verbs,
+            verbs=tuple(admitted(verb, engine_kind(entity.engine)) for verb in entity.verbs),
             cameras=entity.cameras,
             properties={
                 key: value

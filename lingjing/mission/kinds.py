@@ -19,7 +19,7 @@ import msgspec
 
 from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.mission.geometry2d import Polygon, Vector2, left_of
-from lingjing.mission.instance import Option, SceneSpec
+from lingjing.mission.instance import Option, SceneSpec, VerbSpec
 from lingjing.mission.kinds_format import EngineKind, KindsFile, SceneKind, SceneOption, joined, names_of
 
 FILE = "kinds.json"
@@ -79,6 +79,17 @@ def least_value(kind: EngineKind, verb: str, argument: str) -> float:
     """The smallest value of an argument that an engine admits; minus infinity where its kind names none."""
     told = kind.verbs.get(verb)
     return -math.inf if told is None else told.least.get(argument, -math.inf)
+
+
+def admitted(verb: VerbSpec, kind: EngineKind) -> VerbSpec:
+    """The verb with the bounds that its engine admits: no argument begins below the engine's least value."""
+    arguments = []
+    for spec in verb.arguments:
+        least = least_value(kind, verb.name, spec.name)
+        if least > (-math.inf if spec.minimum is None else spec.minimum):
+            spec = msgspec.structs.replace(spec, minimum=least)
+        arguments.append(spec)
+    return msgspec.structs.replace(verb, arguments=tuple(arguments))
 
 
 def is_described(kind: Literal["scene", "engine"], name: str) -> bool:

@@ -36,6 +36,7 @@ class Terrain:
 
     def __init__(self, city: City) -> None:
         self.datum_m = city.datum_m
+        self._bounds = city.bounds
         self._waters = tuple((BoundedPolygon.of(water.polygon), water) for water in city.waters)
         self._lands = tuple((BoundedPolygon.of(land.polygon), land.top_m) for land in city.lands)
         levels = [city.datum_m, *(top for _, top in self._lands), *(water.level_m for water in city.waters)]
@@ -44,6 +45,11 @@ class Terrain:
         self.square = lru_cache(_KEPT_SQUARES)(partial(_read_square, Tiles(city), city.tile_m))
         """The square of a column and a row of `tile_m` side."""
         self._cell = lru_cache(_KEPT_EVEN_CELLS)(partial(_read_cell, self._waters, self._lands, city.datum_m))
+
+    def holds(self, x: float, y: float) -> bool:
+        """True if a point is within the city's bounds."""
+        west, south, east, north = self._bounds
+        return west <= x <= east and south <= y <= north
 
     def water_level(self, x: float, y: float) -> float | None:
         """Still-water elevation at a point that is afloat, or None on dry land and off every water."""

@@ -355,6 +355,19 @@ def test_commands_that_cannot_be_are_refused(
     assert receipt.detail
 
 
+@pytest.mark.parametrize("distance", [0.1, 0.5, 3.0])
+def test_a_short_forward_covers_its_distance_and_keeps_its_lane(play: Start, distance: float) -> None:
+    """The bug: 0.1 m counted as covered at once, and the car slid 3.3 m sideways into another lane meanwhile."""
+    played = play([vehicle()], grid(lanes=2))
+    before = where(played.state)
+    receipt = played.command("forward", distance=distance)
+    assert played.until_ended(receipt.request).status == "completed"
+    played.run(5.0)
+    east, north = (b - a for a, b in zip(before, where(played.state), strict=True))
+    assert east == pytest.approx(distance, abs=min(0.3, distance / 2.0))
+    assert abs(north) < 0.1
+
+
 def test_forward_ends_where_the_road_does(play: Start, city: City) -> None:
     played = play([vehicle(position=(201.65, 700.0), heading_deg=0.0)], city)
     receipt = played.command("forward", distance=300.0)

@@ -117,6 +117,13 @@ def test_what_cannot_be_done_is_refused_with_a_reason(sail, quay, verb, argument
     assert receipt.detail
 
 
+def test_a_place_outside_of_the_scene_is_not_called_land(sail, quay):
+    play = sail(city=quay, position=(0.0, -100.0, -3.5))
+    details = {x: play.command("boat", "moveTo", x=x, y=0.0).detail for x in (0.0, 9000.0)}
+    assert details[0.0].endswith("is on land or too close to it")
+    assert details[9000.0].endswith("lies outside of the scene's waters")
+
+
 def test_stops_before_land_on_its_way(sail, quay):
     play = sail(city=quay, position=(0.0, -150.0, -3.5))
     receipt = play.command("boat", "moveTo", x=0.0, y=150.0)

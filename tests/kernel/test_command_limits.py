@@ -7,9 +7,11 @@ import lingjing
 from lingjing.engines.fixed_wing.aeroplane import PlaneEngine
 from lingjing.engines.multirotor.drone import MultirotorEngine
 from lingjing.engines.quadruped.engine import QuadrupedEngine
+from lingjing.envs.codec import Codec
 from lingjing.kernel.command_limits import CommandLimits
 from lingjing.kernel.registry import initial
-from lingjing.mission.instance import ArgumentSpec, Entity, VerbSpec
+from lingjing.kernel.visibility import Projector
+from lingjing.mission.instance import AgentSpec, ArgumentSpec, Entity, VerbSpec
 from lingjing.mission.kinds import builtin_engines
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import Building
@@ -147,6 +149,32 @@ def test_the_slowest_and_the_fastest_cruise_stand_in_one_place():
     plane, dog = (builtin_engines()[name].top_speed for name in ("plane", "quadruped"))
     assert [plane.held(mps) for mps in (20.0, 45.0, 300.0)] == [33.0, 45.0, 60.0]
     assert [dog.held(mps) for mps in (0.5, 9.0)] == [0.5, 1.7]
+
+
+@pytest.mark.parametrize(("engine", "kind"), [("road", "car"), ("multirotor", "quadrotor"), ("quadruped", "robot_dog")])
+def test_agents_are_given_the_least_values_that_the_engine_takes(instance_of, street, engine, kind):
+    """The bug: a prompt said 0 m for a car's `forward`, of which the engine takes 0.1 m at least."""
+    verbs = tuple(
+        msgspec.structs.replace(verb, arguments=tuple(
+            msgspec.structs.replace(spec, minimum=0.0, maximum=500.0) for spec in verb.arguments if spec.unit == "m"
+        ))
+        for verb in verbs_of(engine)
+    )  # fmt: skip
+    entity = msgspec.structs.replace(body(engine, kind, (0.0, 0.0, 30.0), **BAND), verbs=verbs)
+    instance = instance_of([entity])
+    agent = AgentSpec(
+        id="pilot", name="pilot", index=1, role="pilot", controls=("body",), commands=("body",), observes=()
+    )
+    instance = msgspec.structs.replace(instance, agents=(agent,))
+    (resource,) = Projector(instance, city=street).brief(agent, ()).resources
+    codec = Codec(instance, agent, 300.0, 0)
+    for verb in resource.verbs:
+        for spec in verb.arguments:
+            if spec.unit == "m" and spec.name not in ("x", "y", "z"):
+                least = max(0.0, builtin_engines()[engine].verbs[verb.name].least.get(spec.name, 0.0))
+                assert codec._argument(verb, spec, entity, -1.0) == spec.minimum == least
+                if verb.motion != "up":
+                    assert clipped(entity, street, instance, verb.name, **{spec.name: -1.0})[spec.name] == least
 
 
 MISSION = """ljs 1

@@ -67,6 +67,23 @@ def test_a_busy_resource_refuses_everything_but_stop():
     assert refusals(stopped) == []
 
 
+def test_a_refusal_advises_stop_only_where_the_resource_has_it():
+    """The bug: an aeroplane, which has no `stop`, was advised to use it."""
+    instance = kit.make_instance()
+    entities = tuple(
+        one if one.id == "boat" else msgspec.structs.replace(one, verbs=tuple(v for v in one.verbs if v.name != "stop"))
+        for one in instance.entities
+    )
+    kernel = kernel_at_zero(msgspec.structs.replace(instance, entities=entities))
+    kernel.step(kit.decisions(scout_1=kit.does("hop", distance=40.0), skipper=kit.does("go", x=0.0, y=300.0)))
+    record = kernel.step(
+        kit.decisions(scout_1=kit.does("hop", distance=40.0), skipper=kit.does("go", x=0.0, y=0.0))
+    ).record
+    details = {receipt.sender: receipt.detail for receipt in record.receipts if receipt.reason == "busy"}
+    assert details["skipper"].endswith("; `stop` pre-empts it")
+    assert details["scout[1]"].startswith("`uav[1]` is still doing") and "stop" not in details["scout[1]"]
+
+
 def test_a_rejection_by_the_engine_leaves_the_resource_free():
     kernel = kernel_at_zero()
     record = kernel.step(kit.decisions(skipper=kit.does("go", x=450.0, y=0.0))).record

@@ -145,6 +145,8 @@ def _meaning(verb: VerbSpec, band: tuple[float, float] | None) -> str:
     said = verb.doc or _RESERVED.get(verb.name) or _MOTIONS[verb.motion]
     if verb.motion in ("up", "down") and band is not None:
         said += f"; ends at the band, elevation {band[1] if verb.motion == 'up' else band[0]:g} m"
+        if verb.motion == "down":
+            said += ", or just above what lies below"
     return said
 
 

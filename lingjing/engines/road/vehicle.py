@@ -40,6 +40,8 @@ NOWHERE_M = -1e8
 """Farther west than every map: where SUMO says a vehicle is that is on no road."""
 
 _STILL_MPS = 1e-3
+_SLACK_M = 0.3
+"""A distance is covered when no more than this is left of it, or half of a shorter one (chosen)."""
 _SAME_LOAD_KG = 0.5
 
 QUEUE_M = 40.0
@@ -85,6 +87,11 @@ class VehicleTask:
     steps: int = 0
     stays: bool = False
     """It is parked there already."""
+
+    def is_short(self, length_m: float) -> bool:
+        """True for a distance in which a vehicle of this length has no room to change lanes: SUMO, which moves it
+        sideways at once, would let it slide while it all but stands."""
+        return self.kind == "distance" and self.onto == "" and self.total < 2.0 * length_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +228,8 @@ class Vehicle:
     def _set_out_along(self, edges: tuple[str, ...]) -> None:
         start = self.route_start()
         self._release()
+        if self.task is not None and self.task.is_short(self.size.length_m):
+            self._sim.vehicle.setLaneChangeMode(self.id, _KEEP_LANE)
         self._follow(start, edges)
 
     def halt(self) -> None:
@@ -426,15 +435,15 @@ class Vehicle:
     def _covered(self, task: VehicleTask) -> TaskEnd:
         if self._room is not None:
             return ""
-        left = task.total - (self.odometer_m - task.start_m)
+        left, slack = task.total - (self.odometer_m - task.start_m), min(_SLACK_M, task.total / 2.0)
         there = task.onto == "" or self._sim.vehicle.getRoadID(self.id) == task.onto
         speed = self.speed_mps
-        if left <= 0.3 and speed < _STILL_MPS and there:
+        if left <= slack and speed < _STILL_MPS and there:
             self._brake(0.0)
             return "done"
         if left <= speed * speed / (2.0 * BRAKING_MPS2) + speed * STEP_S + 0.5:
             reachable = math.sqrt(2.0 * BRAKING_MPS2 * max(left - speed * STEP_S, 0.0))
-            self._brake(reachable if left > 0.3 and there else (0.0 if there else 2.0))
+            self._brake(reachable if left > slack and there else (0.0 if there else 2.0))
         return ""
 
     def _halted(self) -> TaskEnd:

@@ -86,7 +86,7 @@ class Boat:
     def head_for(self, goal: Vector2) -> None:
         """Make for a point, or `Refusal` if the hull would not float there."""
         if not all(self._floats(goal[0] + _BERTH_M * dx, goal[1] + _BERTH_M * dy) for dx, dy in _COMPASS_POINTS):
-            raise Refusal("unreachable", f"({goal[0]:.1f}, {goal[1]:.1f}) is on land or too close to it")
+            raise Refusal("unreachable", f"({goal[0]:.1f}, {goal[1]:.1f}) {self._hindrance(goal)}")
         self._start, self.goal, self.stopping = self.position, goal, False
 
     def halt(self) -> None:
@@ -163,6 +163,10 @@ class Boat:
         if self.aground:
             return AGROUND
         return "idle" if self.goal is None and not self.stopping else "moving"
+
+    def _hindrance(self, goal: Vector2) -> str:
+        """Why the hull would not float at a place where it does not."""
+        return "is on land or too close to it" if self._terrain.holds(*goal) else "lies outside of the scene's waters"
 
     def _floats(self, x: float, y: float) -> bool:
         level = self._terrain.water_level(x, y)
