@@ -1,12 +1,10 @@
-"""The confidence interval of a share of successes (Wilson 1927), 95 %."""
+"""The 95 % confidence interval of a share of successes."""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
-
-_Z = 1.959963984540054
-"""The standard normal quantile at 0.975."""
 
 
 class ConfidenceBounds(NamedTuple):
@@ -16,11 +14,12 @@ class ConfidenceBounds(NamedTuple):
     high: float
 
 
+@lru_cache(maxsize=4096)  # the tables and figures of one report use the same few counts many times
 def wilson(won: int, played: int) -> ConfidenceBounds:
-    """Wilson's score interval of a share of successes; nan where nothing was played."""
+    """Return the score interval of Wilson (1927) of a share, between 0 and 1; nan if `played` is 0."""
     if not played:
         return ConfidenceBounds(math.nan, math.nan)
-    share, square = won / played, _Z * _Z / played
-    middle = (share + square / 2) / (1 + square)
-    half = _Z * math.sqrt(share * (1 - share) / played + square / played / 4) / (1 + square)
-    return ConfidenceBounds(middle - half if won else 0.0, middle + half if won < played else 1.0)
+    from scipy.stats import binomtest  # here, since loading scipy.stats takes most of a second
+
+    interval = binomtest(won, played).proportion_ci(confidence_level=0.95, method="wilson")
+    return ConfidenceBounds(float(interval.low), float(interval.high))
