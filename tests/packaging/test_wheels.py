@@ -53,7 +53,7 @@ def test_the_wheel_carries_the_library_the_missions_and_the_schemas(wheels: tupl
         shipped = {path for path in (ROOT / folder).rglob("*") if path.is_file()}
         assert shipped
         assert {f"lingjing/_data/{path.relative_to(ROOT).as_posix()}" for path in shipped} <= names
-    for pattern in ("*.xml", "*.glsl", "*.js", "*.css", "assets/*.html"):  # airframes, shaders, the player
+    for pattern in ("*.xml", "*.glsl", "*.js", "*.css", "assets/*.html", "*.lark", "*.tables"):  # shaders, grammar, …
         data = set((ROOT / "lingjing").rglob(pattern))
         assert data
         assert {path.relative_to(ROOT).as_posix() for path in data} <= names
