@@ -66,11 +66,20 @@ def _columns() -> int:
 def _options(parser: argparse.ArgumentParser, words: Iterable[str]) -> list[str]:
     """The options of a parser and of the verb and the action that the words name."""
     known = set(parser._option_string_actions)
+    implied = getattr(parser, "implied_word", "")
     for word in words:
-        actions = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
-        parser = next((one.choices[word] for one in actions if word in one.choices), parser)
+        parser = _below(parser, word) or parser
         known.update(parser._option_string_actions)
+        implied = getattr(parser, "implied_word", "")
+    if implied and (below := _below(parser, implied)):
+        known.update(below._option_string_actions)
     return sorted(known)
+
+
+def _below(parser: argparse.ArgumentParser, word: str) -> argparse.ArgumentParser | None:
+    """The parser of a verb or an action of this one, if the word is one."""
+    actions = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
+    return next((one.choices[word] for one in actions if word in one.choices), None)
 
 
 def _nearest(word: object, choices: Iterable[object]) -> str | None:

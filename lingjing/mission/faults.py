@@ -78,6 +78,8 @@ def _faults(error: ValidationError) -> Iterator[Fault]:
         for name in given:
             if name not in known:
                 yield Fault(where, f"there is no field '{name[:80]}'", _nearest(name, known))
+    elif error.validator == "enum" and isinstance(given, str):
+        yield Fault(where, _worded(error), _nearest(given, map(str, error.validator_value)))
     else:
         yield Fault(where, _worded(error), "")
 

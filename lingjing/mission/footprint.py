@@ -51,10 +51,10 @@ class Footprint(NamedTuple):
 
 def footprint(entity: Entity) -> Footprint | None:
     """The room that an asset takes up when the mission begins; None for a target and for what is no body there: what
-    orbits, appears later or has no shape."""
+    orbits or has no shape."""
     kind = engine_kind(entity.engine)
     bare = entity.properties.get("shape") == BARE
-    if entity.role != "asset" or entity.dormant or kind.orbits or bare:
+    if entity.role != "asset" or kind.orbits or bare:
         return None
     length, width, height = (entity.number(name) or UNSAID_M for name in ("length_m", "width_m", "height_m"))
     x, y, z = entity.position

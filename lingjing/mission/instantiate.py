@@ -25,7 +25,7 @@ from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.prompt_filling import PromptFiller
 from lingjing.mission.seeding import integer
 from lingjing.mission.values import is_finite
-from lingjing.suggest import nearest
+from lingjing.suggest import nearest, nearest_or
 
 CELLS_MOST = 10_000
 
@@ -101,7 +101,8 @@ def choose_mode(mission: model.Mission, mode: str | None) -> str:
     """The mode to play in; `UsageError` if the mission does not have it."""
     chosen = mission.modes.default if mode is None else mode
     if chosen not in mission.modes.allowed:
-        hint = f"choose one of {', '.join(mission.modes.allowed)}"
+        allowed = mission.modes.allowed
+        hint = nearest_or(chosen, allowed, f"choose one of {', '.join(allowed)}")
         raise _usage("mode", f"mission '{mission.name}' has no mode '{chosen}'", hint)
     return chosen
 

@@ -16,6 +16,7 @@ A pure function of its arguments; the order is that of declaration.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from math import cos, hypot, inf, radians, sin
 from typing import TypeVar
 
@@ -34,6 +35,7 @@ from lingjing.scene.displacement import check_displacements
 from lingjing.scene.footing import Footing, rings
 from lingjing.scene.lines import line_length, point_at, project
 from lingjing.scene.places_alike import PlacesAlike
+from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
 REACH_M = 400.0
@@ -118,6 +120,10 @@ class _Anchoring:
             "pipe": self._on_pipe,
         }
 
+    @cached_property
+    def _terrain(self) -> Terrain:
+        return Terrain(self._city)
+
     def entity(self, declared: Entity) -> Entity:
         """An entity at its place in the city, where no body begins yet; `MissionError` if it has none."""
         placed = self.standing(self._apart(self.placed(declared)), declared.position[2])
@@ -191,7 +197,7 @@ class _Anchoring:
         """The entity, or the same at the nearest place like its own that no other body takes up."""
         if self._is_free(entity):
             return entity
-        alike = PlacesAlike(entity, self._city, self._footing)
+        alike = PlacesAlike(entity, self._terrain, self._footing)
         for x, y in rings(*entity.position[:2], APART_REACH_M):
             moved = _moved(entity, (x, y, entity.position[2]))
             room = footprint(moved)
@@ -350,6 +356,8 @@ class _Anchoring:
     def _out_of_the_way(self, entity: Entity) -> Entity:
         """What has no `on`: left where it is, unless it would begin inside a building or stand on a road."""
         x, y, z = entity.position
+        if engine_kind(entity.engine).stands_on == "water":
+            return self._clear_of_structures(entity) if self._footing.is_water(x, y) else entity
         roof, floor = self._footing.roof_over(x, y), self._footing.height(x, y)
         if entity.role == "asset" and z == self._city.datum_m < floor and not self._footing.is_water(x, y):
             z = floor  # no elevation was given: on land that means the ground, not the water's level
@@ -357,7 +365,7 @@ class _Anchoring:
         buried = roof is not None and z < roof - 0.01
         on_ground = entity.role == "asset" and floor <= z and stands(entity, floor)
         if not buried and (not on_ground or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)):
-            return entity
+            return self._clear_of_structures(entity)
         if self._footing.is_water(x, y):
             return entity
         spot = self._footing.nearest_clear(
@@ -368,6 +376,21 @@ class _Anchoring:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)
         self._walkers.append(spot)
         return _moved(entity, (*spot, self._footing.height(*spot) + max(0.0, z - floor)))
+
+    def _clear_of_structures(self, entity: Entity) -> Entity:
+        """A body that flies or floats, on or out of the deck, the pier or the wall that it would begin in."""
+        kind = engine_kind(entity.engine)
+        if footprint(entity) is None or (kind.floor is None and kind.stands_on != "water"):
+            return entity
+        alike = PlacesAlike(entity, self._terrain, self._footing)
+        east, north, up = entity.position
+        if not alike.is_inside_structure():
+            return _moved(entity, (east, north, up + risen)) if (risen := alike.raised_m()) else entity
+        for x, y in rings(east, north, APART_REACH_M):
+            moved = _moved(entity, (x, y, up))
+            if self._is_in_city(x, y) and _in_region(entity, x, y) and alike.suits(x, y) and self._is_free(moved):
+                return moved
+        raise self._nothing(entity, "free place", APART_REACH_M)
 
     # -- bridges and pipes
 

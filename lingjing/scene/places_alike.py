@@ -5,7 +5,6 @@ from __future__ import annotations
 from lingjing.mission.footprint import footprint, stands
 from lingjing.mission.instance import Entity
 from lingjing.mission.kinds import engine_kind
-from lingjing.scene.city import City
 from lingjing.scene.footing import STEP_M, Footing
 from lingjing.scene.terrain import REACH_M, Terrain
 
@@ -21,16 +20,16 @@ class PlacesAlike:
     A place on a roof, a deck or the water is raised: there the level decides, and on the ground also what stands on it.
     """
 
-    def __init__(self, entity: Entity, city: City, footing: Footing) -> None:
+    def __init__(self, entity: Entity, terrain: Terrain, footing: Footing) -> None:
         room = footprint(entity)
-        self._terrain = Terrain(city)
+        self._terrain = terrain
         self._footing = footing
-        self._z = entity.position[2]
+        self._x, self._y, self._z = entity.position
         self._low, self._high = (self._z, self._z) if room is None else (room.low, room.high)
         self._radius_m = 0.0 if room is None else min(max(room.half_length, room.half_width), REACH_M)
         self._surface_m = self._support(*entity.position[:2])
-        above_ground = self._surface_m > self._terrain.surface(*entity.position[:2]) + STEP_M
-        self._is_raised = above_ground or footing.is_water(*entity.position[:2])
+        self._above_ground = self._surface_m > self._terrain.surface(*entity.position[:2]) + STEP_M
+        self._is_raised = self._above_ground or footing.is_water(*entity.position[:2])
         self._stands = stands(entity, self._surface_m)
         self._floats = engine_kind(entity.engine).stands_on == "water"
 
@@ -45,6 +44,15 @@ class PlacesAlike:
         if self._is_raised:
             return level and not self._is_hit(x, y)
         return level and self._footing.is_clear(x, y, self._radius_m)
+
+    def raised_m(self) -> float:
+        """How far the body must rise to stand on a structure into whose top its position is sunk; 0 else."""
+        is_sunk = self._stands and self._above_ground and self._z < self._surface_m
+        return self._surface_m - self._low if is_sunk else 0.0
+
+    def is_inside_structure(self) -> bool:
+        """True if the body flies or floats and touches a structure at its own place."""
+        return (self._floats or not self._stands) and self._is_hit(self._x, self._y)
 
     def _support(self, x: float, y: float) -> float:
         return self._terrain.support(x, y, self._high)

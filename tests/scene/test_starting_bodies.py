@@ -113,6 +113,44 @@ def test_no_two_bodies_begin_in_one_place(assets, scene):
             ), "it stands or hovers as it was declared to"
 
 
+BRIDGE = (
+    "residential { extent = 600 m, blocks = 2 by 2, shore = [(-300 m, -150 m), (300 m, -150 m)], "
+    "bridge = [(100 m, -150 m), (100 m, -290 m)] }"
+)
+"""The deck lies at 12 m, and a pier of it at (100 m, -210 m)."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "to"),
+    [
+        ("quadrotor", (100, -205, 9.0), "stays"),
+        ("quadrotor", (100, -205, 11.0), "aside"),
+        ("quadrotor", (100, -205, 11.5), "aside"),
+        ("quadrotor", (100, -205, 11.9), "deck"),
+        ("quadrotor", (100, -205, 12.1), "stays"),
+        ("fixed_wing", (100, -205, 11.5), "deck"),
+        ("lifeboat", (100, -205), "aside"),
+        ("lifeboat", (100, -180), "stays"),
+    ],
+)
+def test_nothing_begins_inside_a_bridge(kind, place, to):
+    """The bugs: a drone hovered inside the deck, and a boat began with its hull in a pier."""
+    declared, placed, city = begun(f"a : {kind} {{ position = ({', '.join(f'{m} m' for m in place)}) }}", scene=BRIDGE)
+    before, after = declared.entities[0].position, placed.entities[0].position
+    room, terrain = footprint(placed.entities[0]), Terrain(city)
+    low, high = (after[2] - 0.5, after[2] + 1.5) if kind == "lifeboat" else (room.low, room.high)
+    assert to == "stays" or not terrain.solids_at(*after[:2], low + 1e-3, high, min(room.half_width, 1.0))
+    moved_m = math.dist(before[:2], after[:2])
+    assert (moved_m > 1.0) == (to == "aside")
+    assert room.low == pytest.approx(12.0, abs=1e-3) if to == "deck" else after[2] == before[2]
+
+
+def test_a_boat_on_land_is_refused_at_the_place_that_was_declared():
+    """The bug: it was moved out of the way of what stands there first, and the error named another place."""
+    with pytest.raises(MissionError, match=r"`a` begins at \(100 m, -210 m\), which is on land"):
+        begun("a : lifeboat { position = (100 m, -210 m) }", scene=BRIDGE)
+
+
 def test_bodies_that_pass_over_each_other_are_left_where_they_are():
     declared, placed, _ = begun(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=31))
     assert [one.position for one in placed.entities] == [one.position for one in declared.entities]

@@ -24,6 +24,7 @@ from lingjing.mission.graph import entities, limits, rules
 from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
 from lingjing.mission.model import Mission
+from lingjing.suggest import nearest_or
 
 __all__ = ["PASSES", "EdgeKind", "GraphEdge", "GraphNode", "MissionGraph", "NodeKind", "graph"]
 
@@ -62,7 +63,8 @@ def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
     """
     allowed = mission.modes.allowed
     if mode is not None and mode not in allowed:
-        raise UsageError(f"mission `{mission.name}` has no mode `{mode}`", hint=f"choose one of {', '.join(allowed)}")
+        hint = nearest_or(mode, allowed, f"choose one of {', '.join(allowed)}")
+        raise UsageError(f"mission `{mission.name}` has no mode `{mode}`", hint=hint)
     draft = GraphBuilder(mission, allowed if mode is None else (mode,))
     for add in PASSES:
         add(mission, draft)
