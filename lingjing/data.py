@@ -62,9 +62,14 @@ class CacheChoice(NamedTuple):
 
 
 def user_cache_folder() -> str:
-    """Where this project keeps what can be made again (XDG base directory specification)."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return os.path.join(base or os.path.expanduser("~/.cache"), "lingjing")  # noqa: PTH111, PTH118 - a cold start
+    """Where this project keeps what can be made again.
+
+    A relative XDG_CACHE_HOME is ignored, as the XDG base directory specification says: processes of one episode have
+    working folders of their own.
+    """
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    own = base if os.path.isabs(base) else os.path.expanduser("~/.cache")  # noqa: PTH111, PTH117 - a cold start
+    return os.path.join(own, "lingjing")  # noqa: PTH118
 
 
 def choose_cache() -> CacheChoice:

@@ -44,6 +44,23 @@ def test_a_folder_that_can_be_made_is_the_users_own(home: Path) -> None:
     assert not home.exists() and not list((home.parent / "tmp").iterdir())
 
 
+def test_a_relative_folder_is_ignored(home: Path, monkeypatch) -> None:
+    """The bug: it meant another folder in each process with a working folder of its own."""
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.setenv("XDG_CACHE_HOME", "caches")
+    assert choose_cache().folder == str(home / ".cache" / "lingjing")
+
+
+@pytest.mark.slow
+def test_a_plan_is_drawn_without_stray_lines_where_a_file_is_in_the_way(home: Path, tmp_path: Path) -> None:
+    """The bug: Matplotlib looks for its folder at the same place, and said in four lines that it has none."""
+    a_file(home)
+    call = [sys.executable, "-m", "lingjing.cli.main", "scene", "draw", "upr", "-o", str(tmp_path / "plan.png")]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert done.stderr.startswith("note: ") and done.stderr.count("\n") == 1
+    assert (tmp_path / "plan.png").exists()
+
+
 def a_file(home: Path) -> None:
     home.write_text("mine")
 

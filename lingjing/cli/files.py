@@ -50,6 +50,8 @@ def check_cache() -> None:
         raise UsageError(f"no folder for the cache: {choice.refused}, and none for temporary files either", hint=hint)
     if choice.refused and os.environ.get(_CACHE_TOLD) != choice.folder:
         os.environ[_CACHE_TOLD] = choice.folder
+        # Matplotlib, which draws overviews and plans, would say in its own words that its folder is not there.
+        os.environ.setdefault("MPLCONFIGDIR", os.path.join(choice.folder, "matplotlib"))  # noqa: PTH118
         say(f"note: {choice.refused}: the cache is `{choice.folder}`; XDG_CACHE_HOME names another")
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -320,7 +321,8 @@ def _run(arguments: list[str], what: str) -> None:
     said = [line.removeprefix("Error: ") for line in run.stderr.splitlines() if line.strip()]
     said = [line for line in said if line != "Quitting (on error)."] or [f"exit code {run.returncode}"]
     if run.returncode < 0:
-        raise InfrastructureError(f"netconvert died of signal {-run.returncode} over {what}")
+        hint = "raise the limit on the size of files (`ulimit -f`)" if -run.returncode == signal.SIGXFSZ else ""
+        raise InfrastructureError(f"netconvert died of signal {-run.returncode} over {what}", hint=hint)
     raise UsageError(f"netconvert made no road network of {what}: {' '.join(said)}")
 
 
