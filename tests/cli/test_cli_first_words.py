@@ -27,6 +27,7 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
         (["run", "ssr", "--sed", "3"], "--seed"),
         (["run", "--polcy=random", "ssr"], "--policy"),
         (["scene", "info", "ssr", "--sed", "3"], "--seed"),
+        (["bench", "main", "--chek"], "--check"),
     ],
 )
 def test_a_slip_in_a_word_is_met_with_the_word(
@@ -59,6 +60,19 @@ def test_a_slip_in_a_word_is_met_with_the_word(
             ["run", "ssr", "--policy-for", "searchr=random"],
             "error: no role or agent is called `searchr` in broadcast mode\nhint: did you mean `searcher`?\n",
         ),
+        (
+            ["run", "ssr", "--mode", "brodcast"],
+            "error: mission 'ssr' has no mode 'brodcast'\nhint: did you mean `broadcast`?\n",
+        ),
+        (
+            ["graph", "ssr", "--mode", "strr"],
+            "error: mission `ssr` has no mode `strr`\nhint: did you mean `star`?\n",
+        ),
+        (
+            ["run", "ssr", "--world", "inlin"],
+            "error: world: inline or process is due, this is the text 'inlin'\nhint: did you mean 'inline'?\n",
+        ),
+        (["bench", "mian"], "error: there is no suite `mian`\nhint: did you mean `main`?\n"),
     ],
 )
 def test_a_slip_in_a_name_is_met_with_the_name_and_nothing_else(
