@@ -1,4 +1,4 @@
-"""Signals that are to come at another moment, or to another thread."""
+"""Blocking of signals that would end the process."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
-    """Hold back what would end the process. It comes at the end of the block; threads that begin within never hear it,
-    and leave it to the main thread, which would sleep on if another one took it."""
+def blocked_signals() -> Iterator[None]:
+    """Block SIGINT, SIGTERM and SIGHUP in this thread. A pending signal is delivered at the end of the block.
+
+    Threads that are started within the block inherit its mask for good, so signals go to the main thread. A main thread
+    that sleeps would otherwise sleep on when another thread takes the signal.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
     try:
         yield

@@ -60,7 +60,7 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
         tick=record.tick,
         time_s=record.time_s,
         states=record.snapshots[-1].states if record.snapshots else tuple(registry.states.values()),
-        unheard=record.unheard,
+        unheard=record.unreachable_links,
         progress=budgets.spend(tally.onto(registry.progress), record.decisions),
         asked=asked,
         own=own,

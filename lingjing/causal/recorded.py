@@ -22,7 +22,7 @@ from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
-from lingjing.trace.encoding import settled
+from lingjing.trace.encoding import normalise
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState, BoundaryRecord, Command, DecisionRecord, Snapshot
 
@@ -87,7 +87,7 @@ class RecordedPictures:
         if tick >= len(self._trace.boundaries):
             return False
         then = self._trace.boundaries[tick].snapshots[-1]
-        now = settled(Snapshot(time_s=then.time_s, states=tuple(states)))
+        now = normalise(Snapshot(time_s=then.time_s, states=tuple(states)))
         return now.states == then.states + then.ambient
 
     def fork(self) -> RecordedPictures:

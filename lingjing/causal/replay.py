@@ -16,7 +16,7 @@ from lingjing.numerics import versions
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.digest import current_digests
 from lingjing.trace.digest_form import full_form
-from lingjing.trace.encoding import settled
+from lingjing.trace.encoding import normalise
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord
 
@@ -122,7 +122,7 @@ def _other_deciders(trace: Trace, recorded: BoundaryRecord) -> Difference | None
 
 def first_difference(trace: Trace, recorded: BoundaryRecord, replayed: BoundaryRecord) -> Difference:
     """Where two records of one boundary differ first, in the order of the record's fields."""
-    pair = [full_form(settled(record)) for record in (recorded, replayed)]
+    pair = [full_form(normalise(record)) for record in (recorded, replayed)]
     for field in pair[0]:
         for path, here, there in _differences(pair[0].get(field), pair[1].get(field), field):
             engine = _engine(trace, path, pair)

@@ -16,7 +16,7 @@ from lingjing.cli.process import deaf, endable, leave, open_streams, say, say_er
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.file_names import check_name
 from lingjing.refusals import refusal_of
-from lingjing.signals import unheard
+from lingjing.signals import blocked_signals
 
 BROKEN_PIPE = 141
 """128 + SIGPIPE: what a shell reports for any tool whose reader went away."""
@@ -150,7 +150,7 @@ def _dispatch(arguments: list[str]) -> int:
 
         pin()
     if chosen is not None:
-        with unheard():  # interrupted while it loads, msgspec 0.22 may crash the process where it is used
+        with blocked_signals():  # interrupted while it loads, msgspec 0.22 may crash the process where it is used
             import_module("msgspec")
     module = import_module(f"lingjing.cli.{chosen.name}") if chosen else None
     shown = (chosen,) if chosen is not None and arguments[0] == chosen.name else VERBS

@@ -408,7 +408,7 @@ class Kernel:
             done=evaluation.done,
             scr=self._subtasks.share(verdict.registry),
             routes=boundary.routes,
-            unheard=boundary.unheard,
+            unreachable_links=boundary.unheard,
         )
 
     def briefs(self) -> dict[str, Brief]:

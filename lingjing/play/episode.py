@@ -45,7 +45,7 @@ from lingjing.scene.displacement import displacements, in_words, moved_bodies
 from lingjing.scene.surroundings import surroundings
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, Header
-from lingjing.trace.writer import PictureParts, TraceWriter, disturbed, gone
+from lingjing.trace.writer import PictureParts, TraceWriter, trace_removed_error, trace_tampered_error
 
 NOT_PROMISED = "this digest is not promised on other processors"
 PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
@@ -284,11 +284,11 @@ def _report(path: Path, options: PlayOptions, folder: Path, city: City | None, *
     """The report of the trace's episode; a city draws the overview beside it. `folder` is the trace's folder as the
     caller has named it. `notes_moves`: moved bodies are reported already, by their places in a document."""
     if not path.is_file():
-        raise gone(path)
+        raise trace_removed_error(path)
     try:
         trace = read_trace(path)
     except UsageError as error:
-        raise disturbed(path, str(error)) from error
+        raise trace_tampered_error(path, str(error)) from error
     report = report_of(trace, options.policy)
     moved = () if notes_moves else in_words(trace.header.moved)
     said = (*moved, *_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))

@@ -1,35 +1,49 @@
-"""The trace: one MCAP file per episode, from which everything after the episode is computed.
+"""The trace: one MCAP file per episode. Everything after the episode is computed from it.
 
-In the order in which an episode meets them:
+Concepts:
 
-- `records`    the vocabulary: what engines, agents and the kernel say to each other, and what is kept of it
-- `request_ids` what requests are called: commands, messages, the kernel's own
-- `images`     pictures as bytes and back; policies receive what is stored
-- `encoding`   records as JSON, the same bytes for the same record
-- `digest`     what two runs are compared by: the chain over boundaries, the one over pictures, the digest of one policy
-               input; `verify`: whether records agree
-- `digest_form` which fields of a boundary a digest covers, under frozen names, in each version of the digest
-- `schemas`    JSON Schemas of the records, generated; `python -m lingjing.trace.schemas` writes them
-- `topics`     the names of the file's topics
-- `admitted`   what agents said at a boundary and the bus admitted
-- `surroundings` the city and where cameras are mounted, as whoever writes a trace tells it for viewers
-- `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions;
-  `foxglove_city` the city; `wire` messages put together from encoded parts
-- `shown`      which of these messages an episode has, and when: what viewers are shown
-- `seals`      the hash chain over the file's bytes, and its signature
-- `container`  the MCAP file itself; it, `chunks` and `seal_difference` alone import `mcap`
-- `chunks`     one chunk of it, unpacked within bounds
-- `writer`     `TraceWriter`: header, boundaries, outcome
-- `signals`    signals wait while a boundary is written
-- `calls`      what is kept of questions to chat models; `call_store` the SQLite file beside the trace that holds them
-- `reader`     `read_trace`: the records back, pictures on demand
-- `copying`    a trace under another header, its pictures byte for byte
-- `following` `TraceFollower`: a trace that is still written, read as it grows
-- `seal_difference` which record is not as it was sealed
-- `seal_check` the bytes against the seals
-- `verification` `verify_file`: bytes and records, one answer
+- A *record* is a frozen structure, such as a receipt or an observation. A *boundary* is the state of the episode
+  between two decision ticks. One boundary record holds everything that happened since the previous boundary.
+- *MCAP* is an open container format for time-stamped messages. Each message is on a *topic*. A *chunk* is a compressed
+  block of messages. The trace has two kinds of topics: the project's own records in JSON, which are read back, and
+  messages in Foxglove's schemas, which are derived from the records so that viewers can open the file.
+- A *digest* is a hash over the parts of the records that decide results. Two runs are equal if their digests are equal.
+  Wall-clock values, pixels and free text are left out.
+- A *seal* is a hash over bytes of the file. Digests compare episodes; seals detect changes to a file. A seal may be
+  signed with a key.
 
-Invariants: a file named `.part` is unfinished, and reads to its last complete boundary wherever it was cut; the two
-digests hold no wall-clock value, the seals cover every byte; log times are simulation time in nanoseconds, so that two
-equal episodes differ in nothing but their wall-clock fields and what follows from those.
+Modules in the order in which data passes through them:
+
+- `records`: the record types
+- `request_ids`: ids of commands, messages and other requests
+- `images`: encoding and decoding of pictures
+- `encoding`: deterministic JSON of records
+- `digest`: the digests of boundaries, pictures and policy inputs, and `verify`, which compares records with digests
+- `digest_form`: the fields that a digest covers, under frozen names, in each version
+- `schemas`: JSON Schemas of the records; `python -m lingjing.trace.schemas` writes them
+- `topics`: topic names
+- `admitted`: the messages that the bus admitted at a boundary
+- `surroundings`: the city and the camera mounts, as input for viewers
+- `foxglove`: poses, scene, images, logs and geographic positions in Foxglove's schemas; `foxglove_city`: the city;
+  `wire`: Protocol Buffers messages assembled from encoded parts
+- `viewer_messages`: the sequence of messages for viewers
+- `seals`: the hash chain over the bytes, and its signature
+- `container`: the MCAP file; only this module, `chunks` and `seal_difference` import `mcap`
+- `chunks`: one chunk, unpacked within limits
+- `writer`: `TraceWriter`
+- `signals`: deferral of signals while a boundary is written
+- `calls`: records of calls to chat models; `call_store`: the SQLite file beside the trace that stores them
+- `reader`: `read_trace`
+- `copying`: copies of a trace under another header
+- `following`: `TraceFollower`, for a trace that is still being written
+- `seal_difference`: the first record that differs from its seal
+- `seal_check`: comparison of the bytes with the seals
+- `verification`: `verify_file`, which checks bytes and records
+
+Invariants:
+
+- A file whose name ends in `.part` is unfinished. It can be read to its last complete boundary wherever it was cut.
+- The digests cover no wall-clock value. The seals cover every byte.
+- Log times are simulation time in nanoseconds. Two equal episodes differ only in wall-clock fields and in values that
+  depend on them.
 """

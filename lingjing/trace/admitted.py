@@ -1,8 +1,7 @@
-"""What agents said and the bus admitted at one boundary: one entry for each message, however many heard it, none
-included.
+"""The messages that the bus admitted at one boundary, each once, whatever the number of its recipients.
 
-A report is adjudicated even if nobody is there to hear it (an agent on its own, a lost radio link, the last tick):
-such a message has no edge in the trace, only its sender's decision and the receipt that accepted it.
+A report is adjudicated even without a recipient: the agent is alone, the radio link is lost, or the tick is the last
+one. Such a message has no edge in the trace. It is reconstructed from the sender's decision and the receipt.
 """
 
 from __future__ import annotations
@@ -16,39 +15,43 @@ from lingjing.trace.records import BoundaryRecord
 
 @dataclass(frozen=True, slots=True)
 class AdmittedMessage:
-    """An admitted message of `tick`; `category` as the mission declares its kind, `recipients` in the bus's order."""
+    """An admitted message."""
 
     id: str
     tick: int
     sender: str
     kind: str
     category: str
+    """The category that the mission declares for `kind`."""
     body: Mapping[str, Datum]
     recipients: tuple[str, ...] = ()
+    """Agent ids in the order of the bus. Empty if the message reached no agent."""
 
 
 def categories_of(instance: Instance) -> Mapping[str, str]:
-    """What each kind of message counts as."""
+    """Return the declared category of each message kind."""
     return {spec.kind: spec.category for spec in instance.messages}
 
 
 def admitted_at(record: BoundaryRecord, categories: Mapping[str, str]) -> tuple[AdmittedMessage, ...]:
-    """The admitted messages of one boundary: those that somebody was sent, then those for nobody."""
-    found: dict[str, AdmittedMessage] = {}
+    """Return the admitted messages of one boundary: those with recipients first, then those without."""
+    messages: dict[str, AdmittedMessage] = {}
     for edge in record.messages:
-        heard = (*(found[edge.id].recipients if edge.id in found else ()), edge.recipient)
-        found[edge.id] = AdmittedMessage(edge.id, edge.tick, edge.sender, edge.kind, edge.category, edge.body, heard)
-    for lone in _unheard(record, categories):
-        found.setdefault(lone.id, lone)
-    return tuple(found.values())
+        recipients = (*(messages[edge.id].recipients if edge.id in messages else ()), edge.recipient)
+        messages[edge.id] = AdmittedMessage(
+            edge.id, edge.tick, edge.sender, edge.kind, edge.category, edge.body, recipients
+        )
+    for message in _accepted(record, categories):
+        messages.setdefault(message.id, message)
+    return tuple(messages.values())
 
 
-def _unheard(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[AdmittedMessage]:
-    """The boundary's accepted messages: the bus answers each candidate with one receipt, in policy order."""
-    said = [(made.agent, message) for made in record.decisions for message in made.decision.messages]
-    answers = [receipt for receipt in record.receipts if receipt.by == "bus"]
-    for (sender, message), answer in zip(said, answers, strict=False):
-        if answer.status == "accepted" and message.kind in categories:
+def _accepted(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[AdmittedMessage]:
+    """Yield all accepted messages, without recipients. The bus issues one receipt per candidate, in policy order."""
+    candidates = [(entry.agent, message) for entry in record.decisions for message in entry.decision.messages]
+    receipts = [receipt for receipt in record.receipts if receipt.by == "bus"]
+    for (sender, message), receipt in zip(candidates, receipts, strict=False):
+        if receipt.status == "accepted" and message.kind in categories:
             yield AdmittedMessage(
-                answer.request, record.tick, sender, message.kind, categories[message.kind], message.body
+                receipt.request, record.tick, sender, message.kind, categories[message.kind], message.body
             )

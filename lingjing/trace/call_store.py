@@ -1,9 +1,8 @@
-"""The record of an episode's calls to chat models: one SQLite file beside the trace, each content in it once.
+"""The record of an episode's calls to chat models: one SQLite file beside the trace.
 
-A message, the parameters and a picture are each kept under their SHA-256, so that a prompt that grows turn by turn
-costs its last turn only. A question is committed before it is asked and again when there is a result, so that a
-process that is killed leaves whole records. While it is written the file has a write-ahead log beside it; a clean end
-leaves one file.
+Each message, parameter set and picture is stored once, under its SHA-256. A prompt that grows turn by turn therefore
+adds only its last turn. A call is committed before its request is sent and again with its result, so a killed process
+leaves whole records. During writing there is a write-ahead log beside the file. A clean end leaves one file.
 """
 
 from __future__ import annotations
@@ -22,11 +21,14 @@ from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, Recorde
 CALLS_NAME = "calls.sqlite"
 
 MOST_BYTES = 16 * 2**30
-"""Contents of one record: an episode of 420 calls with two pictures of 100 kB each has 0.1 GB."""
+"""Limit of the stored contents, bytes. Chosen: an episode of 420 calls with two pictures of 100 kB each has 0.1 GB."""
 
 _APPLICATION = 0x4C4A4343
+"""SQLite's `application_id` of our files: "LJCC" in ASCII."""
 _FORMAT = 1
+"""Version of the tables, stored as SQLite's `user_version`."""
 _HASH = 32
+"""Bytes of a SHA-256."""
 _TABLES = """
 CREATE TABLE episode (about BLOB NOT NULL);
 CREATE TABLE content (hash BLOB PRIMARY KEY, data BLOB NOT NULL);
@@ -42,9 +44,9 @@ _ABANDONED = msgspec.json.encode(
 
 
 class CallStore:
-    """A record that is being written. `path` is a new file. Any thread may call it.
+    """A record that is being written to `path`, a new file. All methods are thread-safe.
 
-    Raises `InfrastructureError` where it cannot write: a full disk, a record that is too large, a place that is taken.
+    Raises `InfrastructureError` if writing fails: the disk is full, the record is too large, or the file exists.
     """
 
     def __init__(self, path: Path, episode: CalledEpisode) -> None:
@@ -63,13 +65,13 @@ class CallStore:
         self._open = True
 
     def begin(self, agent: str, request: CallRequest, result: CallResult | None = None) -> None:
-        """Keep a question that is about to be asked, or one with its result."""
+        """Store a request that is about to be sent, or a request together with its result."""
         contents = (request.head, *request.messages, *request.pictures)
         hashes = [sha256(content) for content in contents]
         messages = b"".join(hashes[1 : 1 + len(request.messages)])
         row = (agent, request.tick, request.number, hashes[0], messages, result and msgspec.json.encode(result))
         with self._transaction() as file:
-            fresh = {name: one for name, one in zip(hashes, contents, strict=True) if name not in self._known}
+            fresh = {name: content for name, content in zip(hashes, contents, strict=True) if name not in self._known}
             self._bytes += sum(map(len, fresh.values()))
             if self._bytes > MOST_BYTES:
                 raise InfrastructureError(
@@ -81,7 +83,7 @@ class CallStore:
             self._known |= fresh.keys()
 
     def end(self, agent: str, request: CallRequest, result: CallResult) -> None:
-        """Keep what came out of a question. After `close` nothing is: the episode is over."""
+        """Store the result of a request. Does nothing after `close`, when the episode is over."""
         with self._transaction() as file:
             if self._open:
                 file.execute(
@@ -90,7 +92,7 @@ class CallStore:
                 )
 
     def close(self) -> None:
-        """Put all of it into one file. A question that is still open has been given up."""
+        """Merge the write-ahead log into the file and close it. Calls without a result are marked as abandoned."""
         with self._lock, suppress(sqlite3.Error):  # what is committed stays readable
             if self._open:
                 self._open = False
@@ -124,7 +126,7 @@ class CallStore:
 
 
 class CallReader:
-    """A record that is read: `episode` says whose it is. Raises `UsageError` for a file that is none."""
+    """A record that is read. `episode` identifies its episode. Raises `UsageError` for a file of another kind."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -141,25 +143,25 @@ class CallReader:
             self.episode = msgspec.json.decode(about, type=CalledEpisode)
 
     def find(self, agent: str, tick: int, number: int) -> RecordedCall | None:
-        """The call at a place, if there is one."""
+        """Return the call number `number` of an agent at a tick, or None."""
         where = "WHERE agent = ? AND tick = ? AND number = ?"
         return next(self._select(where, (agent, tick, number)), None)
 
     def calls(self, agent: str | None = None, tick: int | None = None) -> Iterator[RecordedCall]:
-        """All calls, or those of an agent or a tick, in order of time, agents by name."""
+        """Yield all calls, or those of one agent or one tick, ordered by tick, agent and number."""
         where = "WHERE (?1 IS NULL OR agent = ?1) AND (?2 IS NULL OR tick = ?2) ORDER BY tick, agent, number"
         yield from self._select(where, (agent, tick))
 
     def content(self, name: bytes) -> bytes:
-        """The content of that hash. Raises `UsageError` if the file does not hold it, or another one under its name."""
+        """Return the content with the SHA-256 `name`. Raises `UsageError` if it is missing or has another hash."""
         with self._lock, self._reading():
-            found = self._file.execute("SELECT data FROM content WHERE hash = ?", (name,)).fetchone()
-        if found is None or sha256(found[0]) != name:
+            row = self._file.execute("SELECT data FROM content WHERE hash = ?", (name,)).fetchone()
+        if row is None or sha256(row[0]) != name:
             raise UsageError(f"`{self.path}` does not hold the content {name.hex()}: it was changed or cut short")
-        return bytes(found[0])
+        return bytes(row[0])
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
     def _select(self, where: str, values: tuple[object, ...]) -> Iterator[RecordedCall]:
@@ -188,9 +190,9 @@ class CallReader:
 
 
 def calls_of(place: Path) -> Path | None:
-    """The record of a trace, of an episode's folder, or the one that is named itself; None if there is none."""
-    beside = place / CALLS_NAME if place.is_dir() else place.with_name(CALLS_NAME)
-    return beside if beside.is_file() else None
+    """Return the path of the record that belongs to a trace or to an episode's folder, or None if there is none."""
+    candidate = place / CALLS_NAME if place.is_dir() else place.with_name(CALLS_NAME)
+    return candidate if candidate.is_file() else None
 
 
 __all__ = ["CALLS_NAME", "CallReader", "CallStore", "calls_of"]

@@ -1,4 +1,4 @@
-"""What is kept of questions to chat models: what was asked, what came out of it, and at which place in an episode."""
+"""Records of calls to chat models: the request, the result, and the place in the episode."""
 
 from __future__ import annotations
 
@@ -9,53 +9,61 @@ from typing import Literal
 import msgspec
 
 CallFault = Literal["", "service", "model", "time", "abandoned"]
-"""Whose failure it is that a call has no answer: the service refuses or is not there, the model will not answer this,
-the policy's own deadline passed, or the kernel's barrier gave the policy up while it waited."""
+"""The cause of a call without an answer; "" for a call with an answer.
+
+- `service`: the service is unreachable or rejects the request.
+- `model`: the model declines to answer this request.
+- `time`: the policy's own deadline passed.
+- `abandoned`: the kernel's barrier stopped the policy during the call.
+"""
 
 
 class CallRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """One question to a model as it is recorded.
-
-    `tick` is the boundary at which the policy asks and `number` counts its questions there, from 0. `head` is a JSON
-    object with the parameters, `messages` are the turns, a JSON object each, in which a picture is
-    `{"type": "picture", "sha256": …}` with its hash in hexadecimal; `pictures` are the JPEG files themselves.
-    `most_usd` bounds the price of one attempt, None if its price is unknown; `most_tokens` bounds its tokens.
-    """
+    """One request to a model, as it is recorded."""
 
     tick: int
+    """The boundary at which the policy calls the model."""
     number: int
+    """Number of the call among those of the agent at this boundary, from 0."""
     head: bytes
+    """The parameters, a JSON object."""
     messages: tuple[bytes, ...]
+    """The turns, a JSON object each. A picture is `{"type": "picture", "sha256": …}` there, the hash in hexadecimal."""
     pictures: tuple[bytes, ...] = ()
+    """The JPEG files of the pictures."""
     most_usd: float | None = None
+    """Upper bound of the price of one attempt, US dollars. None if the price is unknown."""
     most_tokens: int = 0
+    """Upper bound of the tokens of one attempt."""
 
 
 class CallResult(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What came out of one question, all its attempts together.
-
-    `failure` says in words why there is no answer and `fault` whose fault that is; both are empty if there is one.
-    `cost_usd` is None if the price is unknown; `unknown_usd` bounds the price of the attempts of which nobody knows
-    whether they were billed. `wall_s` is seconds of wall clock, for people.
-    """
+    """The result of one request, over all its attempts."""
 
     text: str = ""
+    """The answer."""
     reasoning: str = ""
+    """The reasoning text that the service returned beside the answer."""
     finish_reason: str = ""
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cached_tokens: int = 0
     cost_usd: float | None = None
+    """US dollars. None if the price is unknown."""
     unknown_usd: float = 0.0
+    """Upper bound of the price, US dollars, of attempts that may or may not have been billed."""
     attempts: int = 1
     wall_s: float = 0.0
+    """Wall-clock duration, for information only."""
     failure: str = ""
+    """The error in words; "" if there is an answer."""
     fault: CallFault = ""
     status: int | None = None
+    """HTTP status of a failed call. None if there is none."""
 
 
 class RecordedCall(msgspec.Struct, frozen=True, kw_only=True):
-    """One question of one agent, as it lies in a record. `result` is None if the process died before there was one."""
+    """One call of one agent, read back from a record. See `CallRequest` for the fields of the request."""
 
     agent: str
     tick: int
@@ -63,30 +71,32 @@ class RecordedCall(msgspec.Struct, frozen=True, kw_only=True):
     head: bytes
     messages: tuple[bytes, ...]
     result: CallResult | None = None
+    """None if the process died before there was a result."""
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """The hashes in hexadecimal of the pictures that were shown, in order."""
+        """The hashes, in hexadecimal, of the pictures in the request, in order."""
         return tuple(name for message in self.messages for name in _pictures(msgspec.json.decode(message)))
 
 
 class CalledEpisode(msgspec.Struct, frozen=True, kw_only=True):
-    """Which episode a record belongs to; `settings` are those that were given."""
+    """The identity of the episode that a record belongs to."""
 
     mission: str
     mode: str
     seed: int
     policy_seed: int = 0
     settings: dict[str, float] = {}
+    """The settings of the mission that the user set."""
 
 
 def sha256(data: bytes) -> bytes:
-    """The hash under which a content is kept."""
+    """Return the SHA-256 under which a content is stored."""
     return hashlib.sha256(data).digest()
 
 
 def _pictures(message: object) -> Iterator[str]:
-    """The hashes of the pictures in a decoded message. Those stand among the parts of its `content` alone."""
+    """Yield the picture hashes of a decoded message. Pictures occur only among the parts of its `content`."""
     parts = message.get("content") if isinstance(message, dict) else None
     for part in parts if isinstance(parts, list) else ():
         if isinstance(part, dict) and part.get("type") == "picture" and isinstance(part.get("sha256"), str):

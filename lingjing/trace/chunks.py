@@ -1,7 +1,8 @@
-"""The messages of one MCAP chunk, whoever wrote it: unpacked and walked through within bounds.
+"""Bounded unpacking of one MCAP chunk from an untrusted file.
 
-A few bytes can unpack to gigabytes and hold millions of messages. What a chunk declares is looked at before anything is
-unpacked, and what comes out must be what it declared; what a whole file may hold grows with its size (`UnpackLimits`).
+A few bytes can unpack to gigabytes and hold millions of messages. The declared size of a chunk is therefore checked
+before unpacking, and the unpacked data must match the declaration. The limits of a whole file grow with its size
+(`UnpackLimits`).
 """
 
 from __future__ import annotations
@@ -20,28 +21,33 @@ import mcap.stream_reader
 import zstandard
 
 LIMIT = 2**28
-"""Bytes. No record of ours is longer, packed or not; a damaged length must not make a reader ask for gigabytes."""
+"""Longest record, packed or unpacked, bytes. Chosen above every record that `TraceWriter` writes. Without it a damaged
+length would make the reader allocate gigabytes."""
 
 RATIO = 5000
-"""How often a file's own size it may unpack to, beyond `LIMIT`. Every boundary ends a chunk, whose frame, index and
-pictures are incompressible: what runs leave reaches 20, black pictures with empty depth some hundreds."""
+"""Highest ratio of unpacked bytes, beyond `LIMIT`, to the file's size. Chosen well above measured ratios: up to 20 in
+recorded episodes, some hundreds with black pictures and empty depth. Every boundary ends a chunk, and its frame, index
+and pictures are incompressible."""
 
 INDEX_BYTES = 16
-"""Of the index entry that MCAP keeps in the file for each message, outside of the chunk and unpacked."""
+"""Size of an MCAP index entry (MCAP, op 0x07). The file has one per message, outside of the chunk and uncompressed, so
+the file's size bounds the number of messages."""
 
 UNINDEXED = 200_000
-"""Messages that a chunk may hold whose index was cut off: as many of the shortest ones as fill a chunk of ours."""
+"""Messages allowed beyond those in the index, for a last chunk whose index was cut off. The number is about that of the
+shortest messages that fill a chunk of `container.CHUNK_BYTES`."""
 
 CHANNEL_BYTES = 2**16
-"""What a channel's record may hold: its topic and a map, of which a hundred megabytes become gigabytes of texts."""
+"""Longest channel record, bytes. Chosen: it holds a topic and a map, and decoding a map of a hundred megabytes would
+make gigabytes of strings."""
 
 _RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
-"""What stands before the data of an MCAP message: channel, sequence, log time, publish time."""
+"""Header of an MCAP message: channel, sequence, log time, publish time."""
 
 
 class ChunkError(ValueError):
-    """A chunk is no chunk of ours: it holds more than it may, or something else than it says."""
+    """A chunk exceeds a limit, or its content differs from its declaration."""
 
 
 BROKEN = (
@@ -56,11 +62,11 @@ BROKEN = (
     MemoryError,
     OverflowError,
 )
-"""What reading past a cut or a damaged place raises."""
+"""The exceptions that reading a cut or damaged file raises."""
 
 
 class UnpackLimits:
-    """What a file of a given size may still unpack to."""
+    """The remaining budget of unpacked bytes and messages for a file of a given size."""
 
     def __init__(self, file_bytes: int) -> None:
         self._bytes = LIMIT + RATIO * file_bytes
@@ -81,19 +87,22 @@ class UnpackLimits:
 
 @dataclass(frozen=True, slots=True)
 class ChunkMessage:
-    """A message as the chunk has it; times in nanoseconds."""
+    """A message in a chunk."""
 
     channel: int
     sequence: int
     time_ns: int
+    """Log time: simulation time in nanoseconds."""
     data: bytes
 
 
 def contents(
     chunk: mcap.records.Chunk, bounds: UnpackLimits, unwanted: Container[int] = ()
 ) -> Iterator[mcap.records.Channel | ChunkMessage]:
-    """The channels and messages of a chunk, in order, but for messages of channels that are `unwanted` by then. Raises
-    `ChunkError`, or what parsing a damaged place raises."""
+    """Yield the channels and messages of a chunk, in order, without the messages of channels in `unwanted`.
+
+    The caller may add to `unwanted` during the iteration. Raises one of `BROKEN` for a damaged chunk.
+    """
     bounds.take(chunk)
     data = unpacked(chunk)
     at = 0
@@ -113,19 +122,22 @@ def contents(
 
 
 def channel_of(body: bytes) -> mcap.records.Channel:
-    """The channel of a record's bytes. Raises `ChunkError` if they are more than `CHANNEL_BYTES`."""
+    """Parse a channel record. Raises `ChunkError` if it is longer than `CHANNEL_BYTES`."""
     if len(body) > CHANNEL_BYTES:
         raise ChunkError(f"a channel of {len(body)} bytes")
     return mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(body)))
 
 
 def unpacked(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:
-    """A chunk's bytes. Raises `ChunkError` if there are more than `LIMIT`, more or fewer than it declares, or, if
-    `checked`, others than its sum says."""
+    """Return the unpacked bytes of a chunk.
+
+    Raises `ChunkError` if they are more than `LIMIT`, or not as many as declared, or, if `checked`, if their CRC-32
+    differs from the declared one.
+    """
     size = chunk.uncompressed_size
     if size > LIMIT:
         raise ChunkError(f"a chunk of {size} bytes")
-    data = _taken(chunk, size + 1)  # one byte more shows that there is more
+    data = _decompressed(chunk, size + 1)  # one byte more than declared reveals a longer content
     if len(data) != size:
         raise ChunkError(f"a chunk of other than the {size} bytes that it declares")
     if checked and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
@@ -133,7 +145,8 @@ def unpacked(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:
     return data
 
 
-def _taken(chunk: mcap.records.Chunk, most: int) -> bytes:
+def _decompressed(chunk: mcap.records.Chunk, most: int) -> bytes:
+    """Return the first `most` unpacked bytes."""
     if not chunk.compression:
         return bytes(chunk.data[:most])
     if chunk.compression != "zstd":

@@ -1,7 +1,7 @@
-"""The MCAP file: channels, messages, flushes; and reading one that may have been cut anywhere.
+"""Writing and reading of the MCAP file.
 
-The only module that imports `mcap`. Chunks are closed at every flush, so a file that was cut reads up to its last
-flushed chunk with the plain `mcap` reader as well.
+Only this module, `chunks` and `seal_difference` import `mcap`. Every flush ends a chunk. A file that was cut anywhere
+can therefore be read up to its last flushed chunk, with the plain `mcap` reader as well.
 """
 
 from __future__ import annotations
@@ -26,41 +26,47 @@ from lingjing.trace.chunks import BROKEN, LIMIT, UnpackLimits, contents
 from lingjing.trace.seals import MAGIC, RECORD, SEAL, SealedFile, definition_sum, message_sum
 
 CHUNK_BYTES = 4 * 1024 * 1024
+"""Unpacked size at which the writer ends a chunk, bytes. Chosen; a flush usually ends it earlier."""
 
 _INDEX_HEAD = struct.Struct("<HI")
 _INDEX_ENTRY = struct.Struct("<QQ")
-"""A message index (MCAP, op 0x07): channel and length in bytes, then log time and place of each message."""
+"""A message index (MCAP, op 0x07): channel and length in bytes, then log time and offset of each message."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContainerSchema:
-    """A schema as MCAP stores it: `encoding` is `jsonschema` or `protobuf`."""
+    """A schema as MCAP stores it."""
 
     name: str
     encoding: str
+    """`jsonschema` or `protobuf`."""
     data: bytes
 
     @property
     def message_encoding(self) -> str:
-        """How messages of this schema are encoded."""
+        """The MCAP name of the encoding of messages with this schema."""
         return "json" if self.encoding == "jsonschema" else self.encoding
 
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """One message found in a file: its topic and channel, `sequence`, simulation time, bytes, and its chunk's place."""
+    """One message read from a file."""
 
     topic: str
     channel: int
     sequence: int
     time_ns: int
+    """Simulation time in nanoseconds."""
     data: bytes
     chunk_at: int
+    """Byte offset of its chunk in the file."""
 
 
 class ContainerWriter:
-    """Messages into one MCAP file, opened exclusively and sealed at every flush, with `key` signed as well. Raises
-    `OSError` as the file system does."""
+    """Writer of one MCAP file. It creates the file, locks it, and seals it at every flush, signed if there is a `key`.
+
+    Methods raise `OSError` for errors of the file system.
+    """
 
     def __init__(self, path: Path, key: bytes = b"") -> None:
         opened = path.open("xb")
@@ -73,18 +79,18 @@ class ContainerWriter:
         self._channels: dict[str, int] = {}
 
     def add(self, topic: str, schema: ContainerSchema, time_ns: int, data: bytes, sequence: int = 0) -> None:
-        """One message; log time and publish time are both the simulation time."""
+        """Write one message. Its log time and publish time are both the simulation time."""
         self.last_ns = max(self.last_ns, time_ns)
         channel = self._channel(topic, schema)
         self._file.note(message_sum(topic, sequence, time_ns, data))
         self._writer.add_message(channel, time_ns, data, time_ns, sequence)
 
     def end_chunk(self) -> None:
-        """Close the chunk: what comes next is unpacked without what came before."""
+        """End the chunk. Later messages can then be unpacked without the earlier ones."""
         self._writer.flush()
 
     def flush(self) -> None:
-        """Close and seal the chunk, and hand all to the operating system (a killed process then loses nothing)."""
+        """End and seal the chunk, and pass all bytes to the operating system. A killed process then loses nothing."""
         self._writer.flush()
         self._writer.add_metadata(SEAL, self._file.fields())
         self._file.flush()
@@ -97,8 +103,8 @@ class ContainerWriter:
         self._file.close()
 
     def close(self) -> None:
-        """Close the file as it is, without a summary, when writing has failed; idempotent."""
-        with contextlib.suppress(OSError):  # what cannot be flushed is why we are here
+        """Close the file without a summary after a failed write. Idempotent."""
+        with contextlib.suppress(OSError):  # the bytes that cannot be flushed are the cause of this call
             self._file.abort()
 
     def _channel(self, topic: str, schema: ContainerSchema) -> int:
@@ -113,7 +119,7 @@ class ContainerWriter:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a `ContainerWriter` in any process of this machine has the file open; True where that cannot be known."""
+    """Return whether a `ContainerWriter` in any process of this machine has the file open. True if that is unknown."""
     if sys.platform == "win32":
         return True
     import fcntl
@@ -127,8 +133,10 @@ def is_being_written(path: Path) -> bool:
 
 
 def _lock(file: IO[bytes]) -> None:
-    """Hold the file as long as it is open here: the system lets it go however this process ends. A file system without
-    locks is written all the same."""
+    """Lock the file while it is open here. The system releases the lock however this process ends.
+
+    A file system without locks is no error: the file is then written unlocked.
+    """
     if sys.platform != "win32":
         import fcntl
 
@@ -137,10 +145,11 @@ def _lock(file: IO[bytes]) -> None:
 
 
 def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> Iterator[Stored]:
-    """Every message up to the file's end or its first damaged place, in file order; a chunk that holds more than it may
-    is a damaged place. A chunk all of whose messages are in topics that begin with `passed_over` is not unpacked: its
-    messages come without data, in the order of its index. Of other chunks those messages come whose topics begin with
-    one of `only`.
+    """Yield the messages up to the end of the file or its first damaged place, in file order.
+
+    A chunk that exceeds its limits is a damaged place. A chunk is not unpacked if the topics of all its messages begin
+    with `passed_over`. Its messages are yielded without data, in the order of its index. From other chunks, the
+    messages are yielded whose topics begin with one of `only`.
 
     Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
     """
@@ -149,8 +158,11 @@ def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> It
 
 
 def scan_from(path: Path, begin: int, channels: DeclaredChannels, passed_over: str) -> Iterator[tuple[Stored, int]]:
-    """The messages of the chunks from byte `begin` on, as `scan`, each with the byte behind its chunk, where a later
-    call may begin. `begin` is 0 or such a byte; `channels` are those declared before, to which new ones are added."""
+    """Yield the messages of the chunks from byte `begin` on, as `scan` does, each with the offset behind its chunk.
+
+    A later call may begin at such an offset. `begin` is 0 or such an offset. `channels` are the channels declared
+    before it; newly declared ones are added.
+    """
     with _opened(path) as file:
         bounds = UnpackLimits(path.stat().st_size)
         try:
@@ -163,15 +175,17 @@ def scan_from(path: Path, begin: int, channels: DeclaredChannels, passed_over: s
 
 
 class DeclaredChannels:
-    """The topics of the channels that were declared so far, by number; `unwanted` are those that are left out."""
+    """The channels that were declared so far."""
 
     def __init__(self, only: tuple[str, ...] = ("",)) -> None:
         self._only = only
         self.topics: dict[int, str] = {}
+        """Topic by channel number."""
         self.unwanted: set[int] = set()
+        """Numbers of the channels whose topics begin with none of `only`."""
 
     def declare(self, number: int, topic: str) -> None:
-        """One more channel, or another topic for one."""
+        """Add a channel, or change the topic of a known one."""
         self.topics[number] = topic
         self.unwanted.discard(number)
         if not topic.startswith(self._only):
@@ -179,20 +193,23 @@ class DeclaredChannels:
 
 
 class _ChunkIndex(NamedTuple):
-    """The index that stands behind a chunk for one channel: `entries` are pairs of log time and place."""
+    """The message index of one channel, which follows its chunk in the file."""
 
     channel: int
     entries: bytes
+    """Encoded pairs of log time and offset."""
 
     @property
     def times(self) -> Iterator[int]:
-        """Log times of the channel's messages. Raises `struct.error` for entries that were cut."""
+        """The log times of the channel's messages in nanoseconds. Raises `struct.error` for cut entries."""
         return (time_ns for time_ns, _ in _INDEX_ENTRY.iter_unpack(self.entries))
 
 
 def _chunks(file: IO[bytes], begin: int = len(MAGIC)) -> Iterator[tuple[mcap.records.Chunk, int, list[_ChunkIndex]]]:
-    """Every whole chunk from byte `begin` on, with its place and the indexes behind it; without any of these where the
-    file is cut among them."""
+    """Yield every whole chunk from byte `begin` on, with its offset and the indexes that follow it.
+
+    If the file is cut within these indexes, the chunk is yielded with none of them.
+    """
     waiting: tuple[mcap.records.Chunk, int] | None = None
     index: list[_ChunkIndex] = []
     file.seek(begin)
@@ -225,19 +242,19 @@ def _chunk(
     bounds: UnpackLimits,
     passed_over: str,
 ) -> Iterator[Stored]:
-    """The messages of a chunk; without their data where its index says that all of them are to be passed over."""
-    topics = [channels.topics.get(one.channel, "") for one in index]
+    """Yield the messages of a chunk, without data if all topics of its index begin with `passed_over`."""
+    topics = [channels.topics.get(entry.channel, "") for entry in index]
     if not passed_over or not index or not all(topic.startswith(passed_over) for topic in topics):
         yield from _messages(chunk[0], channels, chunk[1], bounds)
         return
-    for topic, one in zip(topics, index, strict=True):
-        for time_ns in one.times:
+    for topic, entry in zip(topics, index, strict=True):
+        for time_ns in entry.times:
             bounds.message()
-            yield Stored(topic, one.channel, 0, time_ns, b"", chunk[1])
+            yield Stored(topic, entry.channel, 0, time_ns, b"", chunk[1])
 
 
 def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
-    """Every message of the chunk that begins at byte `chunk_at`; topics of channels from earlier chunks are ""."""
+    """Yield the messages of the chunk that begins at byte `chunk_at`. The topic of an earlier chunk's channel is ""."""
     with _opened(path) as file:
         chunk, at, _ = next(_chunks(file, chunk_at), (None, chunk_at, []))
         if chunk is not None and at == chunk_at:
@@ -245,7 +262,7 @@ def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
 
 
 def ends_properly(path: Path) -> bool:
-    """Whether the file ends as a finished MCAP file does."""
+    """Return whether the file ends as a finished MCAP file does."""
     with _opened(path) as file:
         file.seek(max(len(MAGIC), path.stat().st_size - len(MAGIC)))
         return file.read() == MAGIC
@@ -253,7 +270,7 @@ def ends_properly(path: Path) -> bool:
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[IO[bytes]]:
-    """The file of a trace, open. Raises `UsageError` where there is none, and where it can be read no further."""
+    """Open the file of a trace for reading. Raises `UsageError` if it is missing or reading fails within the block."""
     if path.exists() and not path.is_file() and not path.is_dir():
         raise UsageError(
             f"cannot read the trace {path}: it is a pipe or a device",
@@ -267,7 +284,7 @@ def reading(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _other_place(path: Path) -> str:
-    """Where the trace may be that was looked for at `path`."""
+    """Return a hint at the likely place of a trace that was not found at `path`, or ""."""
     if str(path) == "-":
         return "a trace is read from a file, not from standard input"
     inside = path / "trace.mcap"
@@ -295,5 +312,5 @@ def _messages(
 
 
 def _chunk_length(chunk: mcap.records.Chunk) -> int:
-    """Bytes of a chunk record in the file: opcode, length, six fixed fields, compression, data (MCAP, op 0x06)."""
+    """Return the bytes of a chunk record: opcode, length, six fixed fields, compression, data (MCAP, op 0x06)."""
     return 1 + 8 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)

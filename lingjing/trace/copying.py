@@ -1,4 +1,4 @@
-"""Copies of traces under another header: `copy_trace`, and `picture_parts`, a stored picture to be stored again."""
+"""Copies of traces under another header."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from lingjing.trace.writer import PictureParts, TraceWriter
 def copy_trace(
     trace: Trace, header: Header, path: Path, surroundings: Surroundings = NO_SURROUNDINGS
 ) -> Trace:  # fmt: skip
-    """The trace with all its boundaries, pictures and its outcome in a new file that begins with `header`, sealed anew.
-    Viewers are shown the city in it only if its `surroundings` are given.
+    """Copy a trace to a new file that begins with `header`, and return the copy.
 
-    Raises `UsageError` if `path` is there already or cannot be written.
+    Boundaries, pictures and the outcome are copied; the file is sealed anew. The city is included for viewers only if
+    `surroundings` holds it. Raises `UsageError` if `path` exists or cannot be written.
     """
     with TraceWriter(path, header, surroundings=surroundings) as writer:
         for record in trace.boundaries:
@@ -27,6 +27,9 @@ def copy_trace(
 
 
 def picture_parts(trace: Trace, frame_id: str) -> PictureParts:
-    """A picture as `TraceWriter.boundary` takes it, its JPEG byte for byte. Raises what `Trace.picture` raises."""
+    """Return a stored picture as input for `TraceWriter.boundary`, with its JPEG unchanged.
+
+    Raises the errors of `Trace.picture`.
+    """
     picture = trace.picture(frame_id)
     return picture.info, trace.jpeg(frame_id), picture.depth, picture.semantic

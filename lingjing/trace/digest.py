@@ -1,9 +1,9 @@
-"""The digests that episodes are compared by: a hash chain over boundaries, one over pictures, one per policy input.
+"""Digests for the comparison of episodes: chains over boundaries and over pictures, and one hash per policy input.
 
-`next_digest` covers decisions, states, receipts, messages and events in the form of `lingjing.trace.digest_form`: no
-wall clock, no pixels, no free text, nothing that is derived from the rest. `Header.digest_version` names the form; a
-trace of version 1 is verified in its own form, and compared with new records in the current one (`current_digests`).
-`next_frames_digest` covers the pixels. Both chains start from `START`.
+`next_digest` covers decisions, states, receipts, messages and events in the form of `lingjing.trace.digest_form`. That
+form leaves out wall-clock values, pixels, free text and derived values. `Header.digest_version` names its version. A
+trace of version 1 is verified in its own version and compared with new records in the current one
+(`current_digests`). `next_frames_digest` covers the pixels. Both chains start from `START`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.trace.digest_form import current_form, first_form
-from lingjing.trace.encoding import settled, to_json
+from lingjing.trace.encoding import normalise, to_json
 from lingjing.trace.records import (
     CUT_SHORT,
     DIGEST_VERSION,
@@ -33,25 +33,25 @@ if TYPE_CHECKING:
     from lingjing.trace.reader import Trace
 
 START = ""
-"""What both chains start from."""
+"""The first value of both chains."""
 
 
 _FIRST, _CURRENT = msgspec.json.Encoder(), msgspec.json.Encoder(order="deterministic")
-"""Version 1 keeps the order of the fields and of mappings, which a normalised record has sorted already."""
+"""Version 1 keeps the order of fields and mappings. The mappings of a normalised record are sorted already."""
 
 
 def next_digest(previous: str, record: BoundaryRecord, version: DigestVersion = DIGEST_VERSION) -> str:
-    """SHA-256 (hex) over the digest before and this record in the form of that version.
+    """Return the SHA-256 (hex) over the previous digest and this record in the form of `version`.
 
     Raises `InfrastructureError` if the record holds a number that is not finite.
     """
-    plain = settled(record)
+    plain = normalise(record)
     encoded = _FIRST.encode(first_form(plain)) if version == 1 else _CURRENT.encode(current_form(plain))
     return hashlib.sha256(previous.encode() + b"\n" + encoded).hexdigest()
 
 
 def digest_chain(records: Iterable[BoundaryRecord], version: DigestVersion) -> Iterator[str]:
-    """The digest of each boundary from 0 on, computed from the records."""
+    """Yield the digest of each boundary from 0 on, computed from the records."""
     digest = START
     for record in records:
         digest = next_digest(digest, record, version)
@@ -59,9 +59,9 @@ def digest_chain(records: Iterable[BoundaryRecord], version: DigestVersion) -> I
 
 
 def current_digests(trace: Trace) -> tuple[str, ...]:
-    """The digest of each boundary of a trace in the current version: the stored ones, or computed for an older trace.
+    """Return the digest of each boundary in the current version: stored, or computed for an older trace.
 
-    What is played again has digests of the current version, whatever the version of its trace.
+    A replay has digests of the current version, whatever the version of its trace.
     """
     if trace.header.digest_version == DIGEST_VERSION:
         return tuple(record.digest for record in trace.boundaries)
@@ -69,14 +69,17 @@ def current_digests(trace: Trace) -> tuple[str, ...]:
 
 
 def last_digest(trace: Trace, version: DigestVersion) -> str:
-    """The digest of the last boundary in that version; `START` if there is none."""
+    """Return the digest of the last boundary in `version`, or `START` if there is no boundary."""
     if trace.header.digest_version == version:
         return trace.boundaries[-1].digest if trace.boundaries else START
     return deque(digest_chain(trace.boundaries, version), maxlen=1)[0] if trace.boundaries else START
 
 
 def next_frames_digest(previous: str, frames: Iterable[FrameInfo]) -> str:
-    """SHA-256 (hex) over the digest before and each picture's id and hash; unchanged if there are none."""
+    """Return the SHA-256 (hex) over the previous digest and each picture's id and hashes.
+
+    Returns `previous` if there are no pictures.
+    """
     for frame in frames:
         pixels = f"{frame.sha256}\n{frame.channels_sha256}"
         previous = hashlib.sha256(f"{previous}\n{frame.id}\n{pixels}".encode()).hexdigest()
@@ -89,22 +92,22 @@ def input_digest(
     receipts: Sequence[Receipt] = (),
     pictures: Sequence[FrameInfo] = (),
 ) -> str:
-    """SHA-256 (hex) of one complete policy input, for `ObservationRecord.sha256`.
+    """Return the SHA-256 (hex) of one complete policy input, for `ObservationRecord.sha256`.
 
-    `pictures` are the observation's frames: their id, pose, time and the hashes of all their channels count, their
-    ground truth does not.
+    `pictures` are the observation's frames. Their ids, poses, times and channel hashes are covered. Their ground truth
+    is not, because policies do not receive it.
     """
-    whole = hashlib.sha256(to_json(settled(msgspec.structs.replace(observation, sha256=""))))
+    total = hashlib.sha256(to_json(normalise(msgspec.structs.replace(observation, sha256=""))))
     for record in (*messages, *receipts, *(msgspec.structs.replace(frame, boxes=(), faint=()) for frame in pictures)):
-        whole.update(b"\n" + to_json(settled(record)))
-    return whole.hexdigest()
+        total.update(b"\n" + to_json(normalise(record)))
+    return total.hexdigest()
 
 
 def verify(trace: Trace, *, pixels: bool = False) -> str | None:
-    """None if the records of a trace agree with each other, else one sentence that names the first that does not.
+    """Return None if the records of a trace are consistent, else one sentence that names the first inconsistent one.
 
-    Every digest must follow from its records, the outcome from the last boundary. With `pixels` every stored JPEG is
-    hashed as well; depth and class ids are not: what was hashed is the depth before it was rounded for the file.
+    Every digest must match its record, and the outcome must match the last boundary. With `pixels`, every stored JPEG
+    must match its hash. Depth and class ids cannot be checked: their hash covers the depth before rounding.
     """
     return _chain_fault(trace) or _outcome_fault(trace) or (_pixel_fault(trace) if pixels else None)
 
@@ -134,16 +137,16 @@ def _outcome_fault(trace: Trace) -> str | None:
 
 
 def _ending_fault(outcome: Outcome, last: BoundaryRecord) -> str | None:
-    """What the outcome claims against the last boundary, from which it was made."""
+    """Return the first contradiction between the outcome and the last boundary, or None."""
     claims = (
         ("ticks", outcome.ticks, last.tick),
         ("score", outcome.score, last.reward),
         ("subtask completion rate", outcome.scr, last.scr),
         ("success", outcome.success, outcome.reason == "success"),
     )
-    for name, claimed, found in claims:
-        if claimed != found:
-            return f"the outcome's {name} is {claimed}, that of the last boundary {found}"
+    for name, claimed, recorded in claims:
+        if claimed != recorded:
+            return f"the outcome's {name} is {claimed}, that of the last boundary {recorded}"
     if outcome.reason not in CUT_SHORT and last.done != (outcome.reason != "budget"):
         ended = "had ended" if last.done else "was not over"
         return f"the outcome's reason is `{outcome.reason}`, but at the last boundary the episode {ended}"

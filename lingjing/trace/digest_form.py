@@ -1,13 +1,12 @@
-"""The form in which a boundary record is hashed: which fields count, under which frozen names, in which version.
+"""The form in which a boundary record is hashed: the covered fields under frozen names, for each version.
 
-A digest must change when a result changes, and only then. So the form is declared here and is not derived from the
-record types: a field that is renamed keeps its `key`, a new field with a default leaves every stored digest as it is,
-and a message that is worded better changes nothing. The test `test_the_form_covers_every_field` fails for a field
-without a row here.
+A digest must change when a result changes, and only then. The form is therefore declared here and not derived from the
+record types. A renamed field keeps its `key`. A new field with a default leaves every stored digest unchanged. A
+reworded message changes nothing. The test `test_the_form_covers_every_field` fails for a field without a row here.
 
-Version 1 (traces without `Header.digest_version`) is the JSON of the whole record, defaults and free text included,
-with derived fields blanked. Version 2 leaves out derived fields, free text and whatever equals its default.
-A row, once released, is never changed or removed: a new meaning is a new version (ADR 0029).
+Version 1 (traces without `Header.digest_version`) is the JSON of the whole record, with defaults and free text, and
+with derived fields blanked. Version 2 leaves out derived fields, free text and values that equal their default. A
+released row is never changed or removed. A new meaning needs a new version (ADR 0029).
 """
 
 from __future__ import annotations
@@ -26,40 +25,42 @@ REQUIRED: Final = object()
 """The default of a field that is always written."""
 
 RecordForm = dict[str, object]
-"""A record in its form: plain values under frozen names."""
+"""The form of one record: plain values under frozen names."""
 
 
 @dataclass(frozen=True, slots=True)
 class FormField:
-    """One field of a record type.
-
-    `key`: its frozen name. `attribute`: the name that it has in the code now ("" if the same). `default`: the value
-    that version 2 leaves out. `derived`: the value is computed from other fields, or is wall clock, pixels or free
-    text; version 1 writes `blank` in its place, or the value itself where `blank` is `REQUIRED`, version 2 writes
-    nothing. `nested`: the record type of the value or of its elements. `since`: the first version that has it.
-    """
+    """One field of a record type."""
 
     key: str
+    """The frozen name."""
     default: object = REQUIRED
+    """The value that version 2 leaves out."""
     attribute: str = ""
+    """The present name of the attribute; "" if it equals `key`."""
     derived: bool = False
+    """True if the value is computed from other fields, or is wall clock, pixels or free text. Version 2 leaves it
+    out."""
     blank: object = REQUIRED
+    """The value that version 1 writes for a derived field. `REQUIRED`: it writes the value itself."""
     nested: type[msgspec.Struct] | None = None
+    """The record type of the value or of its elements. None for plain values."""
     since: DigestVersion = 1
+    """The first version with the field."""
 
     @property
     def name(self) -> str:
-        """The attribute of the record."""
+        """The name of the record's attribute."""
         return self.attribute or self.key
 
 
 def _free_text(key: str) -> FormField:
-    """A sentence for people: version 1 covers it, version 2 does not."""
+    """Return the row of a free text, which version 1 covers and version 2 does not."""
     return FormField(key, derived=True)
 
 
 def _blanked(key: str, blank: object) -> FormField:
-    """A derived value, which version 1 writes as `blank`."""
+    """Return the row of a derived value, which version 1 writes as `blank`."""
     return FormField(key, derived=True, blank=blank)
 
 
@@ -268,20 +269,20 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         _blanked("digest", ""),
         _blanked("wall_s", 0.0),
         FormField("routes", (), nested=records.Route),
-        FormField("unheard", ()),
+        FormField("unheard", (), attribute="unreachable_links"),
     ),
 }
 """The fields of every record type in a boundary, in the order in which version 1 writes them."""
 
 _CURRENT: Final = {
-    kind: tuple((one.name, one.key, one.default, one.nested is not None) for one in fields if not one.derived)
-    for kind, fields in FORMS.items()
+    kind: tuple((row.name, row.key, row.default, row.nested is not None) for row in rows if not row.derived)
+    for kind, rows in FORMS.items()
 }
-"""What `current_form` walks: attribute, key, the value that is left out, whether records are nested in it."""
+"""The rows of version 2 in the shape that `current_form` needs: attribute, key, default, nested or not."""
 
 
 def current_form(record: msgspec.Struct) -> RecordForm:
-    """The record as version 2 covers it: `record` must be normalised (`lingjing.trace.encoding.settled`)."""
+    """Return the form of version 2. `record` must be normalised (`lingjing.trace.encoding.normalise`)."""
     plain: RecordForm = {}
     for name, key, default, nested in _CURRENT[type(record)]:
         value = getattr(record, name)
@@ -292,20 +293,20 @@ def current_form(record: msgspec.Struct) -> RecordForm:
 
 
 def full_form(record: msgspec.Struct) -> RecordForm:
-    """All fields that version 2 covers, those with default values included: for comparing two records in words."""
+    """Return the form of version 2 with default values included, to describe the differences of two records."""
     return {
-        one.key: _nested(getattr(record, one.name), one.nested, full_form)
-        for one in FORMS[type(record)]
-        if not one.derived
+        row.key: _nested(getattr(record, row.name), row.nested, full_form)
+        for row in FORMS[type(record)]
+        if not row.derived
     }
 
 
 def first_form(record: msgspec.Struct) -> RecordForm:
-    """The record as version 1 covers it, keys in its order: `record` must be normalised."""
+    """Return the form of version 1, with its order of keys. `record` must be normalised."""
     return {
-        one.key: _nested(getattr(record, one.name), one.nested, first_form) if one.blank is REQUIRED else one.blank
-        for one in FORMS[type(record)]
-        if one.since == 1
+        row.key: _nested(getattr(record, row.name), row.nested, first_form) if row.blank is REQUIRED else row.blank
+        for row in FORMS[type(record)]
+        if row.since == 1
     }
 
 

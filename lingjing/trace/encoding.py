@@ -1,8 +1,8 @@
-"""Records as JSON: the same bytes for the same record.
+"""Deterministic JSON of records: equal records have equal bytes.
 
-The keys of mappings are sorted, numpy scalars become plain numbers, and a lone surrogate in a text (language models
-produce them) becomes U+FFFD. NaN and infinity have no JSON spelling and are written as null, which only a `Datum`
-may hold: `settled` is where a record with one elsewhere is refused.
+The keys of mappings are sorted. Numpy scalars become plain numbers. A lone surrogate in a text, which language models
+can produce, becomes U+FFFD. JSON has no NaN and no infinity, so these are written as null, which only a `Datum` may
+hold. `normalise` rejects a record that has them elsewhere.
 """
 
 from __future__ import annotations
@@ -18,22 +18,24 @@ RecordT = TypeVar("RecordT", bound=msgspec.Struct)
 
 
 def to_json(record: msgspec.Struct) -> bytes:
-    """One record as compact UTF-8 JSON. Raises `TypeError` for a value that is not plain data."""
+    """Return a record as compact UTF-8 JSON. Raises `TypeError` for a value that is not plain data."""
     try:
         return _ENCODER.encode(record)
     except UnicodeEncodeError:
-        return _ENCODER.encode(_mended(msgspec.to_builtins(record, enc_hook=_plain, order="deterministic")))
+        plain = msgspec.to_builtins(record, enc_hook=_plain, order="deterministic")
+        return _ENCODER.encode(_without_surrogates(plain))
 
 
 def from_json(data: bytes, kind: type[RecordT]) -> RecordT:
-    """The record back. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
+    """Decode a record of type `kind`. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
     return msgspec.json.decode(data, type=kind)
 
 
-def settled(record: RecordT) -> RecordT:
-    """The record as a reader will see it: whole numbers in float fields are floats, sequences are tuples.
+def normalise(record: RecordT) -> RecordT:
+    """Return the record as a reader decodes it: whole numbers in float fields are floats, sequences are tuples.
 
-    Raises `InfrastructureError` if it would not come back, because an engine reported a number that is not finite.
+    Raises `InfrastructureError` if the record cannot be decoded, because an engine or a plug-in reported a number that
+    is not finite or a value that is not plain.
     """
     try:
         return from_json(to_json(record), type(record))
@@ -52,14 +54,14 @@ def _plain(value: object) -> object:
     raise TypeError(f"a {type(value).__name__} cannot stand in a trace record")
 
 
-def _mended(value: Any) -> Any:
-    """`value` with every lone surrogate replaced."""
+def _without_surrogates(value: Any) -> Any:
+    """Return `value` with every lone surrogate replaced by U+FFFD."""
     if isinstance(value, str):
         return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in value)
     if isinstance(value, dict):
-        return {_mended(key): _mended(item) for key, item in value.items()}
+        return {_without_surrogates(key): _without_surrogates(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_mended(item) for item in value]
+        return [_without_surrogates(item) for item in value]
     return value
 
 

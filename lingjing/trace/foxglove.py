@@ -1,10 +1,13 @@
-"""An episode in Foxglove's published schemas, so that its file opens in Foxglove and Rerun as it is.
+"""Messages of an episode in Foxglove's published schemas, so that Foxglove and Rerun can open a trace directly.
 
-This module and `foxglove_city` alone import `foxglove_schemas_protobuf`. Every message is derived from the project's
-own records and never read back, except for the bytes of stored pictures.
+Only this module and `foxglove_city` import `foxglove_schemas_protobuf`. Every message is derived from the project's own
+records. Only the bytes of stored pictures are read back.
 
-Frames of reference: `world` is east, north, up; an entity's frame is x forward, y left, z up, and hangs from `world`; a
-camera's is x right, y down, z along the optical axis, and hangs from the entity that carries it.
+Frames of reference:
+
+- `world`: x east, y north, z up
+- an entity's frame: x forward, y left, z up; its parent is `world`
+- a camera's frame: x right, y down, z along the optical axis; its parent is the entity that carries it
 """
 
 from __future__ import annotations
@@ -40,15 +43,19 @@ from lingjing.trace.wire import field
 
 Topic = str
 Derived = tuple[Topic, ContainerSchema, bytes]
-"""A message on its way into the container: topic, schema, encoded bytes."""
+"""A message for the container: topic, schema, encoded bytes."""
 
 WORLD = "world"
+"""Name of the root frame of reference."""
 _COLOURS = {"asset": (0.10, 0.45, 0.90), "target": (0.95, 0.35, 0.10)}
+"""Colour of an entity's marker by role: red, green, blue in 0..1. Chosen."""
 
 
 def scene(instance: Instance, *, hidden: bool = False) -> Derived:
-    """The map of the mission: regions, cells, and a marker with a name that follows each entity; those alone that are
-    `hidden` from policies, or those alone that are not."""
+    """Return the map of the mission: regions, cells, and a named marker that follows each entity.
+
+    With `hidden`, the map holds only what is hidden from policies, else only what is not hidden.
+    """
     update = SceneUpdate()
     for region in instance.regions:
         if region.hidden == hidden:
@@ -63,7 +70,7 @@ def scene(instance: Instance, *, hidden: bool = False) -> Derived:
 
 
 def markers(entities: Iterable[Entity]) -> Derived:
-    """Further entities on the map, as `scene` shows them."""
+    """Return markers for further entities, in the form of those of `scene`."""
     update = SceneUpdate()
     for entity in entities:
         _marker(update, entity)
@@ -71,29 +78,32 @@ def markers(entities: Iterable[Entity]) -> Derived:
 
 
 def city(meshes: Iterable[CityMesh]) -> Derived:
-    """The buildings, roads, water and ground around what is played in."""
+    """Return the buildings, roads, water and ground."""
     return CITY, _schema(SceneUpdate), city_update(meshes, WORLD)
 
 
 def transforms(snapshot: Snapshot) -> Derived:
-    """Where every entity was at one macro-step."""
+    """Return the frames of all entities at one macro-step."""
     seconds, nanos = _timestamp(snapshot.time_s)
     stamp = field(1, Timestamp(seconds=seconds, nanos=nanos).SerializeToString())
-    moved = b"".join(field(1, stamp + _frame_ids(state.id) + _placing(state)) for state in snapshot.states)
-    return TRANSFORMS, _schema(FrameTransforms), moved
+    frames = b"".join(field(1, stamp + _frame_ids(state.id) + _placing(state)) for state in snapshot.states)
+    return TRANSFORMS, _schema(FrameTransforms), frames
 
 
 def cameras(bodies: Iterable[tuple[BodyState | None, str, CameraPose]], time_s: float) -> Derived:
-    """Where cameras hang from the bodies that carry them at an instant: body, `<entity>/<camera>`, pose. One that
-    nobody carries stands in the world."""
+    """Return the frames of cameras at an instant.
+
+    Each item of `bodies` is a body, the name `<entity>/<camera>` and the pose in the world. The parent of the frame is
+    the body's frame, or `world` if the body is None.
+    """
     message = FrameTransforms()
     for body, camera, pose in bodies:
-        _hang(message.transforms.add(), time_s, camera, pose, body)
+        _attach(message.transforms.add(), time_s, camera, pose, body)
     return TRANSFORMS, _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
 def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
-    """WGS84 positions of all entities at a boundary."""
+    """Yield the WGS84 positions of all entities at a boundary."""
     for state in snapshot.states:
         message = LocationFix()
         _stamp(message.timestamp, snapshot.time_s)
@@ -105,7 +115,7 @@ def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
 
 
 def logs(record: BoundaryRecord) -> Iterator[Derived]:
-    """What happened at a boundary, one line each: messages, refusals, events, finished stages."""
+    """Yield the log of a boundary, one message per line: messages, refused requests, events, completed stages."""
     for level, name, text in log_lines(record):
         message = Log()
         _stamp(message.timestamp, record.time_s)
@@ -118,7 +128,7 @@ def logs(record: BoundaryRecord) -> Iterator[Derived]:
 def frame_messages(
     frame: FrameInfo, jpeg: bytes, depth: bytes | None = None, semantic: bytes | None = None
 ) -> Iterator[Derived]:
-    """A stored picture with its calibration and its ground-truth boxes."""
+    """Yield the messages of a picture: calibration, colour, ground-truth boxes, and depth and class ids if given."""
     camera = camera_name(frame)
     yield calibration(frame)
     yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
@@ -130,39 +140,41 @@ def frame_messages(
 
 
 def stored_channel(frame: FrameInfo, channel: str, message: bytes) -> Derived:
-    """A message of `frame_messages` as a trace holds it: the picture itself (""), `depth` or `semantic`."""
+    """Return a stored message with its topic and schema. `channel` is "" for colour, `depth` or `semantic`."""
     return camera_topic(frame, channel), _schema(RawImage if channel == "depth" else CompressedImage), message
 
 
 def calibration(frame: FrameInfo) -> Derived:
-    """The camera of a picture."""
+    """Return the intrinsic calibration of the camera of a picture."""
     return camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera_name(frame))
 
 
 def true_boxes(frame: FrameInfo) -> Derived:
-    """What is to be seen in a picture."""
+    """Return the ground-truth boxes of a picture."""
     boxes = ((truth.entity, truth.box) for truth in frame.boxes)
     return camera_topic(frame, "truth"), _schema(ImageAnnotations), _boxes(frame, boxes, (0.2, 1.0, 0.4))
 
 
 def reported(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]]) -> Derived:
-    """What was reported in a picture: a label and a normalised box for each report."""
+    """Return the boxes that agents reported in a picture: a label and a normalised box for each report."""
     return camera_topic(frame, "reported"), _schema(ImageAnnotations), _boxes(frame, boxes, (1.0, 0.45, 0.75))
 
 
 def camera_name(frame: FrameInfo) -> str:
-    """The frame of reference of a picture's camera."""
+    """Return the name of the camera's frame of reference."""
     return f"{frame.entity}/{frame.camera}"
 
 
 def image_bytes(message: bytes) -> bytes:
-    """The JPEG or PNG inside a `foxglove.CompressedImage`. Raises `LingjingError` for other bytes."""
+    """Return the JPEG or PNG inside a `foxglove.CompressedImage`. Raises `LingjingError` for other bytes."""
     return bytes(_parsed(CompressedImage, message).data)
 
 
 def depth_bytes(message: bytes) -> tuple[bytes, int, int]:
-    """The float32 metres inside a `foxglove.RawImage`, with width and height in pixels. Raises `LingjingError` for
-    other bytes."""
+    """Return the float32 metres inside a `foxglove.RawImage`, with width and height in pixels.
+
+    Raises `LingjingError` for other bytes.
+    """
     image = _parsed(RawImage, message)
     return bytes(image.data), image.width, image.height
 
@@ -175,9 +187,11 @@ def _parsed(kind: Any, message: bytes) -> Any:
 
 
 def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[float, float]:
-    """(latitude, longitude) in degrees of a point near `origin`; series in the WGS84 radii of curvature, within
-    2 cm of the transverse Mercator world frame over 5 km. For display: nothing is decided by it."""
-    a, e2 = 6378137.0, 6.69437999014e-3
+    """Return (latitude, longitude) in degrees of a point `east`, `north` metres from `origin`, for display only.
+
+    The series in the WGS84 radii of curvature agrees with the transverse Mercator world frame within 2 cm over 5 km.
+    """
+    a, e2 = 6378137.0, 6.69437999014e-3  # WGS84: semi-major axis in metres, first eccentricity squared
     latitude = math.radians(origin[0])
     w = 1.0 - e2 * math.sin(latitude) ** 2
     meridian, normal = a * (1.0 - e2) / w**1.5, a / math.sqrt(w)
@@ -191,28 +205,37 @@ def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[fl
 
 
 Quaternion = tuple[float, float, float, float]
+"""x, y, z, w."""
 Matrix3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+"""Three column vectors."""
 
 
 _PLACING = struct.Struct("<BB BdBdBd BB BdBdBdBd")
-"""`translation` and `rotation` of a `foxglove.FrameTransform`, fields 4 and 5, each with its length and doubles."""
+"""Encoded `translation` and `rotation` of a `foxglove.FrameTransform` (fields 4 and 5), each with tag, length and
+doubles."""
 
 
 def _placing(state: BodyState) -> bytes:
-    """Where a body is, as `_place` and `_turn` would write it: there are hundreds of thousands in an episode."""
+    """Return the encoded pose of a body.
+
+    The bytes equal those of `_set_vector` and `_set_quaternion`. An episode has hundreds of thousands of poses, and
+    this function is faster.
+    """
     (x, y, z), (i, j, k, w) = state.position, body_turn(state)
     return _PLACING.pack(0x22, 27, 0x09, x, 0x11, y, 0x19, z, 0x2A, 36, 0x09, i, 0x11, j, 0x19, k, 0x21, w)
 
 
 @lru_cache(maxsize=4096)
 def _frame_ids(child: str) -> bytes:
-    """That a frame hangs from the world."""
+    """Return the encoded ids of a frame and of its parent `world`."""
     return bytes(FrameTransform(parent_frame_id=WORLD, child_frame_id=child).SerializeToString(deterministic=True))
 
 
 def body_turn(state: BodyState) -> Quaternion:
-    """From a body's frame to the world: yaw from east, then pitch about the left axis (nose up is negative there),
-    then roll."""
+    """Return the rotation from a body's frame to the world.
+
+    It is the product of yaw from east, pitch about the left axis (negative for nose up), and roll, in this order.
+    """
     yaw = math.radians(90.0 - state.heading_deg) / 2.0
     if state.pitch_deg == state.roll_deg == 0.0:
         return 0.0, 0.0, math.sin(yaw), math.cos(yaw)
@@ -224,7 +247,7 @@ def body_turn(state: BodyState) -> Quaternion:
 
 
 def camera_axes(pose: CameraPose) -> Matrix3:
-    """Right, down and forward of a camera in the world frame."""
+    """Return the right, down and forward unit vectors of a camera in the world frame."""
     heading, tilt, roll = (math.radians(v) for v in (pose.heading_deg, pose.tilt_deg, pose.roll_deg))
     sh, ch, st, ct, sr, cr = (f(v) for v in (heading, tilt, roll) for f in (math.sin, math.cos))
     level_right, level_down = (ch, -sh, 0.0), (-sh * st, -ch * st, -ct)
@@ -234,7 +257,7 @@ def camera_axes(pose: CameraPose) -> Matrix3:
 
 
 def _quaternion(axes: Matrix3) -> Quaternion:
-    """(x, y, z, w) of the rotation whose columns are `axes` (Shepperd's method)."""
+    """Return the rotation whose matrix has the columns `axes` (Shepperd's method)."""
     (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
     squares = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22)
     largest = squares.index(max(squares))
@@ -248,20 +271,21 @@ def _quaternion(axes: Matrix3) -> Quaternion:
     return (m21 - m12) / s, (m02 - m20) / s, (m10 - m01) / s, s / 4
 
 
-def _hang(transform: Any, time_s: float, camera: str, pose: CameraPose, body: BodyState | None) -> None:
+def _attach(transform: Any, time_s: float, camera: str, pose: CameraPose, body: BodyState | None) -> None:
+    """Fill in the transform of a camera relative to its body, or to the world if `body` is None."""
     _stamp(transform.timestamp, time_s)
     transform.child_frame_id = camera
     turn = _quaternion(camera_axes(pose))
     if body is None:
         transform.parent_frame_id = WORLD
-        _place(transform.translation, pose.position)
-        _turn(transform.rotation, turn)
+        _set_vector(transform.translation, pose.position)
+        _set_quaternion(transform.rotation, turn)
     else:
         east, north, up = (there - here for there, here in zip(pose.position, body.position, strict=True))
         back = _inverse(body_turn(body))
         transform.parent_frame_id = body.id
-        _place(transform.translation, _product(_product(back, (east, north, up, 0.0)), _inverse(back))[:3])
-        _turn(transform.rotation, _product(back, turn))
+        _set_vector(transform.translation, _product(_product(back, (east, north, up, 0.0)), _inverse(back))[:3])
+        _set_quaternion(transform.rotation, _product(back, turn))
 
 
 def _inverse(turn: Quaternion) -> Quaternion:
@@ -270,7 +294,7 @@ def _inverse(turn: Quaternion) -> Quaternion:
 
 
 def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """The Hamilton product of two (x, y, z, w): first `b`, then `a`."""
+    """Return the Hamilton product `a` `b`: the rotation by `b` followed by the rotation by `a`."""
     (ax, ay, az, aw), (bx, by, bz, bw) = a, b
     return (
         aw * bx + ax * bw + ay * bz - az * by,
@@ -299,7 +323,10 @@ def _image(frame: FrameInfo, camera: str, data: bytes, kind: str) -> bytes:
 
 
 def _boxes(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]], colour: tuple[float, float, float]) -> bytes:
-    """Rectangles in pixels, each with its label at its top left corner; an empty message clears those before."""
+    """Return rectangles in pixels, each with a label at its top left corner.
+
+    A message without boxes is needed too: it clears the boxes of the previous picture in a viewer.
+    """
     message = ImageAnnotations()
     _stamp(message.timestamp, frame.time_s)
     for name, (x0, y0, x1, y1) in boxes:
@@ -316,7 +343,7 @@ def _boxes(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]], colour: tuple
 
 
 def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
-    """`32FC1`: metres, as ROS (REP 118), Foxglove and Rerun read it."""
+    """Return a depth image in metres with the encoding `32FC1`, which ROS (REP 118), Foxglove and Rerun read."""
     pose = frame.pose
     message = RawImage(frame_id=camera, width=pose.width, height=pose.height, encoding="32FC1", step=4 * pose.width)
     _stamp(message.timestamp, frame.time_s)
@@ -325,7 +352,7 @@ def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
 
 
 def log_lines(record: BoundaryRecord) -> Iterator[tuple[str, str, str]]:
-    """Level, name and text of each line of a boundary's log."""
+    """Yield level, name and text of each line of a boundary's log."""
     for envelope in record.messages:
         text = ", ".join(f"{key}={value}" for key, value in envelope.body.items())
         yield "INFO", f"{envelope.sender} -> {envelope.recipient}", f"{envelope.kind} {envelope.id}: {text}"
@@ -376,16 +403,16 @@ def _stamp(timestamp: Any, time_s: float) -> None:
 
 
 def _timestamp(time_s: float) -> tuple[int, int]:
-    """Seconds and nanoseconds."""
+    """Return whole seconds and nanoseconds."""
     seconds = math.floor(time_s)
     return seconds, min(999_999_999, round((time_s - seconds) * 1e9))
 
 
-def _place(vector: Any, position: tuple[float, float, float]) -> None:
+def _set_vector(vector: Any, position: tuple[float, float, float]) -> None:
     vector.x, vector.y, vector.z = position
 
 
-def _turn(quaternion: Any, turn: Quaternion) -> None:
+def _set_quaternion(quaternion: Any, turn: Quaternion) -> None:
     quaternion.x, quaternion.y, quaternion.z, quaternion.w = turn
 
 
@@ -395,16 +422,16 @@ def _schema(message: Any) -> ContainerSchema:
 
 
 def _file_set(file: Any) -> bytes:
-    """The file and all it imports as a serialised FileDescriptorSet, imports first, as MCAP asks for."""
+    """Return the file and its imports as a serialised FileDescriptorSet, imports first, as MCAP requires."""
     files: dict[str, Any] = {}
 
-    def collect(one: Any) -> None:
-        for dependency in one.dependencies:
+    def collect(descriptor: Any) -> None:
+        for dependency in descriptor.dependencies:
             collect(dependency)
-        files.setdefault(one.name, one)
+        files.setdefault(descriptor.name, descriptor)
 
     collect(file)
-    whole = descriptor_pb2.FileDescriptorSet()
-    for one in files.values():
-        one.CopyToProto(whole.file.add())
-    return bytes(whole.SerializeToString(deterministic=True))
+    descriptors = descriptor_pb2.FileDescriptorSet()
+    for descriptor in files.values():
+        descriptor.CopyToProto(descriptors.file.add())
+    return bytes(descriptors.SerializeToString(deterministic=True))

@@ -1,7 +1,7 @@
 """The city as one `foxglove.SceneUpdate`.
 
-A city has a hundred thousand corners: they are encoded in bulk, 29 bytes each, and the library encodes what is around
-them.
+A city has a hundred thousand vertices. They are encoded in bulk, 29 bytes each; the protobuf library, which is slow per
+field, encodes only the messages that enclose them.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ POINT = np.dtype(
     [("tag", "u1"), ("length", "u1"), ("x_tag", "u1"), ("x", "<f8"), ("y_tag", "u1"), ("y", "<f8"), ("z_tag", "u1"),
      ("z", "<f8")]
 )  # fmt: skip
-"""One element of `TriangleListPrimitive.points`: its field's tag and length, then three fixed64 fields with theirs."""
+"""One element of `TriangleListPrimitive.points`: tag and length, then three fixed64 fields, each with its tag."""
 
 _CENTIMETRE = 2
-"""Decimals of a coordinate: rounded ones pack to a third."""
+"""Decimals of a coordinate in metres. Rounded coordinates compress to a third of the size."""
 
 
 def city_update(meshes: Iterable[CityMesh], frame: str) -> bytes:
-    """One entity for each mesh, `city/<layer>/<number>`, in the frame of that name; for ever."""
+    """Return the encoded update: one entity `city/<layer>/<number>` per mesh, in `frame`, without an expiry time."""
     entities = SceneUpdate.DESCRIPTOR.fields_by_name["entities"].number
     return b"".join(
         field(entities, _entity(mesh, f"city/{mesh.layer}/{number}", frame)) for number, mesh in enumerate(meshes)
@@ -57,10 +57,10 @@ def _triangles(mesh: CityMesh) -> bytes:
 
 
 def _points(points: npt.NDArray[np.float64]) -> bytes:
-    made = np.zeros(len(points), POINT)
-    made["tag"] = tag(TriangleListPrimitive.DESCRIPTOR.fields_by_name["points"].number, 2)
-    made["length"] = POINT.itemsize - 2
+    encoded = np.zeros(len(points), POINT)
+    encoded["tag"] = tag(TriangleListPrimitive.DESCRIPTOR.fields_by_name["points"].number, 2)
+    encoded["length"] = POINT.itemsize - 2
     for number, axis in enumerate("xyz", 1):
-        made[f"{axis}_tag"] = tag(number, DOUBLE)
-        made[axis] = points[:, number - 1].round(_CENTIMETRE)
-    return made.tobytes()
+        encoded[f"{axis}_tag"] = tag(number, DOUBLE)
+        encoded[axis] = points[:, number - 1].round(_CENTIMETRE)
+    return encoded.tobytes()

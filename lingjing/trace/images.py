@@ -1,13 +1,13 @@
-"""Pictures as bytes: JPEG for colour, an indexed PNG for class ids, metres for depth.
+"""Encoding and decoding of pictures: JPEG for colour, an indexed PNG for class ids, float32 metres for depth.
 
-Pillow codes JPEG and PNG: as quick as OpenCV at 1080p (5.6 ms in, 7 ms out) without its thread pool, so the world
-process may import this module before it forks. Everything here is single-threaded and deterministic for one set of
-library versions.
+Pillow encodes JPEG and PNG. At 1080p it is as fast as OpenCV (5.6 ms to decode, 7 ms to encode) and has no thread
+pool, so the world process may import this module before it forks. All functions are single-threaded and deterministic
+for one set of library versions.
 
-Depth is metres in float32, as the tools that open a trace read it, rounded to whole centimetres: the rounding leaves
-few different bytes, so that a chunk of a city takes a quarter to a ninth of what it would otherwise. Beyond 83 km
-float32 itself is coarser. Where nothing is hit it is infinity. Policies receive what is stored (`quantise_depth`),
-never the original.
+Depth is in metres, because the tools that open a trace expect metres. It is rounded to whole centimetres: the bytes
+then repeat, and a chunk compresses to between a quarter and a ninth of its unrounded size. Beyond 83 km the resolution
+of float32 is coarser than that. Depth is infinite where a ray hits nothing. Policies receive the stored depth
+(`quantise_depth`), not the original.
 """
 
 from __future__ import annotations
@@ -25,17 +25,22 @@ if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
 JPEG_QUALITY = 90
+"""Pillow's quality scale, 1 to 95. Chosen."""
 DEPTH_STEP_M = 0.01
+"""Resolution of the stored depth. Chosen for compression, see above."""
 MOST_PIXELS = 2**26
-"""Of one picture: 8K has half as many. A few megabytes of JPEG can say that they are gigabytes of pixels."""
+"""Limit of one decoded picture. Chosen: 8K has half as many. A small JPEG can declare gigabytes of pixels."""
 
 RgbPixels = npt.NDArray[np.uint8]
+"""(height, width, 3)."""
 Depth = npt.NDArray[np.float32]
+"""(height, width), metres, infinite where a ray hits nothing."""
 Semantic = npt.NDArray[np.uint8]
+"""(height, width), class ids."""
 
 
 def encode_jpeg(rgb: RgbPixels, quality: int = JPEG_QUALITY) -> bytes:
-    """`rgb` is (height, width, 3) uint8. Baseline JPEG with 4:2:0 chroma, no metadata."""
+    """Return `rgb` as a baseline JPEG with 4:2:0 chroma subsampling and no metadata."""
     import PIL.Image
 
     out = io.BytesIO()
@@ -44,26 +49,30 @@ def encode_jpeg(rgb: RgbPixels, quality: int = JPEG_QUALITY) -> bytes:
 
 
 def decode_jpeg(data: bytes) -> RgbPixels:
-    """Pixels as (height, width, 3) uint8, writable and contiguous. Raises `LingjingError` for a broken image."""
+    """Return the pixels, writable and contiguous. Raises `LingjingError` for a broken image."""
     return np.array(_open(data, "JPEG").convert("RGB"))
 
 
 def encode_depth(depth: Depth) -> bytes:
-    """`depth` is (height, width) float32 metres, inf where nothing is hit. Little-endian float32, row by row,
-    uncompressed: the file's chunks are compressed (0.1 to 0.5 MB for 1080p over a city)."""
+    """Return the rounded depth as little-endian float32, row by row.
+
+    It is not compressed here, because the chunks of the trace are (0.1 to 0.5 MB for 1080p over a city).
+    """
     return quantise_depth(depth).astype("<f4", copy=False).tobytes()
 
 
 def decode_depth(data: bytes, width: int, height: int) -> Depth:
-    """The stored depth in metres, (height, width) float32. Raises `LingjingError` if it has another size."""
+    """Return the stored depth. Raises `LingjingError` if `data` has another size."""
     if len(data) != 4 * width * height:
         raise LingjingError(f"a depth image of {width} by {height} has {4 * width * height} bytes, not {len(data)}")
     return np.frombuffer(data, "<f4").reshape(height, width).astype(np.float32)
 
 
 def quantise_depth(depth: Depth) -> Depth:
-    """Exactly `decode_depth(encode_depth(depth), …)`, without the bytes in between: whole centimetres, nothing less
-    than 0, and infinity for what is no number."""
+    """Return the depth in whole centimetres, negative values as 0 and NaN as infinity.
+
+    The result equals `decode_depth(encode_depth(depth), …)`.
+    """
     metres: Depth = np.rint(depth * np.float32(1.0 / DEPTH_STEP_M))
     np.maximum(metres, np.float32(0.0), out=metres)
     metres *= np.float32(DEPTH_STEP_M)
@@ -72,7 +81,7 @@ def quantise_depth(depth: Depth) -> Depth:
 
 
 def encode_semantic(semantic: Semantic) -> bytes:
-    """`semantic` is (height, width) uint8 class ids. A PNG whose palette tells neighbouring ids apart."""
+    """Return class ids as an indexed PNG, whose palette gives neighbouring ids different colours."""
     import PIL.Image
 
     image = PIL.Image.fromarray(semantic)
@@ -83,7 +92,7 @@ def encode_semantic(semantic: Semantic) -> bytes:
 
 
 def decode_semantic(data: bytes) -> Semantic:
-    """The class ids, (height, width) uint8. Raises `LingjingError` for a broken image."""
+    """Return the class ids. Raises `LingjingError` for a broken image."""
     return np.array(_open(data, "PNG"))
 
 
@@ -102,7 +111,7 @@ def _open(data: bytes, kind: str) -> ImageFile:
 
 @lru_cache(maxsize=1)
 def _palette() -> bytes:
-    """256 colours; golden-ratio hues keep consecutive ids far apart, 0 is black."""
+    """Return 256 RGB colours: black for id 0, then hues in golden-ratio steps, which separate consecutive ids."""
     import colorsys
 
     colours = [(0.0, 0.0, 0.0)] + [colorsys.hsv_to_rgb(i * 0.618034 % 1.0, 0.65, 0.95) for i in range(1, 256)]

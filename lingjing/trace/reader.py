@@ -1,6 +1,6 @@
-"""`read_trace`: the records of one episode back from its file, pictures on demand.
+"""Reading of a trace: the records of one episode, and its pictures on demand.
 
-A file that was cut or damaged anywhere reads as a prefix: header, the boundaries before the fault, no outcome.
+A file that was cut or damaged is read as a prefix: the header, the boundaries before the damage, and no outcome.
 """
 
 from __future__ import annotations
@@ -35,18 +35,19 @@ from lingjing.trace.records import (
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
 TOPICS_READ = (CAMERAS, RECORDS)
-"""What is read of a file: the rest is derived from it."""
+"""Prefixes of the topics that are read. The messages on other topics are derived from these."""
 
 RECORD_RATIO = 200
 RECORD_BYTES = 2**24
-"""What all records of a file may hold as JSON: that many bytes, and so often its own size."""
+"""Limit of the JSON of all records in a file: `RECORD_BYTES` plus `RECORD_RATIO` times the size of the file. Chosen, to
+bound the memory that an untrusted file can use."""
 
 RecordT = TypeVar("RecordT", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True, slots=True)
 class StoredPicture:
-    """A picture as it was stored: see `lingjing.plugins.policy.Picture` for shapes and units."""
+    """A decoded stored picture. See `lingjing.plugins.policy.Picture` for shapes and units."""
 
     info: FrameInfo
     rgb: npt.NDArray[np.uint8]
@@ -56,27 +57,33 @@ class StoredPicture:
 
 @dataclass(frozen=True, slots=True)
 class ChannelLocation:
-    """Where one channel of a picture lies in the file: a camera takes one picture at a time."""
+    """The place of one channel of a picture in the file.
+
+    The MCAP channel and the log time identify a message, because a camera takes one picture at a time.
+    """
 
     channel: int
+    """Number of the MCAP channel."""
     time_ns: int
+    """Log time in nanoseconds."""
     chunk_at: int
+    """Byte offset of the chunk."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One episode. `complete` says that it ended by itself and its file is whole; a trace that is not complete
-    holds every boundary up to where it was cut, and an outcome only if the end was recorded.
-
-    `places` finds the stored bytes: picture id, then topic.
-    """
+    """The records of one episode."""
 
     path: Path
     header: Header = field(repr=False)
     boundaries: tuple[BoundaryRecord, ...] = field(repr=False)
+    """All boundaries of a complete trace, else those before the place where the file was cut."""
     outcome: Outcome | None
+    """None if the end of the episode was not recorded."""
     complete: bool
+    """True if the episode ended by itself and its file is whole."""
     places: Mapping[str, Mapping[str, ChannelLocation]] = field(repr=False, default_factory=dict)
+    """The places of stored pictures, by picture id, then by topic."""
 
     @cached_property
     def frames(self) -> dict[str, FrameInfo]:
@@ -84,7 +91,7 @@ class Trace:
         return {frame.id: frame for record in self.boundaries for frame in record.frames}
 
     def jpeg(self, frame_id: str) -> bytes:
-        """The stored JPEG. Raises `UsageError` if there is no such picture."""
+        """Return the stored JPEG. Raises `UsageError` if there is no such picture."""
         from lingjing.trace.foxglove import image_bytes
 
         message = self.stored(frame_id, "")
@@ -93,7 +100,7 @@ class Trace:
         return image_bytes(message)
 
     def picture(self, frame_id: str) -> StoredPicture:
-        """The decoded picture. Raises `UsageError` if there is no such picture, `LingjingError` if it is broken."""
+        """Decode a picture. Raises `UsageError` if there is no such picture, `LingjingError` if it is broken."""
         from lingjing.trace.foxglove import depth_bytes, image_bytes
 
         info = self._info(frame_id)
@@ -106,8 +113,10 @@ class Trace:
         )
 
     def stored(self, frame_id: str, channel: str) -> bytes | None:
-        """The message that holds a picture's channel ("" for the picture itself, `depth`, `semantic`), or None. Raises
-        `UsageError` if there is no such picture."""
+        """Return the message with one channel of a picture, or None if the picture lacks the channel.
+
+        `channel` is "" for colour, `depth` or `semantic`. Raises `UsageError` if there is no such picture.
+        """
         return self._message(self._info(frame_id), channel)
 
     def _info(self, frame_id: str) -> FrameInfo:
@@ -124,29 +133,29 @@ class Trace:
 def read_trace(path: str | Path) -> Trace:
     """Read a `trace.mcap` or a `.part`, whole or cut.
 
-    Raises `UsageError` for a file that cannot be read, is no trace, or was cut before its header ended.
+    Raises `UsageError` for a file that cannot be read, is no trace, or was cut before the end of its header.
     """
     path = Path(path)
-    found = FoundRecords(path)
+    records = TraceBuilder(path)
     with collector_at_rest():
         for stored in scan(path, passed_over=CAMERAS, only=TOPICS_READ):
-            found.take(stored)
-    return found.trace()
+            records.take(stored)
+    return records.trace()
 
 
 class UnknownFormatError(UsageError):
-    """A trace is of a format that is not known here: another version wrote it."""
+    """The error for a trace in a format of another version."""
 
 
 class _AnyHeader(msgspec.Struct):
-    """What every version's header has."""
+    """The fields that a header has in every version."""
 
     format: str = ""
     digest_version: int = 1
 
 
-class FoundRecords:
-    """What has been gathered from a file so far."""
+class TraceBuilder:
+    """The records that were read from a file so far."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -159,12 +168,12 @@ class FoundRecords:
         self.places: dict[tuple[str, int], ChannelLocation] = {}
 
     def lies_at(self, path: Path) -> None:
-        """The file has this name now, and may hold as many records as its size allows."""
+        """Set the present path of the file, and adjust the limit of its records to its size."""
         self.path = path
         self._most = RECORD_BYTES + RECORD_RATIO * (path.stat().st_size if path.is_file() else 0)
 
     def trace(self) -> Trace:
-        """The trace as far as it was read. Raises `UsageError` if there was no header."""
+        """Return the trace as far as it was read. Raises `UsageError` if there was no header."""
         if self.header is None:
             raise UsageError(
                 f"{self.path} holds no episode", hint="it was cut before its first record, or is another's file"
@@ -180,7 +189,7 @@ class FoundRecords:
         )
 
     def take(self, stored: Stored) -> None:
-        """Sort one message into its place; derived messages are passed over."""
+        """Add the record of one message. Derived messages are ignored. Raises `UsageError` for an invalid record."""
         if stored.topic.startswith(CAMERAS):
             place = ChannelLocation(stored.channel, stored.time_ns, stored.chunk_at)
             self.places[stored.topic, stored.time_ns] = place
@@ -194,27 +203,28 @@ class FoundRecords:
             self.outcome = self._decoded(stored, Outcome)
 
     def _located(self, info: FrameInfo, time_ns: int) -> dict[str, ChannelLocation]:
-        """Where the channels of a picture lie, by topic."""
+        """Return the places of the channels of a picture, by topic."""
         topics = (camera_topic(info, channel) for channel in ("", "depth", "semantic"))
         return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
 
     def _header(self, stored: Stored) -> Header:
-        """The header, after a look at the versions that it names: an unknown one is an error that names it."""
-        named = self._decoded(stored, _AnyHeader)
-        if named.format != FORMAT:
+        """Decode the header. Raises `UnknownFormatError` if it names an unknown version."""
+        versions = self._decoded(stored, _AnyHeader)
+        if versions.format != FORMAT:
             raise UnknownFormatError(
-                f"{self.path} is of the format `{named.format[:40]}`; this version reads {FORMAT}",
+                f"{self.path} is of the format `{versions.format[:40]}`; this version reads {FORMAT}",
                 hint="read it with the version that wrote it",
             )
-        if named.digest_version not in get_args(DigestVersion):
+        if versions.digest_version not in get_args(DigestVersion):
             raise UnknownFormatError(
-                f"{self.path} has digests of version {named.digest_version}; this version reads 1 to {DIGEST_VERSION}",
+                f"{self.path} has digests of version {versions.digest_version}; "
+                f"this version reads 1 to {DIGEST_VERSION}",
                 hint="read it with the version that wrote it",
             )
         header = self._decoded(stored, Header)
         if fault := _header_fault(header):
             raise UsageError(f"{self.path} describes no episode: {fault}", hint="it was made by another program")
-        return msgspec.structs.replace(header, digest_version=named.digest_version)
+        return msgspec.structs.replace(header, digest_version=versions.digest_version)
 
     def _decoded(self, stored: Stored, kind: type[RecordT]) -> RecordT:
         self._taken += len(stored.data)
@@ -230,7 +240,10 @@ class FoundRecords:
 
 
 def _header_fault(header: Header) -> str:
-    """What no episode can have, or "": readers divide by the tick and by the size of a picture."""
+    """Return the first impossible value of a header, in words, or "".
+
+    Readers divide by the length of a tick and by the size of a picture, so these must be positive.
+    """
     clock = header.instance.clock
     if fault := clock_fault(clock.tick_s, clock.sync_s):
         return fault

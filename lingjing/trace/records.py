@@ -1,14 +1,17 @@
-"""The vocabulary of an episode: what engines, agents and the kernel say to each other and what the trace keeps.
+"""The record types of an episode: the data that engines, agents and the kernel exchange, and that the trace stores.
 
-Plain frozen values that travel over process borders (msgpack) and into the trace (JSON) as they are. Units: metres,
-seconds, degrees (headings clockwise from north), watt-hours. Simulation time is `time_s`, never a wall clock; the
-few wall-clock fields end in `_wall_s` and are left out of the digest.
+Records are frozen structures. They cross process borders as msgpack and are stored in the trace as JSON.
 
-Symbols in brackets are those of the paper's table of run-time symbols.
+Units, unless a field says otherwise: metres, seconds, degrees (headings clockwise from north), watt-hours. Positions
+and velocities are in the world frame (east, north, up). `time_s` is simulation time. The few wall-clock fields have
+`wall` in their names and are left out of the digest.
+
+A letter in brackets is the symbol of the same quantity in the paper's table of run-time symbols.
 """
 
 from __future__ import annotations
 
+import warnings
 from typing import Final, Literal
 
 import msgspec
@@ -17,108 +20,124 @@ from lingjing.mission.instance import Datum, GivenOption, Instance, Vector, Weat
 
 
 class TraceRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Base of every record: frozen, keyword-only."""
+    """Base of every record: frozen, keyword-only, strict about unknown fields."""
 
 
 Reason = Literal["success", "failure", "constraint", "late", "budget", "infrastructure-abort", "interrupted", "error"]
-"""Why an episode ended: the mission's success or failure condition holds; a hard constraint was broken; a stage used up
-its own ticks; the mission's ticks ran out; the world or what a policy stands on failed; somebody stopped it; a program
-has a fault."""
+"""The reason for the end of an episode.
+
+- `success`, `failure`: the mission's success or failure condition holds.
+- `constraint`: a hard constraint was broken.
+- `late`: a stage has used up its own ticks.
+- `budget`: the mission's ticks have run out.
+- `infrastructure-abort`: an engine, or a service that a policy needs, failed.
+- `interrupted`: the program received a signal.
+- `error`: a program has a defect.
+"""
 
 CUT_SHORT: tuple[Reason, ...] = ("infrastructure-abort", "interrupted", "error")
-"""Reasons of episodes that did not end by themselves: they count neither for nor against a policy."""
+"""Reasons of episodes that did not end by themselves. Such an episode counts neither for nor against a policy."""
 
 DORMANT = "dormant"
-"""The status of an entity that has not appeared yet or is gone: not drawn, not hit, seen by nobody."""
+"""The status of an entity that has not appeared yet or has vanished. It is not drawn, hit or observed."""
 
 CLEARED = "cleared"
-"""The status of what blocked a road and is gone."""
+"""The status of a road blockage that has been removed."""
 
 DEAD = "dead"
-"""The status of a body that does nothing any more: neither obeys, is seen to act or is acted on."""
+"""The status of a body that is out of action: it obeys no command and takes part in no interaction."""
 
 GROUNDED = "grounded"
-"""The status of an aircraft that stands where it has not taken off yet, or has landed."""
+"""The status of an aircraft on the ground, before take-off or after landing."""
 
 FALLEN, AGROUND = "fallen", "aground"
-"""The status of a body that cannot act until it has got up, and of a hull that is stuck."""
+"""The status of a body that must get up before it can act, and of a hull that is stuck."""
 
 UnitBox = tuple[float, float, float, float]
-"""Left, top, right, bottom as shares of a picture's width and height; origin top left."""
+"""A box in a picture: left, top, right, bottom as shares of its width and height, origin top left."""
 
 
 class BodyState(TraceRecord, frozen=True, kw_only=True):
-    """One entity at one instant, as its owner reports it; also the mirror that other engines receive.
+    """The state of one entity at one instant, as reported by the engine that owns it.
 
-    Velocity is in the world frame (m/s). `resources` holds stocks such as `battery_wh` or `battery` (0..1);
-    `status` is a short state word (`grounded`, `hovering`, `moving`, `idle`, `adrift`, `rescued`, `dead`, …).
-    `kind` says what a body is that is nobody's entity (`car`, `bus`, `truck`, `person`); `joints` are the angles of a
-    legged body's joints (radians, order of its model), for drawing.
+    Other engines receive the same record as the mirror of the entity.
     """
 
     id: str
     position: Vector
     velocity: Vector = (0.0, 0.0, 0.0)
+    """m/s."""
     heading_deg: float = 0.0
     pitch_deg: float = 0.0
+    """Positive with the nose up."""
     roll_deg: float = 0.0
     status: str = ""
+    """A short state word: `grounded`, `hovering`, `moving`, `idle`, `adrift`, `rescued`, `dead`, …"""
     resources: dict[str, float] = {}
+    """Stocks by name, such as `battery_wh`, or `battery` as a share from 0 to 1."""
     kind: str = ""
+    """The kind of a background body that is no entity of the mission: `car`, `bus`, `truck`, `person`; else ""."""
     joints: tuple[float, ...] = ()
+    """Joint angles of a legged body in radians, in the order of its model. For drawing."""
 
 
 class Action(TraceRecord, frozen=True, kw_only=True):
-    """A candidate physical command [u]: `resource` is None for the agent's first controlled resource.
-
-    `tick` may name the boundary the command was decided on; a command for another one is refused as stale.
-    """
+    """A candidate physical command [u], as a policy returns it."""
 
     verb: str
     arguments: dict[str, Datum] = {}
     resource: str | None = None
+    """The entity that is to act. None: the first resource that the agent controls."""
     tick: int | None = None
+    """The boundary that the command was decided for. The kernel rejects one for another boundary as stale. None: no
+    such check."""
 
 
 class Outgoing(TraceRecord, frozen=True, kw_only=True):
-    """A candidate message [m]. `to` names agents and counts only where the topology leaves a choice (the hub)."""
+    """A candidate message [m], as a policy returns it."""
 
     kind: str
     body: dict[str, Datum] = {}
     to: tuple[str, ...] = ()
+    """Ids of the receiving agents. It counts only where the topology leaves a choice, which is at the hub."""
 
 
 class Usage(TraceRecord, frozen=True, kw_only=True):
-    """What one policy call spent on model inference; money in US dollars. Of the `answers` that a model gave, repeated
-    ones included, `valid_answers` kept to the schema that was asked for."""
+    """The consumption of model inference by one policy call."""
 
     calls: int = 0
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost_usd: float = 0.0
     answers: int = 0
+    """Answers of the model, those to repeated requests included."""
     valid_answers: int = 0
+    """Those of `answers` that match the requested schema."""
 
 
 class Decision(TraceRecord, frozen=True, kw_only=True):
-    """What a policy returns: at most one physical command and a finite list of messages."""
+    """The output of a policy for one tick: at most one physical command and a finite list of messages."""
 
     command: Action | None = None
     messages: tuple[Outgoing, ...] = ()
     thought: str = ""
+    """Free text for readers of the trace. It decides nothing."""
     usage: Usage | None = None
+    """None if the policy calls no model."""
 
 
 class Command(TraceRecord, frozen=True, kw_only=True):
-    """An admitted command [û] on its way to an engine. `id` is `c<tick>-<n>`; `origin` kernel means an unlock."""
+    """An admitted command [û] on its way to an engine."""
 
     id: str
+    """`c<tick>-<n>`, or `k<tick>-<n>` for a command of the kernel (see `lingjing.trace.request_ids`)."""
     tick: int
     sender: str
     resource: str
     verb: str
     arguments: dict[str, Datum] = {}
     origin: Literal["agent", "kernel"] = "agent"
+    """`kernel` for a command that the kernel issues itself, such as an unlock."""
 
     def receipt(
         self,
@@ -129,7 +148,7 @@ class Command(TraceRecord, frozen=True, kw_only=True):
         detail: str = "",
         progress: float | None = None,
     ) -> Receipt:
-        """A receipt for it."""
+        """Return a receipt for this command."""
         return Receipt(
             request=self.id,
             tick=self.tick,
@@ -147,126 +166,137 @@ class Command(TraceRecord, frozen=True, kw_only=True):
 Status = Literal["accepted", "running", "completed", "rejected", "timed_out", "substituted"]
 
 REFUSED: tuple[Status, ...] = ("rejected", "timed_out", "substituted")
-"""What receipts say of what was asked for and not done."""
+"""The statuses of receipts for requests that were not carried out."""
 
 
 class Receipt(TraceRecord, frozen=True, kw_only=True):
-    """A typed receipt [C]: `request` is a command or message id; `by` is `bus`, `kernel`, `policy` or an engine's
-    name; `reason` a stable code (`busy`, `conflict`, `no_authority`, `unknown_verb`, `bad_argument`, `clipped`,
-    `preempted`, `unreachable`, `battery`, `policy_timeout`, `policy_error`, `malformed`, …); `progress` is 0..1."""
+    """A typed receipt [C] for one command or message."""
 
     request: str
+    """The id of the command or message."""
     tick: int
+    """The decision tick of the request."""
     sender: str
     resource: str
     status: Status
     reason: str = ""
+    """A stable code: `busy`, `conflict`, `no_authority`, `unknown_verb`, `bad_argument`, `clipped`, `preempted`,
+    `unreachable`, `battery`, `policy_timeout`, `policy_error`, `malformed`, …; "" if there is nothing to say."""
     detail: str = ""
+    """One sentence for readers."""
     by: str = "kernel"
+    """The issuer: `bus`, `kernel`, `policy` or the name of an engine."""
     time_s: float = 0.0
     progress: float | None = None
+    """Completed share of a long request, 0 to 1. None if the issuer reports none."""
 
 
 class TaskEvent(TraceRecord, frozen=True, kw_only=True):
-    """Something an engine did or saw: `arrived`, `rescue`, `collided`, `battery_empty`, … at an instant.
+    """An event that an engine reports at an instant.
 
-    One with a `name` is an event of the mission that happens by itself: `weather`, whose values are the fields that
-    change, `appeared` or `vanished` (`lingjing.kernel.scheduled`).
+    Examples are `arrived`, `rescue`, `collided` and `battery_empty`. An event with a `name` is a scheduled event of the
+    mission (`lingjing.kernel.scheduled`).
     """
 
     kind: str
+    """For a scheduled event: `weather`, `appeared` or `vanished`."""
     entities: tuple[str, ...]
     time_s: float
     values: dict[str, float] = {}
+    """Measured quantities. For `weather`: the fields that change, with their new values."""
     name: str = ""
+    """The name that the mission gives to a scheduled event; "" for an event of an engine."""
 
     @property
     def line(self) -> str:
-        """In words: `collided uav[1] uav[2]`, `weather front: visibility_m 800, wind_mps 12`."""
-        who = " ".join(self.entities)
+        """The event in words: `collided uav[1] uav[2]`, `weather front: visibility_m 800, wind_mps 12`."""
+        entities = " ".join(self.entities)
         if not self.name:
-            return f"{self.kind} {who}".rstrip()
-        what = who or ", ".join(f"{key} {value:g}" for key, value in sorted(self.values.items())) or "nothing changes"
-        return f"{self.kind} {self.name}: {what}"
+            return f"{self.kind} {entities}".rstrip()
+        changes = ", ".join(f"{key} {value:g}" for key, value in sorted(self.values.items()))
+        return f"{self.kind} {self.name}: {entities or changes or 'nothing changes'}"
 
 
 class Route(TraceRecord, frozen=True, kw_only=True):
-    """The way that a road engine planned for an entity: what an inspection inspects.
-
-    `waypoints` are points on its lanes from where it stands to its destination, some 200 m apart and at turns, the
-    last one the destination; `number` counts the entity's routes from 1, so a replan has a new one. `request` is the
-    command that asked for it, or "".
-    """
+    """A route that a road engine planned for an entity. An inspection of a route reads this record."""
 
     entity: str
     number: int
+    """Counts the routes of the entity from 1. A new plan has a new number."""
     waypoints: tuple[Vector, ...]
+    """Points on the lanes from the entity to its destination, at turns and about every 200 m. The last one is the
+    destination."""
     length_m: float
     duration_s: float
     time_s: float
     request: str = ""
+    """The id of the command that requested the route, or ""."""
 
 
 class Snapshot(TraceRecord, frozen=True, kw_only=True):
-    """All entities of all engines at one macro-step; `ambient` (background traffic) at decision boundaries only."""
+    """The states of all entities of all engines at one macro-step."""
 
     time_s: float
     states: tuple[BodyState, ...]
     ambient: tuple[BodyState, ...] = ()
+    """Background traffic. It is recorded at decision boundaries only."""
 
 
 class Box(TraceRecord, frozen=True, kw_only=True):
-    """Ground truth of one entity in one frame: a normalised image box, origin top left, and its pixels.
-
-    `contrast` is how much a target changes of these pixels (0..255, root mean square; ADR 0012), None where that was
-    not measured.
-    """
+    """The ground truth of one entity in one picture."""
 
     entity: str
     cls: str
     box: UnitBox
     pixels: int
     contrast: float | None = None
+    """Root mean square of the change that the target makes to these pixels, 0 to 255 (ADR 0012). None if it was not
+    measured."""
 
 
 class CameraPose(TraceRecord, frozen=True, kw_only=True):
-    """Where a camera was: optical centre in metres; heading of its image-up (nadir) or optical axis (front) in
-    degrees; `tilt_deg` is the axis' angle below the horizon (90 nadir, 0 front)."""
+    """The pose and the projection of a camera."""
 
     position: Vector
+    """The optical centre."""
     heading_deg: float
+    """Direction of the optical axis in plan; for a nadir camera, the direction of the top edge of the picture."""
     tilt_deg: float
+    """Angle of the optical axis below the horizon: 90 for nadir, 0 for a front camera."""
     roll_deg: float = 0.0
     hfov_deg: float = 84.0
+    """Horizontal field of view."""
     width: int = 1920
     height: int = 1080
 
 
 class FrameInfo(TraceRecord, frozen=True, kw_only=True):
-    """All that is known of a captured frame but its pixels. `id` is `f<tick>-<entity>-<camera>`.
-
-    `sha256` is that of the stored JPEG, `channels_sha256` that of the raw depth and class ids (empty if there are
-    none); `renderer` is what drew it, part of the fingerprint that pixels are promised equal for. `boxes` is what can
-    be seen; `faint` are the targets that were drawn with too little contrast for anybody to see: they have no visible
-    pixels, and no report can match them.
-    """
+    """A captured picture without its pixels."""
 
     id: str
+    """`f<tick>-<entity>-<camera>`."""
     entity: str
     camera: str
     tick: int
     time_s: float
     pose: CameraPose
     channels: tuple[str, ...]
+    """Names of the recorded channels: `rgb`, `depth`, `semantic`."""
     boxes: tuple[Box, ...] = ()
+    """The entities that are visible in the picture."""
     faint: tuple[Box, ...] = ()
+    """Targets that were drawn with too little contrast to be seen. They have no visible pixels, and no report can match
+    them."""
     sha256: str = ""
+    """SHA-256 (hex) of the stored JPEG."""
     channels_sha256: str = ""
+    """SHA-256 (hex) of the raw depth and class ids; "" if there are none."""
     renderer: str = ""
+    """The program and device that drew the picture. Equal pixels are promised for equal renderers only."""
 
 
 class Absent(TraceRecord, frozen=True, kw_only=True):
-    """A picture that was asked for and did not come: no observation, no detection."""
+    """A requested picture that was not delivered. The agent has no observation of it and can detect nothing in it."""
 
     entity: str
     camera: str
@@ -275,69 +305,79 @@ class Absent(TraceRecord, frozen=True, kw_only=True):
 
 
 class Envelope(TraceRecord, frozen=True, kw_only=True):
-    """One admitted sender-to-recipient edge [M̂]. `id` is `m<tick>-<n>`, shared by all edges of one message."""
+    """One edge, from sender to recipient, of an admitted message [M̂]."""
 
     id: str
+    """`m<tick>-<n>`. All edges of one message have the same id."""
     tick: int
     sender: str
     recipient: str
     kind: str
     category: str
+    """The category that the mission declares for the kind."""
     body: dict[str, Datum]
     bytes: int
+    """Size of the encoded body."""
     deliver_at: int
+    """The tick at whose boundary the recipient receives it."""
 
 
 class AdjudicatedEvent(TraceRecord, frozen=True, kw_only=True):
-    """An adjudicated event [V]: the rule's name and its binding; `evidence` are the numbers that made it true.
+    """An adjudicated event [V].
 
-    Policies see only the public projection (`lingjing.kernel.visibility`), one boundary later.
+    Policies receive only its public projection (`lingjing.kernel.visibility`), one boundary later.
     """
 
     id: str
     kind: str
+    """The name of the rule."""
     tick: int
     time_s: float
     bindings: tuple[str, ...]
+    """Entity ids that the variables of the rule are bound to."""
     evidence: dict[str, Datum] = {}
+    """The quantities that made the rule true."""
 
 
 class StageChange(TraceRecord, frozen=True, kw_only=True):
-    """A stage of a mission became done for one subject (or for all, with subject "")."""
+    """The completion of a mission stage."""
 
     stage: str
     subject: str
+    """The subject that completed the stage; "" if the stage is complete for all."""
     tick: int
     time_s: float
 
 
 class EntityView(TraceRecord, frozen=True, kw_only=True):
-    """What an observation channel shows of one entity; a field that is not observed is None.
-
-    `route` are the waypoints of the latest route planned for it.
-    """
+    """The part of an entity that an observation channel shows. A field that is not observed is None."""
 
     id: str
     type: str
     position: Vector | None = None
     velocity: Vector | None = None
+    """m/s."""
     heading_deg: float | None = None
     status: str | None = None
     resources: dict[str, float] | None = None
     busy: bool | None = None
+    """True while the entity carries out a long request."""
     route: tuple[Vector, ...] | None = None
+    """Waypoints of the latest route that was planned for the entity."""
 
 
 class CellView(TraceRecord, frozen=True, kw_only=True):
-    """The shared search state of one cell: the tick and the entity of the first photograph taken over it."""
+    """The shared search state of one cell: its first photograph."""
 
     name: str
     visited_tick: int | None = None
+    """Tick of the first photograph over the cell. None if there is none."""
     visited_by: str | None = None
+    """The entity that took the photograph. None if there is none."""
 
 
 class EventView(TraceRecord, frozen=True, kw_only=True):
-    """The public projection of a task event or an adjudicated event: no numbers, no hidden entity."""
+    """The public projection of a task event or an adjudicated event, without numbers and hidden entities."""
 
     id: str
     kind: str
@@ -346,78 +386,79 @@ class EventView(TraceRecord, frozen=True, kw_only=True):
 
 
 class ObservationRecord(TraceRecord, frozen=True, kw_only=True):
-    """What one agent saw at a boundary [o]; pictures by frame id (`frames`), the pixels are stored once.
-
-    `sha256` covers the complete policy input (observation, inbox and decoded pixels): two episodes whose agents
-    saw the same have the same value. `privileged` says that the truth was handed over too, `weather` is that of the
-    boundary (None in older traces).
-    """
+    """The observation of one agent at a boundary [o]."""
 
     agent: str
     entities: tuple[EntityView, ...] = ()
     cells: tuple[CellView, ...] = ()
     events: tuple[EventView, ...] = ()
     frames: tuple[str, ...] = ()
+    """Ids of the pictures. The pixels are stored once, in topics of their own."""
     absent: tuple[Absent, ...] = ()
     privileged: bool = False
+    """True if the policy received the ground truth as well."""
     sha256: str = ""
+    """SHA-256 (hex) of the complete policy input: observation, inbox and decoded pixels."""
     weather: Weather | None = None
+    """The weather at the boundary. None in older traces."""
 
 
 class InboxRecord(TraceRecord, frozen=True, kw_only=True):
-    """What one agent's inbox held at a boundary [I]: ids of the envelopes and the receipts shown to it."""
+    """The inbox of one agent at a boundary [I]."""
 
     agent: str
     messages: tuple[str, ...] = ()
+    """Ids of the envelopes."""
     receipts: tuple[Receipt, ...] = ()
 
 
 class DecisionRecord(TraceRecord, frozen=True, kw_only=True):
-    """What one policy returned [u, m], after substitution if it failed; `substituted` is the reason code or "", and
-    `detail` says what went wrong."""
+    """The decision of one policy [u, m], or its substitute if the policy failed."""
 
     agent: str
     decision: Decision
     substituted: str = ""
+    """The reason code of a substitution; "" if the decision is the policy's own."""
     detail: str = ""
+    """The error in words; "" if there is none."""
     policy_wall_s: float = 0.0
+    """Wall-clock duration of the policy call."""
 
 
 class RelationRecord(TraceRecord, frozen=True, kw_only=True):
-    """One occurrence of a declared coordination relation: who did it to whom, carried by what, when."""
+    """One occurrence of a declared coordination relation."""
 
     kind: str
     source: str
     target: str
     by: str
+    """The id of the message, event or command that carries the relation."""
     tick: int
 
 
 class EngineStatus(TraceRecord, frozen=True, kw_only=True):
-    """One engine at a boundary: its own clock, its frame counter and what the barrier waited for it."""
+    """The status of one engine at a boundary."""
 
     engine: str
     time_s: float
+    """The engine's own clock."""
     frame: int
+    """The engine's frame counter."""
     wait_wall_s: float = 0.0
+    """Wall-clock time that the barrier waited for the engine."""
 
 
 class BoundaryRecord(TraceRecord, frozen=True, kw_only=True):
-    """One committed boundary, everything Algorithm 1's `Log` receives, in the paper's order. `reward` is the score so
-    far, `scr` the subtask completion rate.
-
-    `snapshots` are the macro-steps since the boundary before, the last one is this boundary's state [T];
-    `frames` are the pictures captured at this boundary (pixels in their own topics); `relations` are found by whoever
-    writes the trace (`lingjing.analysis.relations`), the kernel leaves them empty; `digest` chains: SHA-256 over the
-    digest before and this record in the form of `lingjing.trace.digest_form`.
-    """
+    """One committed boundary: the data that `Log` receives in the paper's Algorithm 1, in the paper's order."""
 
     tick: int
     time_s: float
     snapshots: tuple[Snapshot, ...]
+    """The macro-steps since the previous boundary. The last one is the state of this boundary [T]."""
     engines: tuple[EngineStatus, ...]
     task_events: tuple[TaskEvent, ...]
     frames: tuple[FrameInfo, ...]
+    """Pictures that were captured at this boundary. Their pixels are stored in topics of their own."""
     observations: tuple[ObservationRecord, ...]
     inboxes: tuple[InboxRecord, ...]
     decisions: tuple[DecisionRecord, ...]
@@ -427,149 +468,181 @@ class BoundaryRecord(TraceRecord, frozen=True, kw_only=True):
     events: tuple[AdjudicatedEvent, ...]
     stages: tuple[StageChange, ...]
     relations: tuple[RelationRecord, ...] = ()
+    """Occurrences of coordination relations. The kernel leaves this field empty; the caller that writes the trace fills
+    it in (`lingjing.analysis.relations`)."""
     reward: float
+    """The score so far."""
     done: bool
     scr: float = 0.0
+    """Subtask completion rate, 0 to 1."""
     digest: str = ""
+    """SHA-256 (hex) over the previous digest and this record in the form of `lingjing.trace.digest_form`."""
     wall_s: float = 0.0
+    """Wall-clock duration of the tick."""
     routes: tuple[Route, ...] = ()
-    unheard: tuple[tuple[str, str], ...] = ()
+    """Routes that were planned since the previous boundary."""
+    unreachable_links: tuple[tuple[str, str], ...] = msgspec.field(default=(), name="unheard")
+    """Pairs of entities without a radio link between them. The encoded name is `unheard`."""
+
+    @property
+    def unheard(self) -> tuple[tuple[str, str], ...]:
+        """Deprecated name of `unreachable_links`."""
+        warnings.warn("use `unreachable_links` instead of `unheard`", DeprecationWarning, stacklevel=2)
+        return self.unreachable_links
 
 
 class Thought(TraceRecord, frozen=True, kw_only=True):
-    """What an agent thought at a boundary, for viewers: the boundary's record holds it too. `tokens` is what it took of
-    a model; `replaced` says why nothing was done instead."""
+    """The thought of one agent at a boundary, as a message for viewers. The boundary record holds the same text."""
 
     agent: str
     tick: int
     time_s: float
     text: str
     tokens: int = 0
+    """Prompt and completion tokens of the model calls."""
     replaced: str = ""
+    """The reason for a substituted decision; "" if the decision is the policy's own."""
 
 
 class Score(TraceRecord, frozen=True, kw_only=True):
-    """How far the episode is at a boundary, for viewers: the boundary's record holds it too. `subtasks` counts the
-    stages of all subjects that are done."""
+    """The score at a boundary, as a message for viewers. The boundary record holds the same values."""
 
     tick: int
     time_s: float
     score: float
     scr: float
+    """Subtask completion rate, 0 to 1."""
     subtasks: int
+    """Number of completed stages, summed over all subjects."""
     done: bool
 
 
 class AgentBinding(TraceRecord, frozen=True, kw_only=True):
-    """Which policy played which agent; `privileged` marks an oracle."""
+    """The policy of one agent."""
 
     agent: str
     policy: str
     privileged: bool = False
+    """True for an oracle, which receives the ground truth."""
     arguments: dict[str, GivenOption] = {}
+    """The options of the policy."""
 
 
 Faculty = Literal["perception", "localisation", "waypoint", "routing", "handoff", "execution"]
-"""What an agent does well or badly by itself: `lingjing.causal.faculties` says which record each one makes."""
+"""An ability of an agent that can be at fault by itself. `lingjing.causal.faculties` names the record of each."""
 
 
 class Substitution(TraceRecord, frozen=True, kw_only=True):
-    """One faculty of one agent replaced by the truth at the boundaries from `first` to `last`, or to the end."""
+    """The replacement of one faculty of one agent by the truth at a range of boundaries."""
 
     faculty: Faculty
     agent: str
     first: int
+    """The first boundary of the range."""
     last: int | None = None
+    """The last boundary of the range, included. None: the range has no end."""
 
     def covers(self, tick: int) -> bool:
-        """Whether it is replaced at this boundary."""
+        """Return whether the boundary `tick` is in the range."""
         return self.first <= tick and (self.last is None or tick <= self.last)
 
 
 class MessageChange(TraceRecord, frozen=True, kw_only=True):
-    """What became of a message on its way: it arrived nowhere (`drop`), `ticks` later (`delay`), once more `ticks`
-    later (`repeat`), or with the fields of `body` in place of its own (`forge`); with `withhold` it was never sent, so
-    that no adjudicator hears it either."""
+    """An intervention on the delivery of one message."""
 
     message: str
+    """The id of the message."""
     act: Literal["drop", "delay", "repeat", "forge", "withhold"]
+    """`drop`: it is not delivered. `delay`: it is delivered `ticks` later. `repeat`: it is delivered again `ticks`
+    later. `forge`: the fields of `body` replace its own. `withhold`: it is not sent, so no adjudicator receives it."""
     ticks: int = 0
     body: dict[str, Datum] = {}
 
 
 class BranchOrigin(TraceRecord, frozen=True, kw_only=True):
-    """What a trace is a branch of: another trace's file name and its digest at boundary `at`, up to which both are
-    equal; what was changed from there on; and the privileged policy that knew what would have been right."""
+    """The origin of a branch: the trace that it continues, and the interventions on it."""
 
     trace: str
+    """File name of the original trace."""
     at: int
+    """The boundary up to which both traces are equal."""
     digest: str
+    """The digest of that boundary."""
     substitutions: tuple[Substitution, ...] = ()
     messages: tuple[MessageChange, ...] = ()
     reference: str = ""
+    """The privileged policy that supplied the substituted decisions; "" if there is none."""
 
 
 FORMAT = "lingjing-trace/2"
-"""What `Header.format` is; the first had no seals (ADR 0017)."""
+"""The value of `Header.format`. Version 1 had no seals (ADR 0017)."""
 
 DigestVersion = Literal[1, 2]
 """The versions of the form in which boundaries are hashed (`lingjing.trace.digest_form`)."""
 
 DIGEST_VERSION: Final[DigestVersion] = 2
-"""The version of every digest that is computed now, unless a stored one is verified."""
+"""The version of new digests. A stored digest is verified in the version of its trace."""
 
 
 class MovedBody(TraceRecord, frozen=True, kw_only=True):
-    """An entity that begins farther from its declared place than it is long.
-
-    `declared` and `placed` are the two places, metres; `moved_m` is their distance: in space if the mission gives an
-    elevation, else in plan. `on` is the surface that the scene looked for, "" where the place had to be clear.
-    """
+    """An entity whose start lies farther from its declared place than the entity is long."""
 
     entity: str
     declared: Vector
     placed: Vector
     moved_m: float
+    """Distance between the two places: in space if the mission gives an elevation, else in plan."""
     on: str = ""
+    """The surface that the scene searched for; "" where the place only had to be free."""
 
 
 class Header(TraceRecord, frozen=True, kw_only=True):
-    """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
-    `evaluators` scored it, told `evaluator_options`; `branch` says what it is a branch of, if it is one.
-    `digest_version` is that of the boundaries' digests; a header in a file without it is of version 1. `moved` are the
-    entities that the scene put elsewhere than the mission declares (`instance` holds the places played)."""
+    """The first record of a trace: the mission instance, the policies and the versions of the software."""
 
     format: str = FORMAT
     digest_version: DigestVersion = DIGEST_VERSION
+    """The version of the digests. A file whose header lacks the field has version 1."""
     instance: Instance
+    """The instance with the places that were played (see `moved`)."""
     bindings: tuple[AgentBinding, ...]
     fingerprint: dict[str, str]
+    """Versions of the software by name."""
     city_sha256: str = ""
+    """SHA-256 (hex) of the city's content."""
     attribution: str = ""
+    """Credit that the licence of the map data requires."""
     started_wall: str = ""
+    """Start of the episode, ISO 8601, UTC."""
     policy_seed: int = 0
+    """Seed of the random streams of the policies."""
     evaluators: tuple[str, ...] = ("mission",)
     evaluator_options: dict[str, dict[str, GivenOption]] = {}
     branch: BranchOrigin | None = None
+    """None if the trace is no branch."""
     moved: tuple[MovedBody, ...] = ()
+    """Entities that the scene placed elsewhere than the mission declares."""
 
 
 class Outcome(TraceRecord, frozen=True, kw_only=True):
-    """The last record: `scr` is the subtask completion rate, `score` the mission's own with weights and penalties;
-    `detail` the cause of the ending where the reason leaves one open (which stage, which constraint, which engine),
-    `hint` what to do about an abort; `processes` what each process that decided this ran
-    (`lingjing.numerics.taken`); `ambient_random` names agents in whose calls a global random generator was used that
-    nothing had seeded, so that the digest is another one in each run."""
+    """The last record of a trace: the result of the episode."""
 
     success: bool
     reason: Reason
     scr: float
+    """Subtask completion rate, 0 to 1."""
     ticks: int
     digest: str
+    """The digest of the last boundary."""
     frames_digest: str
+    """The last hash of the chain over the pictures."""
     detail: str = ""
+    """The cause of the ending where `reason` does not name it: the stage, the constraint or the engine."""
     hint: str = ""
+    """A remedy for an infrastructure abort."""
     wall_s: float = 0.0
     score: float = 0.0
+    """The mission's own score, with weights and penalties."""
     processes: dict[str, dict[str, str]] = {}
+    """The numerical runtime of each process that took part (`lingjing.numerics`)."""
     ambient_random: tuple[str, ...] = ()
+    """Agents whose policy calls used an unseeded global random generator. Their digests differ between runs."""

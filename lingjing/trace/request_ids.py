@@ -1,7 +1,7 @@
-"""The ids of requests: what a receipt answers, told by its id alone.
+"""Ids of requests. The id of a receipt's request tells the kind of the request.
 
-`c5-2` is the second command of agents that was looked at on the way to tick 5, `m5-1` the first message, `k5-1` the
-first command of the kernel's own; `p5-uav` stands for the answer of agent `uav` that was replaced.
+Examples for tick 5: `c5-2` is the second command of agents in the order of admission, `m5-1` the first message, `k5-1`
+the first command of the kernel itself. `p5-uav` is the substituted answer of the agent `uav`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ _LETTERS: Mapping[RequestKind, str] = {"command": "c", "message": "m", "kernel c
 
 
 def request_id(kind: RequestKind, tick: int, part: int | str) -> str:
-    """The id of a request: `part` is its number among those of its kind and tick, of a policy's answer the agent."""
+    """Return the id of a request. `part` is its number among those of its kind and tick, or an agent for an answer."""
     return f"{_LETTERS[kind]}{tick}-{part}"
 
 
 def is_request_of(kind: RequestKind, request: str, tick: int | None = None) -> bool:
-    """Whether an id is that of a request of a kind, and of a tick if one is given."""
+    """Return whether an id belongs to a request of this kind, and of this tick unless it is None."""
     return request.startswith(_LETTERS[kind] if tick is None else f"{_LETTERS[kind]}{tick}-")

@@ -1,7 +1,7 @@
-"""JSON Schemas of the trace's own records, generated from the structs.
+"""JSON Schemas of the project's own records, generated from the structs.
 
-`python -m lingjing.trace.schemas [FOLDER]` writes them (default: the repository's `schemas/trace`); a test compares
-the folder with the code, and every trace carries them beside its channels.
+`python -m lingjing.trace.schemas [FOLDER]` writes them (default: the repository's `schemas/trace`). A test compares the
+folder with the code. Every trace contains the schemas of its channels.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ RECORDS: dict[str, type[msgspec.Struct]] = {
     "receipt": Receipt,
     "score": Score,
 }
-"""Name of a schema's file, and the struct that it describes; the last four are what viewers are shown beside the
-records (`lingjing.trace.shown`)."""
+"""The struct of each schema, by the name of the schema's file. The last four are messages for viewers
+(`lingjing.trace.viewer_messages`)."""
 
 
 @lru_cache(maxsize=len(RECORDS))
 def schema_text(name: str) -> str:
-    """The JSON Schema (2020-12) of one of `RECORDS`, indented, ending in a newline.
+    """Return the JSON Schema (2020-12) of one of `RECORDS`, indented, with a final newline.
 
-    The root is spelt out instead of referred to, because viewers want `"type": "object"` there. OpenAPI's keyword
-    `discriminator` is left out, because strict validators refuse words that JSON Schema does not know.
+    The root is written in full and is no reference, because viewers require `"type": "object"` there. OpenAPI's keyword
+    `discriminator` is left out, because strict validators reject keywords that JSON Schema does not define.
     """
     return json.dumps(_schema(name), indent=2, sort_keys=True, ensure_ascii=False) + "\n"
 
 
 @lru_cache(maxsize=len(RECORDS))
 def container_schema(name: str) -> ContainerSchema:
-    """One of `RECORDS` as MCAP stores its schema."""
+    """Return the schema of one of `RECORDS` for the container."""
     return ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())
 
 
 def write_schemas(folder: Path) -> tuple[Path, ...]:
-    """Write `<name>.schema.json` for every record into `folder` and return the paths."""
+    """Write `<name>.schema.json` for every record into `folder`, and return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / f"{name}.schema.json" for name in RECORDS)
     for name, path in zip(RECORDS, paths, strict=True):

@@ -1,6 +1,7 @@
-"""`check_seals`: the bytes of a file against its seals, and the first record that is not as it was sealed.
+"""Comparison of the bytes of a file with its seals.
 
-Nothing is unpacked until a seal does not hold: one pass hashes the file as it lies on the disk.
+One pass hashes the file without unpacking it. Chunks are unpacked only after a seal has failed, to find the first
+record that differs.
 """
 
 from __future__ import annotations
@@ -26,21 +27,22 @@ from lingjing.trace.seals import (
 )
 
 SignatureState = Literal["none", "good", "bad", "unchecked"]
+"""The state of a signature: not signed; valid or invalid under the key; signed, but without a key to check it."""
 
 
 class SealReport(NamedTuple):
-    """What the seals of a file say. `seals` hold one after the other; `fault` names the first record that is not as it
-    was sealed; `ended` if the last seal is there; `loose` are the bytes behind the last one that holds, where there is
-    no fault.
-
-    `signature` is that of all seals under the key that was given.
-    """
+    """The result of the comparison of a file with its seals."""
 
     seals: int = 0
+    """Number of valid seals from the beginning of the file."""
     fault: str = ""
+    """The first record that differs from its seal, in words; "" if none differs."""
     ended: bool = False
+    """True if the last seal is present."""
     loose: int = 0
+    """Number of bytes behind the last valid seal. 0 if there is a fault."""
     signature: SignatureState = "none"
+    """The state of the signatures of all seals under the key."""
 
 
 def check_seals(path: Path, key: bytes | None = None) -> SealReport:
@@ -53,7 +55,7 @@ def check_seals(path: Path, key: bytes | None = None) -> SealReport:
 
 
 def _checked(data: mmap.mmap, key: bytes | None) -> SealReport:
-    """Seal by seal; the first that does not hold ends it."""
+    """Check one seal after the other, up to the first invalid one."""
     begin, running, states = 0, chain_hash(), list[SignatureState]()
     for at, end in whole_records(data):
         if not is_seal(data[at : min(end, at + 64)]):
@@ -80,13 +82,16 @@ def _checked(data: mmap.mmap, key: bytes | None) -> SealReport:
 
 
 def _open_end(data: mmap.mmap, begin: int, seals: int, signed: SignatureState) -> SealReport:
-    """A file whose records end before its last seal: cut there, unless there is a seal behind the place."""
+    """Return the report of a file without a last seal.
+
+    The file was cut, unless there is another seal behind the last readable record: then that record is damaged.
+    """
     further, finished = find_seal(data, begin), data[-len(MAGIC) :] == MAGIC
     if further < 0:
         fault = "the outcome: its seal is missing or damaged" if seals and finished else ""
         return SealReport(seals, fault, loose=len(data) - begin, signature=signed)
     end = further + RECORD.size + RECORD.unpack_from(data, further)[1]
-    if end > len(data) and not finished and find_seal(data, further + 1) < 0:  # that seal was being written
+    if end > len(data) and not finished and find_seal(data, further + 1) < 0:  # the write of that seal was interrupted
         return SealReport(seals, loose=len(data) - begin, signature=signed)
     end = min(end, len(data))
     fault = first_difference(data, (begin, further, end), seals + 1, seal_fields(data[further:end]))
@@ -98,8 +103,8 @@ def _signed(fields: dict[str, str], key: bytes | None) -> SignatureState:
         return "none"
     if key is None:
         return "unchecked"
-    wanted = signature(fields["chain"], key).encode()
-    return "good" if hmac.compare_digest(wanted, fields["hmac"].encode()) else "bad"
+    expected = signature(fields["chain"], key).encode()
+    return "good" if hmac.compare_digest(expected, fields["hmac"].encode()) else "bad"
 
 
 def _all(states: list[SignatureState]) -> SignatureState:

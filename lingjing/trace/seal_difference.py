@@ -1,4 +1,4 @@
-"""`first_difference`: the record between two seals that is not as it was sealed, named for a reader."""
+"""Search for the first record between two seals that differs from its seal, and its description in words."""
 
 from __future__ import annotations
 
@@ -17,15 +17,18 @@ from lingjing.trace.seals import MAGIC, RECORD, definition_sum, message_sum, rec
 
 
 class _Summed(NamedTuple):
-    """A record of a segment: how it is called, where it begins in the file, and its sum."""
+    """A record between two seals, with its CRC-32 sum."""
 
     name: str
+    """A description in words."""
     at: int
+    """Byte offset of the record, or of its chunk, in the file."""
     total: int
+    """The sum. -1 if the record cannot be read, -2 for an unexpected kind of record."""
 
 
 def seal_fields(record: bytes) -> dict[str, str]:
-    """The fields of a seal's bytes; none if they are damaged."""
+    """Return the fields of a seal, or an empty mapping if its bytes are damaged."""
     try:
         return dict(mcap.records.Metadata.read(ReadDataStream(io.BytesIO(record[RECORD.size :]))).metadata)
     except BROKEN:
@@ -33,32 +36,36 @@ def seal_fields(record: bytes) -> dict[str, str]:
 
 
 def sealed_part(number: int, *, last: bool) -> str:
-    """What the seal of that number stands behind."""
+    """Return the name of the part that the seal with this number covers."""
     return "the outcome" if last else "the header" if number == 1 else f"boundary {number - 2}"
 
 
 def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int, fields: dict[str, str]) -> str:
-    """The first record between two seals that is not as it was sealed, in words; "" if nothing is wrong but that the
-    file was cut behind its last seal."""
+    """Return the first record between two seals that differs from its seal, in words.
+
+    `segment` is the end of the previous seal, the begin and the end of this one, as byte offsets. `number` is the
+    expected number of this seal and `fields` are its fields. Returns "" if the file was only cut behind its last seal.
+    """
     begin, at, end = segment
     place = sealed_part(number, last="end" in fields)
-    told = fields.get("number", "")[:20]
-    if told.isdecimal() and int(told) != number:
+    stated = fields.get("number", "")[:20]
+    if stated.isdecimal() and int(stated) != number:
         return (
-            f"{place}: the seal at byte {at} is number {told} where {number} is due: seals, or what they seal, {_LOST}"
+            f"{place}: the seal at byte {at} has the number {stated} instead of {number}: seals or sealed records"
+            f" {_LOST}"
         )
-    found = list(_contents(data, begin, at))
+    records = list(_contents(data, begin, at))
     texts = fields.get("records", "")
     sealed = [int(texts[i : i + 8], 16) for i in range(0, len(texts), 8)] if _is_hex(texts) else []
     if not sealed:
         return f"{place}: the seal at byte {at} is damaged"
-    for index, one in enumerate(found):
-        if one.total == -1:
-            return f"{place}: {one.name} at byte {one.at}"
-        if index >= len(sealed) or one.total != sealed[index]:
-            return f"{place}: {one.name} at byte {one.at} {_changed(found, sealed, index)}"
-    if len(found) < len(sealed):
-        return f"{place}: {len(sealed) - len(found)} records are missing before byte {at}"
+    for index, record in enumerate(records):
+        if record.total == -1:
+            return f"{place}: {record.name} at byte {record.at}"
+        if index >= len(sealed) or record.total != sealed[index]:
+            return f"{place}: {record.name} at byte {record.at} {_changed(records, sealed, index)}"
+    if len(records) < len(sealed):
+        return f"{place}: {len(sealed) - len(records)} records are missing before byte {at}"
     if "end" in fields:
         behind = _behind(data, end)
         return f"{place}: {behind}" if behind else ""
@@ -68,12 +75,13 @@ def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int
 _LOST = "are missing, repeated or in another order"
 
 
-def _changed(found: list[_Summed], sealed: list[int], index: int) -> str:
-    here, after = found[index].total, sealed[index + 1] if index + 1 < len(sealed) else None
+def _changed(records: list[_Summed], sealed: list[int], index: int) -> str:
+    """Return the likely change at the first differing record: edited, removed before it, or inserted."""
+    here, after = records[index].total, sealed[index + 1] if index + 1 < len(sealed) else None
     if (
         index < len(sealed)
         and here not in sealed
-        and (index + 1 >= len(found) or found[index + 1].total != sealed[index])
+        and (index + 1 >= len(records) or records[index + 1].total != sealed[index])
     ):
         return "is not as it was sealed"
     if here == after and here not in sealed[:index]:
@@ -82,8 +90,10 @@ def _changed(found: list[_Summed], sealed: list[int], index: int) -> str:
 
 
 def _behind(data: mmap.mmap, end: int) -> str:
-    """What is wrong behind the last seal: the footer, bytes after it, or the summary between them; "" if its end is not
-    there."""
+    """Return the damage behind the last seal, in words: to the summary, the footer, or the end of the file.
+
+    Returns "" if the file was cut there.
+    """
     at = end
     while at + RECORD.size <= len(data):
         opcode, length = RECORD.unpack_from(data, at)
@@ -102,17 +112,17 @@ def _behind(data: mmap.mmap, end: int) -> str:
 
 
 def _contents(data: mmap.mmap, begin: int, end: int) -> Iterator[_Summed]:
-    """The records between two seals in the order of their sums; one that cannot be read has the sum -1 and says why."""
+    """Yield the records between two seals in the order of their sums, up to one that cannot be read (sum -1)."""
     topics, limits = _topics(data, begin), UnpackLimits(len(data))
     at = begin or len(MAGIC)
     while at < end:
         if at + RECORD.size > end:
-            yield _Summed("what stands where a record is due", at, -1)
+            yield _Summed("a record that is cut in its head", at, -1)
             return
         opcode, length = RECORD.unpack_from(data, at)
         after = at + RECORD.size + length
         if after > end:
-            yield _Summed(f"a record ({_kind(opcode)}) that is longer than there is room", at, -1)
+            yield _Summed(f"a record ({_kind(opcode)}) that is longer than the space before the seal", at, -1)
             return
         record = data[at:after]
         if opcode == mcap.opcode.Opcode.CHUNK:
@@ -127,9 +137,9 @@ def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits
         limits.take(chunk)
         for opcode, inner in records_of(unpacked(chunk, checked=False)):
             limits.message()
-            named = _inner(opcode, inner[RECORD.size :], topics)
-            if named is not None:
-                yield _Summed(named[0], at, named[1])
+            entry = _inner(opcode, inner[RECORD.size :], topics)
+            if entry is not None:
+                yield _Summed(entry[0], at, entry[1])
     except BROKEN as error:
         yield _Summed(f"a chunk that cannot be unpacked ({error})", at, -1)
 
@@ -152,7 +162,7 @@ def _inner(opcode: int, body: bytes, topics: dict[int, str]) -> tuple[str, int] 
 
 
 def _topics(data: mmap.mmap, until: int) -> dict[int, str]:
-    """The topics of the channels that are declared before a place."""
+    """Return the topics of the channels that are declared before byte `until`, by channel number."""
     topics: dict[int, str] = {}
     limits = UnpackLimits(len(data))
     for at, end in whole_records(data):

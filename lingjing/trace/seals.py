@@ -1,15 +1,18 @@
-"""The hash chain over a trace's own bytes, and its signature (ADR 0017).
+"""Seals: a hash chain over the bytes of a trace, and its signature (ADR 0017).
 
 A seal is an MCAP metadata record named `lingjing/seal`. One follows the header, every boundary and the outcome. Its
-`chain` is the SHA-256 over the chain before and every byte of the file between the end of the seal before (or the
-beginning of the file) and its own end, its own `chain` and `hmac` read as zeros; the last one, with `end` = `1`, covers
-the rest of the file too. So every byte of a whole trace is under the last chain, whatever it means.
+fields are:
 
-`records` are the CRC-32 sums of what stands between two seals, in order: every message, schema and channel of a chunk,
-then the chunk and the indexes behind it. They only say where a difference lies; that there is one the chain says.
+- `chain`: the SHA-256 over the previous chain and all bytes from the end of the previous seal (or the beginning of the
+  file) to the end of this seal, in which `chain` and `hmac` count as zeros. The last seal, with `end` = `1`, also
+  covers the rest of the file. The last chain therefore covers every byte of a whole trace.
+- `hmac`: the HMAC-SHA256 of `chain` under a key, if the trace is signed.
+- `number`: the number of the seal, from 1.
+- `records`: the CRC-32 sums of the records between two seals, in order: every message, schema and channel of a chunk,
+  then the chunk and the indexes behind it. The chain detects a difference; the sums only locate it.
 
-`hmac` is the HMAC-SHA256 of `chain` under a key, if the trace is signed. Without a key whoever edits a trace can
-compute the chain anew: it shows damage and careless edits, not the work of somebody who knows this page.
+Without a key an editor of the file can recompute the chain. An unsigned seal detects damage and careless edits, but no
+deliberate forgery.
 """
 
 from __future__ import annotations
@@ -30,19 +33,19 @@ SEAL = "lingjing/seal"
 """Name of the metadata record."""
 
 MAGIC = b"\x89MCAP0\r\n"
-"""What an MCAP file begins and ends with."""
+"""The first and last bytes of an MCAP file."""
 
 RECORD = struct.Struct("<BQ")
-"""Opcode and length before every MCAP record."""
+"""Head of every MCAP record: opcode and length."""
 
 KEY_BYTES = 16
-"""A key is at least so long: 128 bits, as RFC 2104 wants no shorter secret than is safe."""
+"""Shortest key, bytes. Chosen: 128 random bits cannot be guessed. RFC 2104 warns that shorter keys weaken the HMAC."""
 
 KEY_MOST = 4096
-"""Bytes of a key file: more is another file."""
+"""Longest key, bytes. Chosen: a longer file is probably no key file."""
 
 BLANK = "0" * 64
-"""What stands for a seal's chain and hmac in the bytes that are hashed."""
+"""Placeholder of a seal's chain and hmac in the bytes that are hashed."""
 
 METADATA = 0x0C
 """The opcode of MCAP's metadata records."""
@@ -52,27 +55,32 @@ _CHAIN = struct.pack("<I", 5) + b"chain" + struct.pack("<I", len(BLANK))
 _HMAC = struct.pack("<I", 4) + b"hmac" + struct.pack("<I", len(BLANK))
 _CHAIN_AT = RECORD.size + len(_HEAD) + 4 + len(_CHAIN)
 _HMAC_AT = _CHAIN_AT + len(BLANK) + len(_HMAC)
-"""Where a seal's two sums are in its bytes: its first fields, after the length of them all."""
+"""Offsets of the chain and the hmac in a seal. They are its first fields, after the length of all fields."""
 
 _STAMP = struct.Struct("<IQ")
+"""Sequence and log time of a message, as they enter its sum."""
 
 _LAST = struct.pack("<I", 3) + b"end"
 
 
 def chain_hash(before: str = "", signed: str = "") -> hashlib._Hash:
-    """What the bytes after a seal with the chain `before` and the hmac `signed` are fed to; its hex digest is the next
-    chain."""
+    """Return a running hash for the bytes after a seal with the chain `before` and the hmac `signed`.
+
+    Its hex digest is the next chain.
+    """
     return hashlib.sha256(f"{before}{signed}\n".encode())
 
 
 def signature(chain: str, key: bytes) -> str:
-    """The `hmac` of a chain."""
+    """Return the HMAC-SHA256 (hex) of a chain."""
     return hmac.new(key, chain.encode(), hashlib.sha256).hexdigest()
 
 
 def read_key(path: str | Path) -> bytes:
-    """The key in a file: all its bytes but white space at the ends. Raises `UsageError` if it is too short or too
-    long."""
+    """Return the content of a key file, without white space at its ends.
+
+    Raises `UsageError` if the file cannot be read, or if the key is too short or too long.
+    """
     try:
         with Path(path).open("rb") as file:
             key = file.read(KEY_MOST + 1).strip()
@@ -80,7 +88,7 @@ def read_key(path: str | Path) -> bytes:
         raise UsageError(f"cannot read the key file {path}: {error.strerror}") from error
     if len(key) < KEY_BYTES:
         raise UsageError(
-            f"the key in {path} has {len(key)} bytes: at least {KEY_BYTES} are due",
+            f"the key in {path} has {len(key)} bytes: at least {KEY_BYTES} are required",
             hint="make one with `openssl rand -hex 32 > trace.key`",
         )
     if len(key) > KEY_MOST:
@@ -89,7 +97,10 @@ def read_key(path: str | Path) -> bytes:
 
 
 def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and bytes (opcode and length included) of each MCAP record in `data`. Raises `struct.error`."""
+    """Yield the opcode and the bytes (with opcode and length) of each MCAP record in `data`.
+
+    Raises `struct.error` for a cut record.
+    """
     at = 0
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)
@@ -99,7 +110,7 @@ def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def message_sum(topic: str, sequence: int, time_ns: int, data: bytes) -> int:
-    """The sum of one message."""
+    """Return the CRC-32 sum of one message."""
     return zlib.crc32(data, zlib.crc32(_STAMP.pack(sequence, time_ns), _topic_sum(topic)))
 
 
@@ -109,7 +120,7 @@ def _topic_sum(topic: str) -> int:
 
 
 def definition_sum(*parts: str | bytes) -> int:
-    """The sum of a schema (name, encoding, data) or of a channel (topic, encoding, its schema's number)."""
+    """Return the CRC-32 sum of a schema (name, encoding, data) or of a channel (topic, encoding, schema number)."""
     total = 0
     for part in parts:
         total = zlib.crc32(part.encode() if isinstance(part, str) else part, total)
@@ -117,17 +128,17 @@ def definition_sum(*parts: str | bytes) -> int:
 
 
 def is_seal(record: bytes) -> bool:
-    """Whether a record's bytes are those of a seal."""
+    """Return whether a record is a seal."""
     return record[:1] == bytes([METADATA]) and record.startswith(_HEAD, RECORD.size)
 
 
 def is_last(record: bytes) -> bool:
-    """Whether a seal covers what comes after it too."""
+    """Return whether a seal is the last one, which also covers the bytes behind it."""
     return _LAST in record
 
 
 def find_seal(data: mmap.mmap, begin: int) -> int:
-    """Where the first seal from `begin` on stands, whatever the records before it say; -1 if nowhere."""
+    """Return the offset of the first seal at or behind `begin`, or -1. The lengths of other records are not used."""
     at = data.find(_HEAD, begin + RECORD.size)
     while at >= 0 and data[at - RECORD.size] != METADATA:
         at = data.find(_HEAD, at + 1)
@@ -135,7 +146,7 @@ def find_seal(data: mmap.mmap, begin: int) -> int:
 
 
 def whole_records(data: mmap.mmap) -> Iterator[tuple[int, int]]:
-    """Begin and end of each whole record of a file, up to the first that is none."""
+    """Yield begin and end of each whole record of a file, up to the first cut one."""
     at = len(MAGIC)
     while at + RECORD.size <= len(data):
         end = at + RECORD.size + RECORD.unpack_from(data, at)[1]
@@ -146,7 +157,7 @@ def whole_records(data: mmap.mmap) -> Iterator[tuple[int, int]]:
 
 
 def blanked(record: bytes) -> bytes:
-    """A seal's bytes as they are hashed."""
+    """Return a seal's bytes with `BLANK` for chain and hmac, as they are hashed."""
     return _filled(record, BLANK, BLANK)
 
 
@@ -158,10 +169,7 @@ def _filled(record: bytes, chain: str, signed: str) -> bytes:
 
 
 class SealedFile:
-    """The file that a container is written through: it hashes what passes, sums each record, and fills in the seals.
-
-    `fields` are those of the seal that is to be written next, `note` adds the sums of what passes packed.
-    """
+    """The output file of a container. It hashes all bytes, sums each record, and fills in the seals."""
 
     def __init__(self, file: IO[bytes], key: bytes = b"") -> None:
         self._file = file
@@ -172,7 +180,7 @@ class SealedFile:
         self._last: tuple[int, bytes] | None = None
 
     def write(self, data: bytes) -> int:
-        """Write whole records, or the magic bytes."""
+        """Write whole records or the magic bytes, and return the number of bytes."""
         self._hash.update(data)
         if is_seal(data):
             return self._write_seal(data)
@@ -181,19 +189,19 @@ class SealedFile:
         return self._file.write(data)
 
     def tell(self) -> int:
-        """Where the next byte goes."""
+        """Return the offset of the next byte."""
         return self._file.tell()
 
     def flush(self) -> None:
-        """Hand everything to the operating system."""
+        """Pass all bytes to the operating system."""
         self._file.flush()
 
     def note(self, total: int) -> None:
-        """The sum of something inside the chunk that comes next."""
+        """Add the sum of a record inside the next chunk, which passes `write` in compressed form."""
         self._sums.append(total)
 
     def fields(self, *, last: bool = False) -> dict[str, str]:
-        """The next seal's fields in their order, its chain and hmac still blank."""
+        """Return the fields of the next seal in their order, with blank chain and hmac."""
         sums, self._sums = "".join(f"{total:08x}" for total in self._sums), []
         signed = {"hmac": BLANK} if self._key else {}
         ends = {"end": "1"} if last else {}
@@ -201,7 +209,7 @@ class SealedFile:
         return {"chain": BLANK, **signed, "number": str(self._number), **ends, "records": sums}
 
     def close(self) -> None:
-        """Fill in the last seal, which covers what came after it, and close the file."""
+        """Fill in the last seal, which covers the bytes behind it, and close the file."""
         if self._last is not None:
             at, record = self._last
             self._file.seek(at)
@@ -209,7 +217,7 @@ class SealedFile:
         self._file.close()
 
     def abort(self) -> None:
-        """Close the file as it is."""
+        """Close the file without filling in the last seal."""
         self._file.close()
 
     def _write_seal(self, record: bytes) -> int:
@@ -219,7 +227,7 @@ class SealedFile:
         return self._file.write(self._fill(record))
 
     def _fill(self, record: bytes) -> bytes:
-        """The seal with its chain, from which the next one goes on."""
+        """Return the seal with its chain and hmac, and start the hash of the next seal."""
         chain = self._hash.hexdigest()
         signed = signature(chain, self._key) if self._key else ""
         self._hash = chain_hash(chain, signed)

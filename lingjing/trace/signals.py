@@ -1,4 +1,4 @@
-"""`deferring_signals`: what must be whole or not at all, as a boundary and its record, is not torn by Ctrl-C."""
+"""Deferral of signals during a step that must not be interrupted, such as a boundary and its record."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ _INTERRUPTING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "S
 
 @contextmanager
 def deferring_signals() -> Iterator[None]:
-    """Keep signals that a Python function handles until the end, then have them handled in order, until one raises.
+    """Defer signals with a Python handler to the end of the block. Handlers then run in order, until one raises.
 
-    Elsewhere than in the main thread, where none is handled, nothing is done.
+    Does nothing outside of the main thread, because Python handles signals in the main thread only.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[tuple[int, FrameType | None]] = []
+    pending: list[tuple[int, FrameType | None]] = []
     handled = [(number, handler) for number in _INTERRUPTING if callable(handler := signal.getsignal(number))]
     for number, _ in handled:
-        signal.signal(number, lambda number, frame: came.append((number, frame)))
+        signal.signal(number, lambda number, frame: pending.append((number, frame)))
     try:
         yield
     finally:
         for number, handler in handled:
             signal.signal(number, handler)
-    for number, frame in came:
+    for number, frame in pending:
         dict(handled)[number](number, frame)

@@ -1,7 +1,6 @@
-"""What viewers are shown of an episode that its records do not say: the city, and where a body's cameras are.
+"""Inputs for viewers that the records do not contain: the meshes of the city and the mounts of cameras.
 
-Made above this package (`lingjing.scene.surroundings`), which knows cities; a trace without them is written and read
-all the same.
+`lingjing.scene.surroundings` makes them, because this package does not know cities. They are optional.
 """
 
 from __future__ import annotations
@@ -17,26 +16,32 @@ from lingjing.mission.model import CameraMount
 from lingjing.trace.records import BodyState, CameraPose
 
 CameraPlacing = Callable[[BodyState, CameraSpec, Sequence[CameraMount]], CameraPose]
-"""Where a camera of a body is, from the body's state and the mounts of its type."""
+"""A function that returns the pose of a camera from the state of its body, the camera, and the mounts of its type."""
 
 
 @dataclass(frozen=True, slots=True)
 class CityMesh:
-    """A part of the city that has one colour: `points` (n, 3) in metres, `triangles` (m, 3) indices of them,
-    anticlockwise seen from outside, `colour` red, green, blue in 0..1; `layer` is that of the plan."""
+    """A part of the city with one colour."""
 
     layer: str
+    """The layer of the plan."""
     points: npt.NDArray[np.float64]
+    """(n, 3), metres in the world frame."""
     triangles: npt.NDArray[np.uint32]
+    """(m, 3), indices of points, anticlockwise seen from outside."""
     colour: tuple[float, float, float]
+    """Red, green, blue in 0..1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """The city in and around what is played in, and where cameras are mounted."""
+    """The city around the episode and the placing of cameras."""
 
     meshes: tuple[CityMesh, ...] = ()
+    """Empty if the city is not shown."""
     camera: CameraPlacing | None = None
+    """None if camera poses are known from pictures only."""
 
 
 NO_SURROUNDINGS = Surroundings()
+"""Neither a city nor camera mounts."""

@@ -1,6 +1,6 @@
-"""The names of a trace's topics.
+"""Topic names of a trace.
 
-Brackets of entity ids become underscores (`/geo/uav_1`), because Foxglove's message paths read brackets as slices.
+Brackets in entity ids become underscores (`/geo/uav_1`), because Foxglove's message paths parse brackets as slices.
 """
 
 from __future__ import annotations
@@ -12,28 +12,33 @@ BOUNDARY = "/lingjing/boundary"
 FRAME = "/lingjing/frame"
 OUTCOME = "/lingjing/outcome"
 CAMERAS = "/camera/"
+"""Prefix of the topics of all cameras."""
 SCORE = "/score"
 SCENE = "/scene"
+"""The part of the mission's map that policies may know. Written once."""
 HIDDEN = "/scene/hidden"
+"""The part of the mission's map that is hidden from policies. Written once."""
 CITY = "/scene/city"
-"""The mission's map, what of it is hidden from policies, and the city, each told once."""
+"""The meshes of the city. Written once."""
 TRANSFORMS = "/tf"
 RECORDS = "/lingjing/"
-"""What the topics of all own records begin with."""
+"""Prefix of the topics of the project's own records."""
 
 
 def entity_topic(entity: str) -> str:
-    """`uav[1]` as it stands in a topic: `uav_1`."""
+    """Return an entity id in the form for topics: `uav_1` for `uav[1]`."""
     return entity.replace("[", "_").replace("]", "")
 
 
 def agent_topic(agent: str, channel: str) -> str:
-    """`/agent/<agent>/<channel>`: `thought`, `command`, `receipt`."""
+    """Return `/agent/<agent>/<channel>`. `channel` is `thought`, `command` or `receipt`."""
     return f"/agent/{entity_topic(agent)}/{channel}"
 
 
 def camera_topic(frame: FrameInfo, channel: str = "") -> str:
-    """`/camera/<entity>/<camera>` for the colour picture; `depth`, `semantic`, `truth`, `reported` and `calibration`
-    below it."""
+    """Return `/camera/<entity>/<camera>` for the colour picture (""), or the topic of another channel below it.
+
+    Other channels are `depth`, `semantic`, `truth`, `reported` and `calibration`.
+    """
     topic = f"{CAMERAS}{entity_topic(frame.entity)}/{frame.camera}"
     return f"{topic}/{channel}" if channel else topic

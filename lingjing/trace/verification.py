@@ -1,6 +1,6 @@
-"""`verify_file`: whether a trace is what was written, or the first record of it that is not.
+"""Verification of a trace file.
 
-Two things are compared: the bytes with their seals (`seal_check`) and the records with each other
+Two checks are combined: the bytes must match their seals (`seal_check`), and the records must be consistent
 (`lingjing.trace.digest.verify`: digests, outcome, pixels).
 """
 
@@ -20,30 +20,28 @@ State = Literal["ok", "wrong", "cut", "unreadable"]
 
 
 class Verification(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of a file, in words in `said`.
-
-    `ok`: every byte is as it was sealed and the records agree with each other; `wrong`: `said` names the first that is
-    not or does not; `cut`: all that is there is right, but the file ends before its last seal;
-    `unreadable`: no trace, or another version's.
-
-    `signature` is `good` or `bad` under the key that was given, `unchecked` without one.
-    """
+    """The result of a verification."""
 
     path: str
     state: State
+    """`ok`: every byte matches its seal, and the records are consistent. `wrong`: there is a difference or an
+    inconsistency. `cut`: everything present is right, but the file ends before its last seal. `unreadable`: the file
+    is no trace, or a trace of another version."""
     said: str
+    """The result in words, with the first record that differs."""
     signature: SignatureState = "none"
 
 
 def verify_file(path: str | Path, key: bytes | None = None) -> Verification:
-    """Verify one file, whatever is in it. Raises `UsageError` if it cannot be opened."""
+    """Verify one file of any content. Raises `UsageError` if it cannot be opened."""
     path = Path(path)
     seals = check_seals(path, key)
-    state, said = _verdict(path, seals, key)
-    return Verification(path=str(path), state=state, said=said, signature=seals.signature)
+    state, text = _verdict(path, seals, key)
+    return Verification(path=str(path), state=state, said=text, signature=seals.signature)
 
 
 def _verdict(path: Path, seals: SealReport, key: bytes | None) -> tuple[State, str]:
+    """Return the state and its description."""
     if seals.fault:
         return "wrong", seals.fault
     try:
@@ -52,25 +50,25 @@ def _verdict(path: Path, seals: SealReport, key: bytes | None) -> tuple[State, s
     except UnknownFormatError as error:
         return "unreadable", str(error)
     except LingjingError as error:
-        # what is sealed and cannot be read was written so, by another version
+        # sealed records that cannot be read were written by another version
         return ("wrong" if seals.ended else "unreadable"), str(error)
     if disagreement:
         return "wrong", disagreement
-    held = _held(trace)
+    summary = _summary(trace)
     if not seals.seals:
-        return "wrong", f"{held}; its seals are missing"
+        return "wrong", f"{summary}; its seals are missing"
     if key is not None and seals.signature == "none":
-        return "wrong", f"{held}; as it was sealed, but not signed"
+        return "wrong", f"{summary}; as it was sealed, but not signed"
     if not seals.ended:
-        return "cut", f"{held}{_cut_off(trace, seals.loose)}"
-    return "ok", f"{held}; {_SIGNATURES[seals.signature]}"
+        return "cut", f"{summary}{_cut_off(trace, seals.loose)}"
+    return "ok", f"{summary}; {_SIGNATURES[seals.signature]}"
 
 
 def _cut_off(trace: Trace, loose: int) -> str:
-    """What a file that was cut no longer shows."""
+    """Return the description of the missing end of a cut file."""
     if trace.outcome is not None:
-        return f", whose outcome no seal covers any more: the file ends in its summary, {loose} bytes are not covered"
-    behind = f", {loose} bytes behind its last seal are not covered" if loose else ""
+        return f", but no seal covers the outcome: the file was cut in its summary, {loose} bytes are not covered"
+    behind = f", {loose} bytes behind the last seal are not covered" if loose else ""
     return f", as they were sealed; the file ends before the episode did{behind}"
 
 
@@ -82,7 +80,7 @@ _SIGNATURES: dict[SignatureState, str] = {
 }
 
 
-def _held(trace: Trace) -> str:
+def _summary(trace: Trace) -> str:
     outcome = trace.outcome
     ending = "no outcome" if outcome is None else outcome.reason
     return f"{len(trace.boundaries)} boundaries, {len(trace.frames)} pictures, {ending}"

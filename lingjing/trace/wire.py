@@ -1,25 +1,25 @@
-"""Protocol Buffers messages put together from encoded parts, for what is too much to be handed over value by value.
+"""Assembly of Protocol Buffers messages from encoded parts.
 
-The library takes a microsecond for each field. Encoded messages may be joined end to end: a parser merges the parts
-(Protocol Buffers, Encoding, "Last One Wins").
+The protobuf library needs about a microsecond per field, which is too slow for the vertices of a city. Encoded parts of
+a message may be concatenated, because a parser merges them (Protocol Buffers, Encoding, "Last One Wins").
 """
 
 from __future__ import annotations
 
 
 def field(number: int, data: bytes) -> bytes:
-    """A length-delimited field: tag, length, bytes."""
+    """Return a length-delimited field: tag, length, bytes."""
     return varint(number << 3 | 2) + varint(len(data)) + data
 
 
 def varint(value: int) -> bytes:
-    """A whole number from 0 on, seven bits a byte."""
-    made = bytearray()
+    """Return a non-negative integer as a base-128 varint: seven bits per byte, the lowest first."""
+    encoded = bytearray()
     while value > 0x7F:
-        made.append(value & 0x7F | 0x80)
+        encoded.append(value & 0x7F | 0x80)
         value >>= 7
-    made.append(value)
-    return bytes(made)
+    encoded.append(value)
+    return bytes(encoded)
 
 
 DOUBLE = 1
@@ -27,5 +27,5 @@ DOUBLE = 1
 
 
 def tag(number: int, kind: int) -> int:
-    """The tag of one of the fields from 1 to 15."""
+    """Return the one-byte tag of a field with a number from 1 to 15 and the wire type `kind`."""
     return number << 3 | kind

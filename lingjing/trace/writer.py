@@ -1,8 +1,8 @@
-"""`TraceWriter`: header, boundaries and outcome of one episode into `trace.mcap`.
+"""Writing of one episode's trace.
 
-While the episode runs the file is called `trace.mcap.part`; only a clean end gives it its name. After the header and
-after every boundary everything is handed to the operating system, so that a killed process leaves a file that reads
-to its last complete boundary.
+During the episode the file is named `trace.mcap.part`. Only a clean end renames it to `trace.mcap`. After the header
+and after every boundary all bytes are passed to the operating system. The file of a killed process can therefore be
+read to its last complete boundary.
 """
 
 from __future__ import annotations
@@ -21,42 +21,46 @@ from lingjing.trace.container import ContainerWriter
 from lingjing.trace.encoding import to_json
 from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
 from lingjing.trace.schemas import container_schema
-from lingjing.trace.shown import ShownEpisode, Timed
 from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 from lingjing.trace.topics import RECORDS
+from lingjing.trace.viewer_messages import Timed, ViewerMessages
 
 PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
-"""A picture to store: what is known of it, its JPEG, and depth and class ids where the camera declares them."""
+"""A picture to store: its record, its JPEG, and depth and class ids. These are None if the camera does not declare
+them."""
 
 PART = ".part"
+"""Suffix of the file's name until the episode has ended by itself."""
 
 
 def part_path(path: Path) -> Path:
-    """What a trace is called while its episode runs, and for good if the episode was cut short."""
+    """Return the name of a trace during its episode. An episode that was cut short keeps it."""
     return path.with_name(path.name + PART)
 
 
-def gone(part: Path) -> InfrastructureError:
-    """The error for a trace that somebody took away while its episode was played."""
+def trace_removed_error(part: Path) -> InfrastructureError:
+    """Return the error for a trace file that was removed during its episode."""
     return InfrastructureError(
-        f"the trace {part} is gone: it, or its folder, was removed while the episode was played",
-        hint="leave the folder of a run alone until it has ended",
+        f"the trace {part} was removed, or its folder was, while the episode was played",
+        hint="do not change the folder of a run before the run has ended",
     )
 
 
-def disturbed(path: Path, why: str) -> InfrastructureError:
-    """The error for a trace whose file or name somebody meddled with while its episode was played."""
+def trace_tampered_error(path: Path, cause: str) -> InfrastructureError:
+    """Return the error for a trace whose file or name was changed by another program during its episode."""
     return InfrastructureError(
-        f"the trace {path} was meddled with while the episode was played: {why}",
-        hint="leave the folder of a run alone until it has ended",
+        f"the trace {path} was changed by another program while the episode was played: {cause}",
+        hint="do not change the folder of a run before the run has ended",
     )
 
 
 class TraceWriter:
-    """One episode's trace, sealed, and signed if there is a `key`; with the `surroundings` for viewers. Use it as a
-    context manager: an episode that ends in neither `finish` nor `abandon` leaves a closed `.part`.
+    """Writer of one episode's trace. The trace is sealed, and signed if there is a `key`.
 
-    Raises `UsageError` if `path` or its `.part` is there already, or when the file cannot be written.
+    `surroundings` are the inputs for viewers. Use the writer as a context manager: if neither `finish` nor `abandon` is
+    called, it leaves a closed `.part`.
+
+    Raises `UsageError` if `path` or its `.part` exists, or if the file cannot be written.
     """
 
     def __init__(
@@ -65,32 +69,37 @@ class TraceWriter:
         self.path = path
         self._key = key
         self.part = part_path(path)
-        self._shown = ShownEpisode(header.instance, surroundings)
+        self._shown = ViewerMessages(header.instance, surroundings)
         self._pictures = 0
         self._open = True
         self._container = self._create()
         self._guarded(lambda: self._begin(header))
 
     def boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts] = ()) -> None:
-        """Write the boundary's pictures and derived messages, the record itself last, and flush."""
+        """Write the boundary's pictures and derived messages, then the record itself, and flush."""
         self._guarded(lambda: self._boundary(record, pictures))
 
     def finish(self, outcome: Outcome) -> Path:
-        """Write the outcome, close the file, give it its name, and return that."""
+        """Write the outcome, close the file, rename it to its final name, and return that name.
+
+        Raises `InfrastructureError` if the file or its name was changed by another program, and `UsageError` if it
+        cannot be written or renamed.
+        """
         self._guarded(lambda: self._end(outcome))
         try:
             self.part.rename(self.path)
         except FileNotFoundError:
-            raise gone(self.part) from None
+            raise trace_removed_error(self.part) from None
         except (IsADirectoryError, NotADirectoryError) as error:
-            raise disturbed(self.path, error.strerror or str(error)) from None
+            raise trace_tampered_error(self.path, error.strerror or str(error)) from None
         except OSError as error:
-            hint = f"it is whole under the name {self.part.name}"
-            raise UsageError(f"cannot name the trace {self.path}: {error.strerror}", hint=hint) from error
+            hint = f"the file is complete under the name {self.part.name}"
+            message = f"cannot rename the trace to {self.path}: {error.strerror}"
+            raise UsageError(message, hint=hint) from error
         return self.path
 
     def abandon(self, outcome: Outcome | None = None) -> Path:
-        """End an episode that was cut short: the file is closed whole but stays `.part`, whose path is returned."""
+        """Close the file of an episode that was cut short. It keeps the suffix `.part`. Return its path."""
         if self._open:
             self._guarded(lambda: self._end(outcome))
         return self.part
@@ -106,8 +115,8 @@ class TraceWriter:
 
     def _create(self) -> ContainerWriter:
         if self.path.exists() or self.part.exists():
-            taken = self.path if self.path.exists() else self.part
-            raise UsageError(f"{taken} is there already", hint="a trace is never overwritten: choose another folder")
+            existing = self.path if self.path.exists() else self.part
+            raise UsageError(f"{existing} exists already", hint="a trace is never overwritten: choose another folder")
         try:
             return ContainerWriter(self.part, self._key)
         except OSError as error:
@@ -121,10 +130,10 @@ class TraceWriter:
 
     def _boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts]) -> None:
         now = nanoseconds(record.time_s)
-        taken = [self._picture(*picture) for picture in pictures]
-        if taken:
-            self._container.end_chunk()  # so that who reads records need not unpack pictures
-        for frame, number in taken:
+        written = [self._picture(*picture) for picture in pictures]
+        if written:
+            self._container.end_chunk()  # a reader of the records need not unpack the pictures
+        for frame, number in written:
             self._own("frame", frame, nanoseconds(frame.time_s), number)
         self._show(self._shown.boundary(record))
         self._own("boundary", record, now, record.tick)
@@ -137,7 +146,7 @@ class TraceWriter:
         depth: npt.NDArray[np.float32] | None,
         semantic: npt.NDArray[np.uint8] | None,
     ) -> tuple[FrameInfo, int]:
-        """Write what the topics of the camera hold of a picture; its number in the file."""
+        """Write the messages of a picture. Return its record and its number in the file."""
         self._pictures += 1
         packed = None if depth is None else images.encode_depth(depth)
         ids = None if semantic is None else images.encode_semantic(semantic)
@@ -169,10 +178,10 @@ class TraceWriter:
             self._container.close()
             raise UsageError(
                 f"cannot write the trace {self.part}: {error.strerror}",
-                hint="what was written before stays readable",
+                hint="the part that was written before can be read",
             ) from error
 
 
 def nanoseconds(time_s: float) -> int:
-    """Simulation time as MCAP log time."""
+    """Return a simulation time in seconds as MCAP log time in nanoseconds."""
     return round(time_s * 1e9)

@@ -28,14 +28,14 @@ from urllib.parse import quote
 from lingjing.analysis.played_city import surroundings_of
 from lingjing.errors import UsageError
 from lingjing.installation import install_line
-from lingjing.signals import unheard
+from lingjing.signals import blocked_signals
 from lingjing.trace import foxglove
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.following import TraceFollower
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, FrameInfo
-from lingjing.trace.shown import ShownEpisode, Timed
 from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
+from lingjing.trace.viewer_messages import Timed, ViewerMessages
 from lingjing.trace.writer import PART, nanoseconds
 from lingjing.viewer.admission import ADMISSION_S, HOST, ConnectionGate, RequestHead, gated, refusal
 from lingjing.viewer.file_server import DESKTOP, ORIGIN
@@ -139,7 +139,7 @@ class FoxgloveServer:
         self._channels: dict[str, LiveChannel] = {}
         self._kept: dict[int, list[tuple[int, bytes]]] = {}
         self._told: ToldEpisode | None = None
-        self._shown: ShownEpisode | None = None
+        self._shown: ViewerMessages | None = None
         self._now = 0
         self._closed = threading.Event()
         self._read()
@@ -149,7 +149,7 @@ class FoxgloveServer:
             threading.Thread(target=self._server.serve_forever, name="lingjing-foxglove", daemon=True),
             threading.Thread(target=self._follow_file, name="lingjing-follow", daemon=True),
         ]
-        with unheard():
+        with blocked_signals():
             for thread in self._threads:
                 thread.start()
 
@@ -288,14 +288,14 @@ class FoxgloveServer:
             return
         if self._told is None or self._shown is None:
             self._told = ToldEpisode(trace.header.instance, truth=self._truth)
-            self._shown = ShownEpisode(trace.header.instance, surroundings_of(trace))
+            self._shown = ViewerMessages(trace.header.instance, surroundings_of(trace))
             self._publish(self._shown.beginning(hidden=self._truth))
         for record in records:
             self._boundary(trace, self._told, self._shown, record)
         if records and trace.outcome is not None:
             self._publish(self._shown.ending())
 
-    def _boundary(self, trace: Trace, told: ToldEpisode, shown: ShownEpisode, record: BoundaryRecord) -> None:
+    def _boundary(self, trace: Trace, told: ToldEpisode, shown: ViewerMessages, record: BoundaryRecord) -> None:
         seen, found = told.take(record)
         if found:
             self._publish([(record.time_s, foxglove.markers(found))])

@@ -21,8 +21,8 @@ from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.trace.foxglove import body_turn, camera_axes, geodetic, log_lines
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receipt, Snapshot, UnitBox
-from lingjing.trace.shown import ReportedBoxes, cameras_at
 from lingjing.trace.topics import entity_topic
+from lingjing.trace.viewer_messages import ReportedBoxes, cameras_at
 from lingjing.viewer.told import ToldEpisode
 from lingjing.whole_files import written_whole
 

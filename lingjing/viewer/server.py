@@ -18,7 +18,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Protocol
 
 from lingjing.errors import LingjingError, UsageError
-from lingjing.signals import unheard
+from lingjing.signals import blocked_signals
 from lingjing.viewer.admission import HOST, ConnectionGate, RefusedRequest, RequestHead, asked_for, refusal
 from lingjing.viewer.page import element, page, policy
 
@@ -70,7 +70,7 @@ class LocalServer:
         with taking(port):
             self._http = _HttpServer((HOST, port), type("Handler", (handler,), {**given, "token": self.token}))
         self._thread = threading.Thread(target=self._http.serve_forever, args=(0.1,), name="lingjing-http", daemon=True)
-        with unheard():  # by its threads, which hand their mask on
+        with blocked_signals():  # by its threads, which hand their mask on
             self._thread.start()
 
     def address(self, path: str) -> str:

@@ -107,7 +107,7 @@ def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lo
     assert (origin.at, origin.digest) == (at, lost.boundaries[at].digest)
     assert origin.substitutions == plan.substitutions and origin.reference == "oracle"
     assert all(branch.picture(frame).rgb.shape == (1080, 1920, 3) for frame in branch.frames)
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="exists already"):
         host.play([plan])
 
 

@@ -95,9 +95,9 @@ def children_of(pid: int, module: str) -> list[int]:
 @pytest.mark.parametrize(
     ("deed", "said"),
     [
-        ("vanish", ".part is gone: it, or its folder, was removed"),
-        ("cut", " was meddled with while the episode was played: "),
-        ("plant", " was meddled with while the episode was played: Is a directory"),
+        ("vanish", ".part was removed, or its folder was, while"),
+        ("cut", " was changed by another program while the episode was played: "),
+        ("plant", " was changed by another program while the episode was played: Is a directory"),
     ],
 )
 def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path, deed: str, said: str) -> None:
@@ -109,7 +109,7 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
     said = f"the trace {short}/out/ssr-broadcast-0-1/trace.mcap{said}"
     assert first["detail"].startswith(said)
     assert f"error: seed 0 was aborted: {said}" in done.stderr
-    assert "hint: leave the folder of a run alone until it has ended" in done.stderr
+    assert "hint: do not change the folder of a run before the run has ended" in done.stderr
     assert read_trace(short / second["trace"]).complete
 
 

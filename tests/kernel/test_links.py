@@ -47,7 +47,7 @@ def test_who_is_out_of_range_does_not_read_it_and_the_sender_is_told():
     published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
     assert read(published) == {"skipper": ["m1-1"]}
     assert bus_receipts(published) == [("accepted", "out_of_range", "skipper; out of range: scout[2]")]
-    assert published.record.unheard == FAR[:1]
+    assert published.record.unreachable_links == FAR[:1]
 
 
 def test_a_message_that_nobody_hears_is_refused():

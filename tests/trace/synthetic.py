@@ -452,7 +452,7 @@ def episode(  # noqa: C901  one loop reads like the episode it makes
             done=len(rescued) == 3,
             wall_s=0.1 * tick,
             routes=(_boat_route(tick, time_s),),
-            unheard=(("uav[1]", "boat"),),
+            unreachable_links=(("uav[1]", "boat"),),
         )
         delivered = messages
         digest = next_digest(digest, record)

@@ -110,6 +110,14 @@ def test_the_form_covers_every_field() -> None:
     assert reachable == set(FORMS)
 
 
+def test_the_deprecated_attribute_unheard_returns_the_unreachable_links(rich: BoundaryRecord) -> None:
+    record = replace(rich, unreachable_links=(("uav[1]", "boat"),))
+    with pytest.warns(DeprecationWarning, match="unreachable_links"):
+        assert record.unheard == (("uav[1]", "boat"),)
+    assert b'"unheard":[["uav[1]","boat"]]' in to_json(record)
+    assert current_form(record)["unheard"] == (("uav[1]", "boat"),)
+
+
 def test_the_defaults_of_the_form_are_those_of_the_records() -> None:
     """The form's defaults are frozen. A record whose default becomes another one needs a new version of the digest."""
     for kind, rows in FORMS.items():

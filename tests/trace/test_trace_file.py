@@ -165,7 +165,7 @@ def test_an_exception_leaves_a_closed_part(synthetic: ModuleType, tmp_path: Path
 def test_nothing_is_overwritten(synthetic: ModuleType, tmp_path: Path) -> None:
     for taken in (tmp_path / "trace.mcap", tmp_path / "trace.mcap.part"):
         taken.write_text("mine")
-        with pytest.raises(UsageError, match="is there already"):
+        with pytest.raises(UsageError, match="exists already"):
             TraceWriter(tmp_path / "trace.mcap", synthetic.header())
         assert taken.read_text() == "mine"
         taken.unlink()

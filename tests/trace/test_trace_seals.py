@@ -163,7 +163,7 @@ def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_vouched_for(small:
     data = small.read_bytes()
     for end in (len(data) - 3000, len(data) - 9, len(data) - 1):
         told = verdict(tmp_path / "t.mcap", data[:end])
-        assert told.state == "cut" and "whose outcome no seal covers any more" in told.said, told.said
+        assert told.state == "cut" and "no seal covers the outcome" in told.said, told.said
     changed = in_chunks(data, b'"score":0.0', b'"score":0.1')
     assert verdict(tmp_path / "t.mcap", changed[:-1]).state == "wrong"
 
@@ -213,7 +213,7 @@ def test_pictures_swapped_dropped_repeated_or_moved_are_found(small: Path, tmp_p
         told = verdict(path, rewritten(data, change))
         assert told.state == "wrong" and told.said.startswith("boundary 2"), told.said
     gone = verdict(path, rewritten(data, lambda n, record: None if n >= one and n < other else record))
-    assert gone.state == "wrong" and "number 5 where 4 is due: seals, or what they seal, are missing" in gone.said
+    assert gone.state == "wrong" and "number 5 instead of 4: seals or sealed records are missing" in gone.said
 
 
 def test_a_message_changed_within_a_chunk_is_named(small: Path, tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
-"""`ShownEpisode`: what of an episode is shown to viewers, made of its records as they come.
+"""The messages for viewers of one episode, derived from its records boundary by boundary.
 
-The map and the city once; then at each boundary where bodies and their cameras are, positions, a log, and as typed
-records of this project: thoughts, commands, receipts and the score. Boxes that agents reported lie beside the true
-ones, at the time of their picture: they are told one boundary later, when those who saw the picture have answered.
+The map and the city are written once. Each boundary adds the frames of bodies and cameras, geographic positions and a
+log. It also adds typed records of this project: thoughts, commands, receipts and the score.
+
+Boxes that agents reported have the time of their picture. They are written one boundary later, because the agents
+answer to a picture at the next boundary.
 """
 
 from __future__ import annotations
@@ -29,14 +31,15 @@ from lingjing.trace.surroundings import Surroundings
 from lingjing.trace.topics import SCORE, agent_topic
 
 Timed = tuple[float, Derived]
-"""A message and its simulation time in seconds."""
+"""A simulation time in seconds and a message."""
 
 _FAR = 1e3
-"""A box is drawn as far beyond its picture, in pictures."""
+"""Largest accepted coordinate of a reported box, in widths or heights of the picture. Chosen: far outside the picture,
+and small enough for every viewer."""
 
 
-class ShownEpisode:
-    """The messages of one episode; boundaries are taken in order."""
+class ViewerMessages:
+    """The messages for viewers of one episode. Boundaries must be passed in order."""
 
     def __init__(self, instance: Instance, surroundings: Surroundings) -> None:
         self._instance = instance
@@ -47,7 +50,7 @@ class ShownEpisode:
         self._subtasks = 0
 
     def beginning(self, *, hidden: bool) -> Iterator[Timed]:
-        """The map and the city; with `hidden` what policies must not know as well."""
+        """Yield the map and the city; with `hidden`, also the part of the map that is hidden from policies."""
         if self._surroundings.meshes:
             yield 0.0, foxglove.city(self._surroundings.meshes)
         yield 0.0, foxglove.scene(self._instance)
@@ -55,7 +58,7 @@ class ShownEpisode:
             yield 0.0, foxglove.scene(self._instance, hidden=True)
 
     def boundary(self, record: BoundaryRecord) -> Iterator[Timed]:
-        """All that a boundary adds but its pictures."""
+        """Yield the messages of one boundary, without its pictures."""
         now = record.time_s
         for snapshot in record.snapshots:
             yield snapshot.time_s, foxglove.transforms(snapshot)
@@ -63,20 +66,20 @@ class ShownEpisode:
         if placed:
             yield now, foxglove.cameras(((body, f"{entity}/{name}", pose) for body, entity, name, pose in placed), now)
         if record.snapshots:
-            yield from ((now, one) for one in foxglove.positions(self._instance, record.snapshots[-1]))
-        yield from self._answered(record)
-        yield from ((now, one) for one in foxglove.logs(record))
-        yield from ((now, one) for one in self._notes(record))
+            yield from ((now, message) for message in foxglove.positions(self._instance, record.snapshots[-1]))
+        yield from self._reported_boxes(record)
+        yield from ((now, message) for message in foxglove.logs(record))
+        yield from ((now, message) for message in self._notes(record))
 
     def ending(self) -> Iterator[Timed]:
-        """What was reported in the last pictures."""
+        """Yield the boxes that were reported in the last pictures."""
         yield from self._boxes(self._unanswered)
         self._unanswered = []
 
     # -- parts
 
-    def _answered(self, record: BoundaryRecord) -> Iterator[Timed]:
-        """The boxes reported in the pictures of the boundary before, and in older ones that are spoken of anew."""
+    def _reported_boxes(self, record: BoundaryRecord) -> Iterator[Timed]:
+        """Yield the boxes reported in the pictures of the previous boundary, and in older pictures with new reports."""
         late = sorted(self._reports.take(record) - {*self._unanswered, *(frame.id for frame in record.frames)})
         yield from self._boxes((*late, *self._unanswered))
         self._unanswered = [frame.id for frame in record.frames]
@@ -85,23 +88,23 @@ class ShownEpisode:
     def _boxes(self, frames: Iterable[str]) -> Iterator[Timed]:
         for name in frames:
             frame = self._frames.get(name)
-            if frame is not None:  # an agent may speak of a picture that is none
+            if frame is not None:  # an agent may report a picture id that does not exist
                 yield frame.time_s, foxglove.reported(frame, self._reports.of(name))
 
     def _notes(self, record: BoundaryRecord) -> Iterator[Derived]:
-        for made in record.decisions:
-            usage, thought = made.decision.usage, made.decision.thought
-            if thought or made.substituted:
+        for entry in record.decisions:
+            usage, thought = entry.decision.usage, entry.decision.thought
+            if thought or entry.substituted:
                 yield _note(
-                    agent_topic(made.agent, "thought"),
+                    agent_topic(entry.agent, "thought"),
                     "thought",
                     Thought(
-                        agent=made.agent,
+                        agent=entry.agent,
                         tick=record.tick,
                         time_s=record.time_s,
                         text=thought,
                         tokens=usage.prompt_tokens + usage.completion_tokens if usage else 0,
-                        replaced=f"{made.substituted}: {made.detail}" if made.substituted else "",
+                        replaced=f"{entry.substituted}: {entry.detail}" if entry.substituted else "",
                     ),
                 )
         for command in record.commands:
@@ -121,46 +124,50 @@ class ShownEpisode:
 
 
 class ReportedBoxes:
-    """The boxes that agents have reported so far, by picture, each with who reported what."""
+    """The boxes that agents have reported so far, by picture, labelled with agent and class."""
 
     def __init__(self, instance: Instance) -> None:
         self._categories = categories_of(instance)
         self._boxes: dict[str, list[tuple[str, UnitBox]]] = {}
 
     def take(self, record: BoundaryRecord) -> set[str]:
-        """One more boundary; the ids of pictures that something was reported in. Nobody says that these exist."""
-        named = set()
-        for said in admitted_at(record, self._categories):
-            frame, box, what = said.body.get("frame"), _unit_box(said.body.get("box")), said.body.get("class")
+        """Add the reports of one boundary, and return the ids of their pictures, which need not exist."""
+        frames = set()
+        for message in admitted_at(record, self._categories):
+            body = message.body
+            frame, box, cls = body.get("frame"), _unit_box(body.get("box")), body.get("class")
             if isinstance(frame, str) and box is not None:
-                label = f"{said.sender}: {what}" if isinstance(what, str) and what else said.sender
+                label = f"{message.sender}: {cls}" if isinstance(cls, str) and cls else message.sender
                 self._boxes.setdefault(frame, []).append((label, box))
-                named.add(frame)
-        return named
+                frames.add(frame)
+        return frames
 
     def of(self, frame: str) -> Sequence[tuple[str, UnitBox]]:
-        """Labels and boxes."""
+        """Return labels and boxes of one picture."""
         return self._boxes.get(frame, ())
 
 
 def cameras_at(
     instance: Instance, surroundings: Surroundings, record: BoundaryRecord
 ) -> Iterator[tuple[BodyState | None, str, str, CameraPose]]:
-    """Body, entity, camera and pose of every camera of every body, where its picture says it was if there is one; and
-    of pictures for which nobody stood anywhere (reference pictures), without a body."""
-    taken = {(frame.entity, frame.camera): frame.pose for frame in record.frames}
+    """Yield body, entity id, camera name and pose of every camera.
+
+    The pose is that of the camera's picture at this boundary, else it follows from the mount. Reference pictures come
+    from no mounted camera. Their poses are yielded last, without a body.
+    """
+    captured = {(frame.entity, frame.camera): frame.pose for frame in record.frames}
     bodies = {state.id: state for state in record.snapshots[-1].states} if record.snapshots else {}
     for entity in instance.entities:
         body = bodies.get(entity.id)
         if body is None:
             continue
         for camera in entity.cameras:
-            pose = taken.pop((entity.id, camera.name), None)
+            pose = captured.pop((entity.id, camera.name), None)
             if pose is None and surroundings.camera is not None:
                 pose = surroundings.camera(body, camera, entity.mounts)
             if pose is not None:
                 yield body, entity.id, camera.name, pose
-    for (name, camera_name), pose in taken.items():
+    for (name, camera_name), pose in captured.items():
         yield None, name, camera_name, pose
 
 
@@ -169,8 +176,8 @@ def _note(topic: str, name: str, record: TraceRecord) -> Derived:
 
 
 def _unit_box(value: Datum) -> UnitBox | None:
-    """Four numbers within reason; None for anything else: an agent may say anything."""
+    """Return a box of four numbers below `_FAR`, or None. The value comes from an agent and may be anything."""
     if not isinstance(value, tuple) or len(value) != 4:
         return None
-    numbers = [float(one) for one in value if isinstance(one, int | float) and abs(one) < _FAR]
+    numbers = [float(item) for item in value if isinstance(item, int | float) and abs(item) < _FAR]
     return (numbers[0], numbers[1], numbers[2], numbers[3]) if len(numbers) == 4 else None

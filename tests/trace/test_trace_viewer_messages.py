@@ -22,9 +22,9 @@ from lingjing.trace.container import ContainerWriter
 from lingjing.trace.copying import copy_trace
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, Envelope
-from lingjing.trace.shown import ShownEpisode
 from lingjing.trace.surroundings import NO_SURROUNDINGS, CityMesh, Surroundings
 from lingjing.trace.topics import CITY, HIDDEN, SCENE, SCORE, agent_topic, camera_topic
+from lingjing.trace.viewer_messages import ViewerMessages
 from lingjing.trace.writer import TraceWriter, nanoseconds
 from tests.trace import synthetic as episode
 
@@ -94,7 +94,7 @@ def test_a_late_report_is_drawn_anew_and_nonsense_is_not(trace: Trace) -> None:
     nonsense = (None, "x", (), (1, 2, 3), (0.1, 0.2, 0.3, float("nan")), (10**400, 0, 0, 0), ("a", 0, 0, 0))
     extra = [said(later, frame=frame.id, box=one) for one in nonsense] + [said(later, frame="no such", box=box)]
     extra = [msgspec.structs.replace(one, id=f"m{later.tick}-{90 + n}") for n, one in enumerate(extra)]
-    shown = ShownEpisode(trace.header.instance, NO_SURROUNDINGS)
+    shown = ViewerMessages(trace.header.instance, NO_SURROUNDINGS)
     drawn: list[tuple[int, ImageAnnotations]] = []
     for record in trace.boundaries[: later.tick + 1]:
         if record.tick == later.tick:
@@ -113,7 +113,7 @@ def test_cameras_hang_from_their_bodies_at_every_boundary(trace: Trace) -> None:
         east, north, up = state.position
         return CameraPose(position=(east, north, up - 1.0), heading_deg=state.heading_deg, tilt_deg=90.0)
 
-    shown = ShownEpisode(trace.header.instance, Surroundings(camera=camera))
+    shown = ViewerMessages(trace.header.instance, Surroundings(camera=camera))
     for record in trace.boundaries[:8]:
         hung = {}
         for time_s, (topic, _, data) in shown.boundary(record):
