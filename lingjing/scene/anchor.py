@@ -1,16 +1,22 @@
-"""`anchor`: put what a mission declares `on = road`, `roof`, `facade`, `ground`, `bridge` or `pipe` onto the city.
+"""`anchor`: place a mission's entities on the city, on the `road`, `roof`, `facade`, … they declare.
 
-A mission says where things are in metres and knows no city; here each entity with a property `on` moves to the nearest
-suitable place, its elevation becomes that of what it stands on, and its heading follows the road, the deck or the wall
-(of two directions of a road the one nearer to the declared heading). No two share a roof or a facade, vehicles keep a
-length apart, and no two assets that are there from the start overlap: the later one gives way. Where an interaction
-names who performs it and from how far, the place is one such a body can reach: a fire on a roof lies near enough to a
-road for the truck. What has no `on` stays where it is, but for what would begin inside a building or, on the ground, in
-the middle of a road. What is drawn from a region stays in it. What is outside of the city or under its ground is
-refused, and so is a mission whose scene moves a declared place too far (`lingjing.scene.displacement`). Regions made of
-roads get their outlines.
+A mission gives places in metres and does not know the city. An entity with a property `on` moves to the nearest
+suitable place. Its elevation becomes that of the surface below it, and its heading follows the road, the deck or the
+wall. Of the two directions of a road it takes the one nearer to its declared heading.
 
-A pure function of its arguments; the order is that of declaration.
+Rules for places:
+
+- No two entities share a roof or a facade, and vehicles on a lane keep a distance.
+- No two assets that exist from the start overlap: the later one gives way.
+- If an interaction names its actor and its range, the place is within reach of such a body: a fire on a roof is near
+  enough to a road for the fire truck.
+- An entity without `on` stays where it is, unless it would begin inside a building or, on the ground, on a road.
+- An entity that is drawn from a region stays in that region.
+- A place outside of the city or under its ground is an error, and so is a move beyond the mission's limit
+  (`lingjing.scene.displacement`).
+
+Regions made of roads get their outlines here too. The result is a pure function of the arguments; entities are placed
+in the order of their declaration.
 """
 
 from __future__ import annotations
@@ -39,67 +45,75 @@ from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
 REACH_M = 400.0
-"""How far an entity may be moved; beyond that the mission and the scene do not fit."""
+"""Farthest move of an entity, metres (chosen): beyond it the mission and the scene do not fit."""
 
 VEHICLES_APART_M = 9.0
+"""Least distance between vehicles on one lane, metres (chosen)."""
 WALKERS_APART_M = 1.0
+"""Least distance between entities on the ground, metres (chosen)."""
 LANE_END_M = 6.0
-"""Vehicles and what stands on roads keep this far from the ends of a lane, out of the crossings."""
+"""Distance that vehicles and entities on roads keep from the ends of a lane, metres (chosen: clear of the
+crossings)."""
 
 ALONG_M = 3.0
-"""Steps in which a line is searched for a place that suits."""
+"""Step of the search along a line, metres (chosen)."""
 
 OTHER_LANE_M = 7.0
-"""A lane that is farther than the nearest by no more than this may be taken for its direction."""
+"""A lane that is farther than the nearest by at most this may be chosen for its direction, metres (chosen)."""
 
 ROOF_EDGE_M = 2.0
+"""Least distance from the edge of a roof, metres (chosen)."""
 SLACK_M = 5.0
-"""An interaction's distance is not used up to the last metre: a road's far lane still reaches."""
+"""Reserve of an interaction's range, metres (chosen): a vehicle on the far lane of the road still reaches."""
 
 APART_M = 1.0
-"""A body that gives way to another keeps so much room to it."""
+"""Least distance between a body that gives way and the other body, metres (chosen)."""
 
 APART_REACH_M = 50.0
-"""How far a body gives way to others."""
+"""Farthest move of a body that gives way to others, metres (chosen)."""
 
 STAND_CLEAR_M = 1.2
+"""Clearance of an entity that is moved out of the way, metres (chosen)."""
 BODY_CLEAR_M = 0.6
+"""Clearance of an asset on the ground or in front of an entrance, metres (chosen)."""
 TARGET_CLEAR_M = 1.5
+"""Clearance of a target on the ground, metres (chosen)."""
 
 _RADII_M = (40.0, 120.0, REACH_M)
+"""Radii of the search for candidates, metres: the first that gives enough of them is used."""
 
 
 def anchor(instance: Instance, city: City, *, imported: bool = False) -> Instance:
-    """The instance with its entities and regions on the city.
+    """Return the instance with its entities and regions placed on the city.
 
-    An `imported` one comes from a document of another program: its bodies are moved as far as the city needs.
-    Raises `MissionError` where nothing suitable lies within `REACH_M` of a declared place and in the region it is drawn
-    from, or nothing within the mission's `displacement`; where a place is outside of the city or under its ground; or
-    where no road has the name a region asks for.
+    `imported`: True for the document of another program; its bodies are moved as far as the city requires. Raises
+    `MissionError` if an entity has no suitable place within `REACH_M` (and in the region that it is drawn from) or
+    within the mission's `displacement`; if a place is outside of the city or under its ground; or if no road has the
+    name that a region requires.
     """
-    from lingjing.scene.regions import resolved
+    from lingjing.scene.regions import resolve_region
 
     anchoring = _Anchoring(instance, city)
-    # Hidden ones last: what is public must not give way to them, or its place would tell of theirs.
+    # Hidden entities come last: if a public one gave way to them, its place would reveal theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
     placed = {entity.id: anchoring.entity(entity) for entity in order}
     entities = tuple(placed[entity.id] for entity in instance.entities)
     if not imported:
         check_displacements(instance, entities)
     regions = tuple(
-        region if region.on_map is None else resolved(region, instance, city) for region in instance.regions
+        region if region.on_map is None else resolve_region(region, instance, city) for region in instance.regions
     )
     return msgspec.structs.replace(instance, entities=entities, regions=regions)
 
 
 # -- private
 
-_Found = TypeVar("_Found")
+_Item = TypeVar("_Item")
 _ROAD = "road"
 
 
 class _Anchoring:
-    """One pass over an instance's entities; remembers what is taken."""
+    """One pass over an instance's entities. It remembers the roofs, facades and places that are in use."""
 
     def __init__(self, instance: Instance, city: City) -> None:
         self._instance = instance
@@ -125,7 +139,9 @@ class _Anchoring:
         return Terrain(self._city)
 
     def entity(self, declared: Entity) -> Entity:
-        """An entity at its place in the city, where no body begins yet; `MissionError` if it has none."""
+        """Return an entity at its place in the city, clear of all bodies placed so far. Raises `MissionError` without
+        one.
+        """
         placed = self.standing(self._apart(self.placed(declared)), declared.position[2])
         room = footprint(placed)
         if room is not None:
@@ -133,7 +149,7 @@ class _Anchoring:
         return placed
 
     def placed(self, entity: Entity) -> Entity:
-        """The entity on what it is declared to be on, or out of the way."""
+        """Return the entity on the surface that it declares, or out of the way if it declares none."""
         on = entity.properties.get("on")
         if on is None:
             return self._out_of_the_way(entity)
@@ -144,8 +160,11 @@ class _Anchoring:
         return rule(entity)
 
     def standing(self, entity: Entity, declared_m: float) -> Entity:
-        """The entity, if it is in the city, not under its ground and, where it is always on a surface, there and
-        declared not far above or below that; `MissionError` else."""
+        """Return the entity unchanged after the checks of its place.
+
+        Raises `MissionError` if it is outside of the city or under its ground. An asset that is always on a surface
+        must be on that surface, and be declared near its elevation.
+        """
         x, y, z = entity.position
         west, south, east, north = self._city.bounds
         if not engine_kind(entity.engine).anywhere and not (west <= x <= east and south <= y <= north):
@@ -170,7 +189,7 @@ class _Anchoring:
             raise MissionError(
                 f"`{entity.id}` begins {_where(entity)}, which is on land", hint="move it into the water"
             )
-        level = z  # of what the scene has put on a road
+        level = z  # on a road: the elevation at which the scene has placed the entity
         if surface in ("water", "ground"):
             level = max(self._surface(x, y), self._footing.roof_over(x, y) or -inf)
         if surface and declared_m != self._city.datum_m and abs(declared_m - level) > OFF_M:
@@ -189,12 +208,12 @@ class _Anchoring:
     # -- bodies that keep apart
 
     def _is_free(self, entity: Entity) -> bool:
-        """True if no other body begins where an entity is; for what is no body, always."""
+        """True if no other body begins at the entity's place; always True for an entity without a body."""
         room = footprint(entity)
         return room is None or self._bodies.met(room) is None
 
     def _apart(self, entity: Entity) -> Entity:
-        """The entity, or the same at the nearest place like its own that no other body takes up."""
+        """Return the entity, moved if necessary to the nearest similar place that no other body occupies."""
         if self._is_free(entity):
             return entity
         alike = PlacesAlike(entity, self._terrain, self._footing)
@@ -222,16 +241,16 @@ class _Anchoring:
         if vehicle:
             near.sort(key=lambda way: (round(abs(turn_deg(entity.heading_deg, way[3])) / 60.0), way[0], way[1]))
         for _, _, line, _ in (*near, *ways):
-            found = self._free_on(line, entity, self._vehicles if vehicle else ())
-            if found is not None:
-                place, heading = point_at(line, found)
+            at_m = self._free_on(line, entity, self._vehicles if vehicle else ())
+            if at_m is not None:
+                place, heading = point_at(line, at_m)
                 if vehicle:
                     self._vehicles.append(place[:2])
                 return _moved(entity, place, heading)
         raise self._nothing(entity, "free road")
 
     def _lanes(self, entity: Entity) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
-        """Distance, id, line and heading of every lane for cars around an entity."""
+        """Yield distance, id, line and heading of every lane for cars near an entity."""
         x, y, _ = entity.position
 
         def lanes(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
@@ -247,7 +266,9 @@ class _Anchoring:
     def _free_on(
         self, line: tuple[Vector, ...], entity: Entity, vehicles: Sequence[tuple[float, float]]
     ) -> float | None:
-        """The place on a lane nearest to an entity, in its region, that keeps its distance from vehicles."""
+        """Position on a lane, nearest to an entity, that is in its region and keeps its distance from vehicles; or
+        None.
+        """
         x, y, _ = entity.position
         wanted = _kept_inside(line, project(line, x, y).at_m)
         for at in _outwards(line, wanted):
@@ -279,7 +300,9 @@ class _Anchoring:
         raise self._nothing(entity, "flat roof" if within is None else f"flat roof within {within:g} m of a road")
 
     def _roof_spot(self, building: Building, entity: Entity, within: float | None) -> tuple[float, float] | None:
-        """The place on a roof nearest to an entity: away from its edge, under no other building, in reach of a road."""
+        """The place on a roof nearest to an entity: off its edge, under no other building, within reach of a road; or
+        None.
+        """
         x, y, _ = entity.position
         west, south = (min(axis) for axis in zip(*building.polygon, strict=True))
         east, north = (max(axis) for axis in zip(*building.polygon, strict=True))
@@ -319,20 +342,20 @@ class _Anchoring:
                 if building.entrance is not None and building.base_m < 1.0 and building.id not in self._facades:
                     yield area_distance(building.polygon, x, y), building.id, building
 
-        found = sorted(self._around(entity, facades, lambda item: item[0]), key=lambda item: item[:2])
-        for _, _, building in found:
+        candidates = sorted(self._around(entity, facades, lambda item: item[0]), key=lambda item: item[:2])
+        for _, _, building in candidates:
             if building.entrance is None:
                 continue
             door, bearing = building.entrance, building.entrance[2]
             east, north = offset_xy(door, bearing, 0.3)
-            out = round(east, 3), round(north, 3)
-            if not _in_region(entity, *out):
+            outside = round(east, 3), round(north, 3)
+            if not _in_region(entity, *outside):
                 continue
-            before = offset_xy(door, bearing, 3.0)
-            if self._footing.is_clear(*before, BODY_CLEAR_M):
+            front = offset_xy(door, bearing, 3.0)
+            if self._footing.is_clear(*front, BODY_CLEAR_M):
                 self._facades.add(building.id)
-                height = self._footing.height(*before)
-                return _with_building(_moved(entity, (*out, height), bearing), building)
+                height = self._footing.height(*front)
+                return _with_building(_moved(entity, (*outside, height), bearing), building)
         raise self._nothing(entity, "building with an entrance")
 
     # -- the ground
@@ -350,17 +373,17 @@ class _Anchoring:
         return _moved(entity, (*spot, self._footing.height(*spot)))
 
     def _suits(self, entity: Entity, above_m: float = 0.0) -> Callable[[float, float], bool]:
-        """True if an entity so far above the ground at a place would meet no other body."""
+        """Return a predicate: True if the entity, so far above the ground at a place, would touch no other body."""
         return lambda x, y: self._is_free(_moved(entity, (x, y, self._footing.height(x, y) + above_m)))
 
     def _out_of_the_way(self, entity: Entity) -> Entity:
-        """What has no `on`: left where it is, unless it would begin inside a building or stand on a road."""
+        """Return an entity without `on`: unchanged, unless it would begin inside a building or stand on a road."""
         x, y, z = entity.position
         if engine_kind(entity.engine).stands_on == "water":
             return self._clear_of_structures(entity) if self._footing.is_water(x, y) else entity
         roof, floor = self._footing.roof_over(x, y), self._footing.height(x, y)
         if entity.role == "asset" and z == self._city.datum_m < floor and not self._footing.is_water(x, y):
-            z = floor  # no elevation was given: on land that means the ground, not the water's level
+            z = floor  # without a declared elevation, an asset on land begins on the ground, not at the water's level
             entity = _moved(entity, (x, y, z))
         buried = roof is not None and z < roof - 0.01
         on_ground = entity.role == "asset" and floor <= z and stands(entity, floor)
@@ -410,8 +433,8 @@ class _Anchoring:
                 if len(line) > 1:
                     yield project(line, x, y).off_m, name, line
 
-        found = sorted(self._around(entity, ways, lambda item: item[0]), key=lambda item: item[:2])
-        for _, _, line in found:
+        candidates = sorted(self._around(entity, ways, lambda item: item[0]), key=lambda item: item[:2])
+        for _, _, line in candidates:
             at = _nearest_in_region(entity, line)
             if at is not None:
                 place, heading = point_at(line, at)
@@ -421,17 +444,17 @@ class _Anchoring:
     # -- all of them
 
     def _around(
-        self, entity: Entity, items: Callable[[Tile], Iterator[_Found]], distance: Callable[[_Found], float]
-    ) -> list[_Found]:
-        """What the tiles around an entity hold within reach, from as small a circle as holds anything."""
+        self, entity: Entity, items: Callable[[Tile], Iterator[_Item]], distance: Callable[[_Item], float]
+    ) -> list[_Item]:
+        """The items near an entity, from the smallest circle of `_RADII_M` that holds enough of them."""
         x, y, _ = entity.position
-        found: list[_Found] = []
+        candidates: list[_Item] = []
         for radius in _RADII_M:
             tiles = self._tiles.near(x, y, radius)
-            found = [item for tile in tiles for item in items(tile) if distance(item) <= radius]
-            if len(found) >= _ENOUGH:
+            candidates = [item for tile in tiles for item in items(tile) if distance(item) <= radius]
+            if len(candidates) >= _ENOUGH:
                 break
-        return found
+        return candidates
 
     def _nothing(self, entity: Entity, what: str, reach_m: float = REACH_M) -> MissionError:
         where = _where(entity).removeprefix("at ")
@@ -444,7 +467,7 @@ class _Anchoring:
 
 
 _ENOUGH = 12
-"""A circle with fewer candidates than this is widened: those in it may not suit."""
+"""Least number of candidates: with fewer, the circle is widened, since some of them may not suit."""
 
 
 def _moved(entity: Entity, place: Vector, heading: float | None = None) -> Entity:
@@ -459,12 +482,12 @@ def _where(entity: Entity) -> str:
 
 
 def _in_region(entity: Entity, x: float, y: float) -> bool:
-    """Whether a place, to the millimetre that is kept, is in the region that the entity's is drawn from."""
+    """True if a place, rounded to the millimetre, is in the region that the entity's place is drawn from."""
     return not entity.drawn_in or contains(entity.drawn_in, round(x, 3), round(y, 3))
 
 
 def _nearest_in_region(entity: Entity, line: tuple[Vector, ...]) -> float | None:
-    """How far along a line the place nearest to an entity lies that is in its region; None if there is none."""
+    """Position along a line, nearest to an entity, that is in its region; None if there is none."""
     x, y, _ = entity.position
     wanted, total = project(line, x, y).at_m, line_length(line)
     inside = (at for at in _outwards(line, wanted) if 0.0 <= at <= total)
@@ -472,7 +495,7 @@ def _nearest_in_region(entity: Entity, line: tuple[Vector, ...]) -> float | None
 
 
 def _outwards(line: tuple[Vector, ...], wanted: float) -> Iterator[float]:
-    """Places along a line from the wanted one on, ever farther to both sides."""
+    """Yield positions along a line, from `wanted` on, alternating to both sides."""
     yield wanted
     for step in range(1, int(line_length(line) / ALONG_M) + 1):
         yield from (wanted + ALONG_M * step, wanted - ALONG_M * step)
@@ -491,17 +514,17 @@ def _kept_inside(line: tuple[Vector, ...], at: float) -> float:
 
 
 def _apart(dx: float, dy: float, line: tuple[Vector, ...], at: float) -> float:
-    """How far another vehicle has to be: a length along the lane, half a lane's width across it."""
+    """Least distance from another vehicle: `VEHICLES_APART_M` along the same lane, 0 beside it."""
     heading = radians(point_at(line, at)[1])
     across = abs(dx * cos(heading) - dy * sin(heading))
     return 0.0 if across > 2.4 else VEHICLES_APART_M
 
 
 def _road_reach_m(entity: Entity, instance: Instance) -> float | None:
-    """The smallest distance from which vehicles on a road interact with an entity, if any do."""
+    """The smallest range of the interactions that vehicles on a road perform with an entity; None without any."""
     reaches = (
-        one.within_m
-        for one in entity.interactions
-        if one.by == _ROAD or any(actor.engine == _ROAD for actor in instance.actors(one))
+        interaction.within_m
+        for interaction in entity.interactions
+        if interaction.by == _ROAD or any(actor.engine == _ROAD for actor in instance.actors(interaction))
     )
     return min(reaches, default=None)

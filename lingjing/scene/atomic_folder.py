@@ -1,6 +1,6 @@
-"""A place to write in, next to where a result belongs: so that it appears there whole or not at all.
+"""Temporary folders beside a result's final place, so that the result appears there complete or not at all.
 
-Writers that were killed leave such a folder behind; the next one at the same place takes it away.
+A killed writer leaves its folder behind. The next writer for the same place removes it.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ SUFFIX = ".part"
 
 @contextlib.contextmanager
 def folder_beside(target: Path) -> Iterator[Path]:
-    """An empty folder `.NAME.PROCESS.….part` next to `target`, on its file system, gone at the end.
+    """Create an empty folder `.NAME.PROCESS.….part` next to `target`, on the same file system; remove it at the end.
 
-    Folders of processes that live no more go with it. `OSError` where none can be made.
+    Folders of processes that no longer exist are removed too. Raises `OSError` if no folder can be created.
     """
-    for left in target.parent.glob(f".{target.name}.*{SUFFIX}"):
-        if not _alive(left.name.removeprefix(f".{target.name}.").split(".")[0]):
-            shutil.rmtree(left, ignore_errors=True)
-    made = tempfile.mkdtemp(prefix=f".{target.name}.{os.getpid()}.", suffix=SUFFIX, dir=target.parent)
-    folder = Path(made, "new")
-    folder.mkdir()  # the one above is for its owner's eyes alone; what is renamed into place is as the umask has it
+    for leftover in target.parent.glob(f".{target.name}.*{SUFFIX}"):
+        if not _alive(leftover.name.removeprefix(f".{target.name}.").split(".")[0]):
+            shutil.rmtree(leftover, ignore_errors=True)
+    private = tempfile.mkdtemp(prefix=f".{target.name}.{os.getpid()}.", suffix=SUFFIX, dir=target.parent)
+    folder = Path(private, "new")
+    folder.mkdir()  # mkdtemp's folder has mode 700; this one, which is renamed into place, has the umask's
     try:
         yield folder
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(private, ignore_errors=True)
 
 
 def _alive(process: str) -> bool:

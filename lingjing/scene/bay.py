@@ -1,11 +1,11 @@
 """The `bay` scene: open water around a small harbour point, inside a wide ring of coast that is open to the south.
 
-Laid out for the paper's sea-rescue listing (UAVs start on the apron near (300, -600), the lifeboat at (12, -1352),
-the search lies south of -750), but water reaches 1.6 km around the origin, so other search polygons serve as well;
-only the point itself, inside (85..585, -712..-425), is land. The layout is fixed; the seed decides what floats where,
-where rocks and trees stand and how boats lie.
+The layout fits the paper's sea-rescue listing: the UAVs start on the apron near (300, -600), the lifeboat at (12,
+-1352), and the search area lies south of -750. Water reaches 1.6 km around the origin, so other search polygons fit as
+well; only the point itself, inside (85..585, -712..-425), is land. The layout is fixed. The seed decides the floating
+objects, the places of rocks and trees, and the headings of boats.
 
-Options: `distractors`, things afloat per square kilometre; `centre`, where the bay's middle lies.
+Options: `distractors` (floating objects per square kilometre) and `centre` (the place of the bay's centre).
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from lingjing.mission.kinds import builtin_scenes, centre_m, check_scene, reach_
 from lingjing.scene.city import City, Land, Prop, Solid, Water
 from lingjing.scene.districts.draft import stream
 from lingjing.scene.outlines import within
-from lingjing.scene.translation import translated
+from lingjing.scene.translation import translate
 
 APRON_TOP_M = 0.9
-"""Elevation of the UAV apron: the listing's 1.1 m less the height of a quadrotor's legs."""
+"""Elevation of the UAV apron, metres: the listing's 1.1 m less the height of a quadrotor's legs."""
 
 _KIND = builtin_scenes()["bay"]
 REACH_M = reach_m(SceneSpec(kind=_KIND.name)) or 0.0
-"""The city spans this far from the origin to every side."""
+"""Half side of the city about the origin, metres."""
 
 OPEN_WATER_M = 1600.0
-"""Floating things and moored boats are spread up to this far from the origin."""
+"""Distance from the origin within which floating objects and moored boats are placed, metres (chosen)."""
 
 (POINT,) = _KIND.land
 POINT_GRASS: Polygon = (
@@ -38,12 +38,16 @@ POINT_GRASS: Polygon = (
     (460.0, -640.0), (498.0, -584.0), (500.0, -532.0), (462.0, -488.0), (404.0, -466.0), (330.0, -458.0),
     (256.0, -466.0), (190.0, -496.0), (146.0, -546.0),
 )  # fmt: skip
+"""Grass of the harbour point."""
 HEADLAND: Polygon = (
     (462.0, -700.0), (498.0, -706.0), (548.0, -682.0), (578.0, -634.0), (572.0, -584.0), (536.0, -556.0),
     (502.0, -584.0), (478.0, -640.0),
 )  # fmt: skip
+"""Rock of the harbour point."""
 APRON: Polygon = ((228.0, -676.0), (362.0, -676.0), (362.0, -548.0), (228.0, -548.0))
+"""Concrete on which the UAVs start."""
 WATERSIDE_ROCKS = ((96.0, -628.0), (430.0, -702.0), (470.0, -706.0), (540.0, -692.0), (574.0, -650.0), (580.0, -604.0))
+"""Centres about which rocks lie at the waterside."""
 
 AFLOAT: tuple[tuple[str, str, int], ...] = (
     ("buoy", "buoy_orange", 5),
@@ -57,13 +61,13 @@ AFLOAT: tuple[tuple[str, str, int], ...] = (
     ("debris", "seaweed", 4),
     ("debris", "tarpaulin", 2),
 )
-"""(class, model, weight) of what may float anywhere: some are orange or man-sized, none is a person."""
+"""(class, model, weight) of the floating objects. Some are orange or as large as a person; none is a person."""
 
 
 def build(spec: SceneSpec) -> City:
-    """The bay of a spec. Raises `UsageError` for an option it does not know.
+    """The bay of a spec. Raises `UsageError` for an unknown option.
 
-    What stands on land is the layout's and the same in every episode; what floats is the seed's.
+    Objects on land depend on the layout alone and are the same in every episode. Floating objects depend on the seed.
     """
     level = spec.datum_m
     density = _density(spec)
@@ -86,7 +90,7 @@ def build(spec: SceneSpec) -> City:
         ),
         attribution="procedural",
     )
-    return translated(city, (east, north))
+    return translate(city, (east, north))
 
 
 def _density(spec: SceneSpec) -> float:
@@ -95,7 +99,7 @@ def _density(spec: SceneSpec) -> float:
 
 
 def apron_top_m(level_m: float) -> float:
-    """Elevation of the apron's surface over water at `level_m`: the listing's, or 1.5 m over higher water."""
+    """Elevation of the apron's surface over water at `level_m`: the listing's, or 1.5 m above higher water."""
     return APRON_TOP_M if level_m <= APRON_TOP_M - 1.0 else level_m + 1.5
 
 
@@ -227,7 +231,7 @@ def _afloat(level: float, density: float, chance: Random) -> Iterator[Prop]:
 
 
 def _open_water(chance: Random) -> tuple[float, float]:
-    """A point on open water, clear of the point, the pier and the lifeboat's berth, inside the coast."""
+    """A random point on open water, clear of the harbour point, the pier and the lifeboat's berth, inside the coast."""
     while True:
         east, north = chance.uniform(-OPEN_WATER_M, OPEN_WATER_M), chance.uniform(-OPEN_WATER_M, OPEN_WATER_M)
         dry = within(POINT, east, north, margin_m=12.0) or (0.0 < east < 150.0 and -675.0 < north < -630.0)

@@ -1,7 +1,7 @@
-"""What stands in the way: prisms and slabs that a moving body can touch or rest on, made from a city's pieces.
+"""Obstacles of a city: prisms and slabs that a moving body collides with or rests on, made from the city's pieces.
 
-A block is a polygon between two planes. Walls, decks and buildings have level ones, slopes and the decks of bridges
-inclined ones. A pitched roof counts as full up to its ridge.
+A block is a polygon between two planes. Walls, decks and buildings have level planes; slopes and the decks of bridges
+have inclined ones. A pitched roof counts as full up to its ridge.
 """
 
 from __future__ import annotations
@@ -17,9 +17,13 @@ from lingjing.scene.city import Bridge, Building, Pieces, Slope, Solid
 from lingjing.scene.outlines import BoundedPolygon, inside
 
 PIER_M = 1.8
-"""Side of a leg of a bridge's pier."""
-_TWO_LEGS_M, _CAP_SHARE, _LEG_SHARE = 11.0, 0.62, 0.55
-"""How legs stand under a deck, as the camera draws them."""
+"""Side of the square leg of a pier, metres (chosen)."""
+_TWO_LEGS_M = 11.0
+"""Width of a deck from which its piers have two legs, metres (as the camera engine draws them)."""
+_CAP_SHARE = 0.62
+"""Length of a pier's cap as a share of the deck's width (as drawn)."""
+_LEG_SHARE = 0.55
+"""Distance between the two legs as a share of the cap's length (as drawn)."""
 
 Plane = tuple[float, float, float]
 """Rise per metre east, rise per metre north, elevation at the frame's origin."""
@@ -27,13 +31,18 @@ Plane = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Something solid. `id` is the piece's own; parts of one bridge share its id."""
+    """A solid polygon between two planes."""
 
     id: str
+    """Id of the piece. Parts of one bridge share it."""
     area: BoundedPolygon
+    """Outline with its bounds."""
     base: Plane
+    """Plane of the underside."""
     top: Plane
+    """Plane of the upper side."""
     holes: tuple[Polygon, ...] = ()
+    """Open courtyards."""
 
     def base_at(self, x: float, y: float) -> float:
         """Elevation of the underside, metres."""
@@ -44,12 +53,12 @@ class Block:
         return self.top[0] * x + self.top[1] * y + self.top[2]
 
     def covers(self, x: float, y: float, margin_m: float = 0.0) -> bool:
-        """Whether a point in plan is in it or within `margin_m` of its outline. Courtyards are open."""
+        """True if a point in plan is inside the outline or within `margin_m` of it, and in no courtyard."""
         return self.area.holds(x, y, margin_m) and not any(inside(hole, x, y) for hole in self.holes)
 
 
 def blocks(pieces: Pieces) -> Iterator[Block]:
-    """Everything solid among some pieces of a city: solids, buildings, slopes, bridges."""
+    """Yield the blocks of solids, buildings, slopes and bridges."""
     for solid in pieces.solids:
         yield _prism(solid)
     for building in pieces.buildings:
@@ -119,8 +128,11 @@ def _piers(bridge: Bridge) -> Iterator[Block]:
 
 
 def pier_places(bridge: Bridge) -> Iterator[Vector]:
-    """Where a bridge's piers stand, with the deck's elevation there: bents of one leg, two under a wide deck, in the
-    middles of equal fields that are at most `pier_spacing_m` long."""
+    """Yield the places of a bridge's pier legs, with the deck's elevation there.
+
+    Piers stand in the middles of equal fields of at most `pier_spacing_m`. A narrow deck has one leg per pier, a wide
+    one two.
+    """
     whole = sum(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(bridge.path))
     if bridge.pier_spacing_m <= 0.0 or whole < 1.0:
         return

@@ -1,17 +1,17 @@
 """Cameras and compass: pixel → ray → point on a horizontal plane, and back.
 
-Pure functions over floats, the same ones that the camera engine draws with, so a policy that turns a box into a
-world position uses the very geometry that made the picture. No numpy.
+Pure functions over floats, without numpy. The camera engine draws with the same functions. So a policy that turns a box
+into a world position uses exactly the geometry of the picture.
 
 Frames. World: east, north, elevation (m). Camera: pinhole with square pixels, optical centre `pose.position`,
-`right`/`down`/`forward` axes. Pixels are continuous: (0, 0) is the top-left *corner* of the image, (width, height) the
-bottom-right one, so pixel column c is centred at c + 0.5; a normalised box coordinate times the image size is such a
-pixel. Angles are degrees, headings clockwise from north.
+`right`/`down`/`forward` axes. Pixel coordinates are continuous: (0, 0) is the top-left *corner* of the image, (width,
+height) the bottom-right one, so pixel column c is centred at c + 0.5. A normalised box coordinate times the image size
+is such a pixel coordinate. Angles are degrees, headings clockwise from north.
 
-Mounts. A body's type declares where its cameras of a view sit (`mount` in docs/language.md); `MOUNTS` holds for views
-of which it says nothing. Cameras with a gimbal follow the body's heading and ignore its pitch and roll, those without
-one pitch and roll with it. Above 100 km there is no gimbal: a satellite turns as a whole, and every camera looks along
-its nose.
+Mounts. A body's type declares the positions of its cameras, one for each view (`mount` in docs/language.md). `MOUNTS`
+holds for views without such a declaration. A camera with a gimbal follows the body's heading and ignores its pitch and
+roll; one without a gimbal pitches and rolls with the body. Above 100 km there is no gimbal: a satellite turns as a
+whole, and every camera looks along its nose.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ MOUNTS: dict[str, CameraMount] = {
     "front": CameraMount(view="front", ahead_m=0.30, above_m=-0.05, tilt_deg=10.0),
     "oblique": CameraMount(view="oblique", ahead_m=0.30, above_m=-0.05, tilt_deg=45.0),
 }
-"""View → where a camera sits whose body's type declares no mount for it."""
+"""View → mount of a camera if its body's type declares none for that view (chosen)."""
 
 SPACE_M = 100_000.0
-"""Where space begins: above it every camera looks along its body's nose."""
+"""Elevation at which space begins, metres (the Kármán line). Above it every camera looks along its body's nose."""
 
 CameraAxes = tuple[Vector, Vector, Vector]
+"""Unit vectors of image-right, image-down and the optical axis."""
 
 
 def bearing_deg(origin: tuple[float, ...], target: tuple[float, ...]) -> float:
@@ -43,7 +44,7 @@ def bearing_deg(origin: tuple[float, ...], target: tuple[float, ...]) -> float:
 
 
 def distance_xy(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    """Horizontal distance in metres."""
+    """Horizontal distance, metres."""
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
@@ -65,15 +66,15 @@ def offset_xy(origin: tuple[float, ...], heading_deg: float, distance_m: float) 
 
 
 def camera_pose(position: Vector, heading_deg: float, camera: CameraSpec) -> CameraPose:
-    """Pose of a camera on a level body at `position` (m) with `heading_deg` whose type declares no mounts."""
+    """Pose of a camera on a level body of a type without mounts. `position` in metres."""
     return mounted_camera_pose(BodyState(id="", position=position, heading_deg=heading_deg), camera, ())
 
 
 def mounted_camera_pose(state: BodyState, camera: CameraSpec, mounts: Sequence[CameraMount]) -> CameraPose:
-    """Pose of a camera of a body from the body's state and the mounts of its type."""
+    """Pose of a body's camera, from the body's state and the mounts of its type."""
     if state.position[2] > SPACE_M:
         return _posed(camera, state.position, state.heading_deg, -state.pitch_deg)
-    mount = next((one for one in mounts if one.view == camera.view), MOUNTS[camera.view])
+    mount = next((declared for declared in mounts if declared.view == camera.view), MOUNTS[camera.view])
     pitch, roll = (0.0, 0.0) if mount.gimbal else (state.pitch_deg, state.roll_deg)
     rise, reach = sin(radians(pitch)), cos(radians(pitch))
     east, north = offset_xy(state.position, state.heading_deg, mount.ahead_m * reach - mount.above_m * rise)
@@ -101,7 +102,7 @@ def focal_px(pose: CameraPose) -> float:
 
 
 def camera_axes(pose: CameraPose) -> CameraAxes:
-    """World vectors of image-right, image-down and the optical axis; positive roll lowers the image's right side."""
+    """World vectors of image-right, image-down and the optical axis. Positive roll lowers the image's right side."""
     heading, tilt, roll = radians(pose.heading_deg), radians(pose.tilt_deg), radians(pose.roll_deg)
     sh, ch, st, ct, sr, cr = sin(heading), cos(heading), sin(tilt), cos(tilt), sin(roll), cos(roll)
     level, sunk = (ch, -sh, 0.0), (-sh * st, -ch * st, -ct)
@@ -111,8 +112,10 @@ def camera_axes(pose: CameraPose) -> CameraAxes:
 
 
 def pixel_ray(pose: CameraPose, u: float, v: float) -> Vector:
-    """World direction of the ray through pixel (u, v), scaled to 1 along the optical axis, so that
-    `position + depth * ray` is the point a depth image says."""
+    """World direction of the ray through pixel (u, v), scaled to 1 along the optical axis.
+
+    So `position + depth * ray` is the point that a depth image gives.
+    """
     right, down, forward = camera_axes(pose)
     focal = focal_px(pose)
     x, y = (u - pose.width / 2.0) / focal, (v - pose.height / 2.0) / focal
@@ -124,14 +127,16 @@ def pixel_ray(pose: CameraPose, u: float, v: float) -> Vector:
 
 
 def pixel_to_world(pose: CameraPose, u: float, v: float, depth_m: float) -> Vector:
-    """The point seen at pixel (u, v) at `depth_m` along the optical axis."""
+    """The world point at pixel (u, v) and `depth_m` along the optical axis."""
     ray = pixel_ray(pose, u, v)
     x, y, z = pose.position
     return x + depth_m * ray[0], y + depth_m * ray[1], z + depth_m * ray[2]
 
 
 def pixel_to_plane(pose: CameraPose, u: float, v: float, elevation_m: float) -> Vector | None:
-    """Where the ray through pixel (u, v) meets the horizontal plane at `elevation_m`; None if it never does."""
+    """The point at which the ray through pixel (u, v) meets the horizontal plane at `elevation_m`; None if it misses
+    it.
+    """
     rise = pixel_ray(pose, u, v)[2]
     fall = elevation_m - pose.position[2]
     if rise == 0.0 or fall / rise <= 0.0:
@@ -141,7 +146,7 @@ def pixel_to_plane(pose: CameraPose, u: float, v: float, elevation_m: float) -> 
 
 
 def world_to_pixel(pose: CameraPose, point: Vector) -> tuple[float, float, float] | None:
-    """(u, v, depth in metres) of a point, also outside the image's borders; None behind the camera."""
+    """(u, v, depth in metres) of a point, also outside of the image's borders; None behind the camera."""
     offset = (point[0] - pose.position[0], point[1] - pose.position[1], point[2] - pose.position[2])
     right, down, forward = camera_axes(pose)
     depth = _dot(offset, forward)
@@ -152,24 +157,27 @@ def world_to_pixel(pose: CameraPose, point: Vector) -> tuple[float, float, float
 
 
 def in_image(pose: CameraPose, u: float, v: float) -> bool:
-    """Whether pixel (u, v) lies inside the picture."""
+    """True if pixel (u, v) lies inside the picture."""
     return 0.0 <= u <= pose.width and 0.0 <= v <= pose.height
 
 
 def box_to_plane(pose: CameraPose, box: tuple[float, float, float, float], elevation_m: float) -> Vector | None:
-    """Where the centre of a normalised box (x0, y0, x1, y1) lies on the horizontal plane at `elevation_m`."""
+    """The point at which the centre of a normalised box (x0, y0, x1, y1) meets the horizontal plane at
+    `elevation_m`."""
     u = (box[0] + box[2]) / 2.0 * pose.width
     v = (box[1] + box[3]) / 2.0 * pose.height
     return pixel_to_plane(pose, u, v, elevation_m)
 
 
 def ground_footprint(pose: CameraPose, elevation_m: float) -> tuple[tuple[float, float], ...] | None:
-    """The picture's four corners (east, north) on a horizontal plane, clockwise from top left; None if the horizon
-    is in the picture."""
+    """The picture's four corners (east, north) on a horizontal plane, clockwise from top left.
+
+    None if the horizon is in the picture.
+    """
     corners = ((0.0, 0.0), (pose.width, 0.0), (pose.width, pose.height), (0.0, pose.height))
     points = [pixel_to_plane(pose, float(u), float(v), elevation_m) for u, v in corners]
-    found = [(point[0], point[1]) for point in points if point is not None]
-    return tuple(found) if len(found) == len(points) else None
+    places = [(point[0], point[1]) for point in points if point is not None]
+    return tuple(places) if len(places) == len(points) else None
 
 
 def _mix(a: Vector, b: Vector, ka: float, kb: float) -> Vector:

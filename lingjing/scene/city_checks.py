@@ -1,4 +1,4 @@
-"""What every city must be, whoever builds it: finite, as wide as it says, of whole shapes, with names of their own."""
+"""Checks that every city passes: finite numbers, sufficient bounds, complete shapes and unique ids."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from lingjing.mission.kinds import centre_m, extent_m
 from lingjing.scene.city import City, Pieces
 
 _LEAST = {"polygon": 3, "top": 3, "path": 2, "shape": 2}
-"""How many points a piece's field of that name has at least."""
+"""Least number of points in a piece's field, by the field's name."""
 
 
 def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
-    """What of a city is not as its scene and the contract say, in words."""
+    """Yield each violation of the scene's spec and the contract of cities, in words."""
     west, south, east, north = city.bounds
     if not (west < east and south < north):
         yield f"its bounds {city.bounds} are no (west, south, east, north)"
@@ -41,7 +41,7 @@ def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
 
 
 def _piece_faults(where: str, value: Any) -> Iterator[str]:
-    """Numbers that are none, and lines and outlines of too few points, at their paths."""
+    """Yield numbers that are not finite, and lines and outlines of too few points, with their paths."""
     if isinstance(value, float) and not math.isfinite(value):
         yield f"{where} is {value}"
     for key, part in value.items() if isinstance(value, dict) else ():

@@ -1,9 +1,8 @@
-"""Long pieces cut at the squares of the grid, so that a tile holds what is in it and little more.
+"""Cutting of long pieces at the squares of the grid, so that each tile holds little beyond its own square.
 
-Areas are cut at every square they enter (so that the order in which they are painted is that within a tile), roads and
-bridges along their lines. A road that is
-cut keeps its id in every section: a reader that wants the whole of it asks the traffic network. Buildings, solids and
-junctions are never cut: there the tiles' extents say what sticks out.
+Areas are cut at every square that they enter, which keeps the painting order within a tile. Roads and bridges are cut
+along their lines. A cut road keeps its id in every section: readers that need the whole road use the traffic network.
+Buildings, solids and junctions are never cut; the extents of the tiles include what projects from them.
 """
 
 from __future__ import annotations
@@ -21,14 +20,14 @@ from lingjing.scene.city import Bridge, Lane, PaintedArea, Pieces, Road
 from lingjing.scene.lines import lengths, section
 
 STICKS_OUT_M = 100.0
-"""A road or bridge longer than a square by no more than this is left as it is."""
+"""A road or bridge is cut if it is longer than a tile's side by more than this, metres (chosen)."""
 
 SLIVER_M2 = 0.05
-"""What is left of an area in a square and smaller than this is dropped."""
+"""Parts of a cut area that are smaller than this are dropped, square metres (chosen)."""
 
 
 def cut(pieces: Pieces, tile_m: float) -> Pieces:
-    """The pieces with long areas, roads and bridges divided."""
+    """Return the pieces with long areas, roads and bridges divided."""
     return msgspec.structs.replace(
         pieces,
         areas=tuple(part for area in pieces.areas for part in _areas(area, tile_m)),
@@ -58,7 +57,7 @@ def _areas(area: PaintedArea, side: float) -> Iterator[PaintedArea]:
 
 
 def _fits(polygon: Polygon, side: float) -> bool:
-    """Whether a polygon stays in the square of its first point."""
+    """True if a polygon lies in the square of its first point."""
     if not polygon:
         return True
     west, south = (floor(value / side) * side for value in polygon[0])
@@ -66,7 +65,7 @@ def _fits(polygon: Polygon, side: float) -> bool:
 
 
 def polygons(shape: Any) -> Iterator[Any]:
-    """The polygons of any shapely geometry, slivers left out."""
+    """Yield the polygons of any shapely geometry, without slivers."""
     import shapely
 
     for part in shapely.get_parts(shape):
@@ -78,8 +77,10 @@ def polygons(shape: Any) -> Iterator[Any]:
 
 
 def rings(polygon: Any) -> tuple[Polygon, ...]:
-    """The outline of a shapely polygon and then its holes, as cities hold them: anticlockwise, without the closing
-    repeat, to the millimetre. Empty if nothing is left at that resolution."""
+    """Return the outline of a shapely polygon and then its holes, in the form that cities use.
+
+    Rings are anticlockwise, without a repeated first point, rounded to the millimetre. Empty if the outline vanishes.
+    """
     outline, *holes = (_ring(ring.coords) for ring in (polygon.exterior, *polygon.interiors))
     return (outline, *(hole for hole in holes if hole)) if outline else ()
 
@@ -93,7 +94,9 @@ def _ring(coordinates: Iterable[tuple[float, ...]]) -> Polygon:
 
 
 def _from_within(outline: Polygon, column: int, row: int, side: float) -> Polygon:
-    """The outline beginning at a point that counts as this square's: its east and north edges are the neighbours'."""
+    """Rotate the outline to begin at a point of this square. The square's east and north edges belong to its
+    neighbours.
+    """
     for k, (x, y) in enumerate(outline):
         if floor(x / side) == column and floor(y / side) == row:
             return outline[k:] + outline[:k]
@@ -115,13 +118,13 @@ def _roads(road: Road, side: float) -> Iterator[Road]:
 
 
 def _section(lane: Lane, start: float, end: float) -> Lane:
-    """The part of a lane between two shares of its length."""
+    """The part of a lane between two positions, given as shares of its length."""
     whole = lengths(lane.shape)[-1]
     return msgspec.structs.replace(lane, shape=section(lane.shape, start * whole, end * whole) or lane.shape)
 
 
 def _bridges(bridge: Bridge, side: float) -> Iterator[Bridge]:
-    """Sections of a long bridge, cut at piers so that their spacing goes on."""
+    """Sections of a long bridge, cut at piers, so that the spacing of the piers continues."""
     length = lengths(bridge.path)[-1]
     if length <= side + STICKS_OUT_M:
         yield bridge
@@ -138,7 +141,9 @@ def _bridges(bridge: Bridge, side: float) -> Iterator[Bridge]:
 
 
 def _shares(shape: tuple[Vector, ...], side: float) -> list[float]:
-    """Where to cut a line, in shares of its length from 0 to 1: sections of about a tile's side, one if it is short."""
+    """Positions at which a line is cut, as shares of its length: sections of about a tile's side; 0 and 1 for a short
+    line.
+    """
     length = lengths(shape)[-1]
     count = 1 if length <= side + STICKS_OUT_M else ceil(length / side)
     return [k / count for k in range(count + 1)]

@@ -1,7 +1,7 @@
-"""How far `anchor` has moved entities from their declared places: what is reported, and what is too far.
+"""Displacement: the distance by which `anchor` has moved entities from their declared places; reports and limits.
 
-A place that is drawn from a region is not declared: the entity stays in its region. An elevation counts if the mission
-gives one.
+A place that is drawn from a region is not declared, and the entity stays in its region. A change of elevation counts if
+the mission declares an elevation.
 """
 
 from __future__ import annotations
@@ -15,78 +15,77 @@ from lingjing.mission.kinds import DISPLACEMENT
 from lingjing.trace.records import MovedBody
 
 NOTED_M = 1.0
-"""Moves shorter than this are not reported. It is also the length of what declares none."""
+"""Moves shorter than this are not reported, metres (chosen). It also stands for an undeclared length of an entity."""
 
 SHOWN = 5
-"""Moved entities that a summary names."""
+"""Most moved entities that a summary names."""
 
 MOST_M = 50.0
-"""The farthest that a declared place may be moved in a mission that names no `displacement`, metres (chosen: half a
-block of houses)."""
+"""Farthest permitted move in a mission without the option `displacement`, metres (chosen: half a block of houses)."""
 
 
 def moved_bodies(before: Instance, after: Instance) -> tuple[MovedBody, ...]:
-    """The entities that begin farther from their declared places than they are long."""
-    found = (_moved(one, other, before) for one, other in zip(before.entities, after.entities, strict=True))
-    return tuple(moved for moved in found if moved is not None)
+    """The entities that begin farther from their declared places than their own length."""
+    moves = (_moved(declared, placed, before) for declared, placed in zip(before.entities, after.entities, strict=True))
+    return tuple(moved for moved in moves if moved is not None)
 
 
 def check_displacements(declared: Instance, placed: Sequence[Entity]) -> None:
-    """Raise `MissionError` for the first entity that is moved farther than the mission allows."""
-    given = declared.scene.options.get(DISPLACEMENT, MOST_M)
-    most_m = float(given) if isinstance(given, int | float) else MOST_M
-    for one, other in zip(declared.entities, placed, strict=True):
-        moved_m = 0.0 if one.drawn_in else _distance_m(one, other, declared)
+    """Raise `MissionError` for the first entity that is moved farther than the mission permits."""
+    option = declared.scene.options.get(DISPLACEMENT, MOST_M)
+    most_m = float(option) if isinstance(option, int | float) else MOST_M
+    for entity, moved in zip(declared.entities, placed, strict=True):
+        moved_m = 0.0 if entity.drawn_in else _distance_m(entity, moved, declared)
         if moved_m > max(most_m, NOTED_M):
-            on = one.properties.get("on")
+            on = entity.properties.get("on")
             place = f"{on} that suits it" if isinstance(on, str) else "place that is clear"
             more = 10 * (int(moved_m / 10) + 1)
             raise MissionError(
-                f"`{one.id}` cannot begin where it is declared: the nearest {place} lies {moved_m:.1f} m away, "
+                f"`{entity.id}` cannot begin where it is declared: the nearest {place} lies {moved_m:.1f} m away, "
                 f"and a body is moved by {most_m:g} m at most",
                 hint=f"declare a place nearer to one that suits, or allow more: scene … {{ displacement = {more} m }}",
             )
 
 
 def in_words(moved: Sequence[MovedBody]) -> tuple[str, ...]:
-    """One line for a summary, none if nothing was moved. The places of hidden entities are not in it."""
+    """One line for a summary; none without moves. Places of hidden entities are left out."""
     if not moved:
         return ()
-    shown = [f"`{one.entity}` {one.moved_m:.1f} m ({one.on or 'clear of what is there'})" for one in moved[:SHOWN]]
+    shown = [f"`{body.entity}` {body.moved_m:.1f} m ({body.on or 'clear of what is there'})" for body in moved[:SHOWN]]
     more = f" and {len(moved) - SHOWN} more" if len(moved) > SHOWN else ""
     return (f"moved from their declared places by more than their own length: {', '.join(shown)}{more}",)
 
 
 def displacements(before: Instance, after: Instance, places: Mapping[str, str]) -> Iterator[str]:
-    """In words, each entity that stands elsewhere than its document says; `places` are JSON paths by entity id."""
-    for one, other in zip(before.entities, after.entities, strict=True):
-        east, north, up = (b - a for a, b in zip(one.position, other.position, strict=True))
+    """Yield a line for each entity with a place that differs from its document. `places`: JSON paths by entity id."""
+    for declared, placed in zip(before.entities, after.entities, strict=True):
+        east, north, up = (b - a for a, b in zip(declared.position, placed.position, strict=True))
         away, higher = hypot(east, north), abs(up)
-        if one.id not in places or max(away, higher) < NOTED_M:
+        if declared.id not in places or max(away, higher) < NOTED_M:
             continue
         ways = [f"{away:.0f} m away"] * (away >= NOTED_M)
         ways += [f"{higher:.0f} m {'higher' if up > 0 else 'lower'}"] * (higher >= NOTED_M)
-        on = one.properties.get("on")
+        on = declared.properties.get("on")
         where = f"on the nearest {on} that suits" if isinstance(on, str) else "clear of what stands there"
-        yield f"{places[one.id]}: `{one.id}` is put {' and '.join(ways)}, {where}"
+        yield f"{places[declared.id]}: `{declared.id}` is put {' and '.join(ways)}, {where}"
 
 
 # -- private
 
 
-def _moved(one: Entity, other: Entity, declared: Instance) -> MovedBody | None:
-    moved_m = 0.0 if one.drawn_in else _distance_m(one, other, declared)
-    if moved_m <= (one.number("length_m") or NOTED_M):
+def _moved(entity: Entity, placed: Entity, declared: Instance) -> MovedBody | None:
+    moved_m = 0.0 if entity.drawn_in else _distance_m(entity, placed, declared)
+    if moved_m <= (entity.number("length_m") or NOTED_M):
         return None
-    on = one.properties.get("on")
+    on = entity.properties.get("on")
     return MovedBody(
-        entity=one.id, declared=one.position, placed=other.position, moved_m=round(moved_m, 3),
+        entity=entity.id, declared=entity.position, placed=placed.position, moved_m=round(moved_m, 3),
         on=on if isinstance(on, str) else "",
     )  # fmt: skip
 
 
-def _distance_m(one: Entity, other: Entity, declared: Instance) -> float:
-    """How far an entity was moved: in space if its mission gives its elevation, else in plan."""
-    if one.position[2] == declared.scene.datum_m:
-        return dist(one.position[:2], other.position[:2])
-    return dist(one.position, other.position)
+def _distance_m(entity: Entity, placed: Entity, declared: Instance) -> float:
+    """Distance of a move: in space if the mission declares the elevation, else in plan. Metres."""
+    if entity.position[2] == declared.scene.datum_m:
+        return dist(entity.position[:2], placed.position[:2])
+    return dist(entity.position, placed.position)

@@ -1,6 +1,6 @@
-"""Where one can stand: the height of the ground at a place, what is in the way there, and the nearest free place.
+"""Free ground in a city: elevation of the ground, obstacles at a place, and the nearest free place.
 
-Reads a city through its tiles, so it works on large ones too. Heights are elevations in metres.
+It reads a city through its tiles, so it works for large cities too. Elevations are in metres.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from lingjing.scene.lines import project
 from lingjing.scene.tiles import Tiles
 
 STEP_M = 0.5
-"""What is not higher than this over the ground is stepped on, not walked around."""
+"""Greatest height over the ground that a person steps on, metres (chosen). Higher things are obstacles."""
 
 BODIES_M: dict[str, float] = {
     "parked_truck": 4.8, "parked_car": 2.6, "container": 6.3, "crates": 1.2, "bench": 1.0, "rock": 1.5,
     "tree": 0.35, "lamp": 0.2,
 }  # fmt: skip
-"""Radius of the circle around things that block the way, by class."""
+"""Radius of the circle around a blocking object, metres, by class (as drawn)."""
 
 HEAD_M = 2.0
-"""What begins higher than this over the ground is passed under."""
+"""Height over the ground from which a person passes underneath, metres (chosen)."""
 
 RING_M = 1.0
+"""Distance between the rings of a search, metres (chosen)."""
 
 
 class Footing:
@@ -36,7 +37,9 @@ class Footing:
         self._tiles = tiles or Tiles(city)
 
     def height(self, x: float, y: float) -> float:
-        """Elevation of what one stands on: the highest land, kerb or step there; water's bed does not count."""
+        """Elevation of the surface to stand on: the highest land, kerb or step at a place. The bed of waters is
+        ignored.
+        """
         tops = [land.top_m for land in self._city.lands if contains(land.polygon, x, y)]
         floor = max(tops, default=0.0)
         for tile in self._tiles.near(x, y, 0.0):
@@ -46,7 +49,7 @@ class Footing:
         return floor
 
     def is_clear(self, x: float, y: float, margin: float, *, off_road: bool = False) -> bool:
-        """Whether nothing stands within `margin` metres of a place on dry ground, and no road if `off_road`."""
+        """True if a place is dry and no obstacle is within `margin` metres; with `off_road`, no road either."""
         if self.is_water(x, y):
             return False
         for tile in self._tiles.near(x, y, margin + 7.0):
@@ -66,7 +69,7 @@ class Footing:
         return True
 
     def is_water(self, x: float, y: float) -> bool:
-        """Whether a place is in the water: in a body of water and on no land above that."""
+        """True if a place is in the water: inside a body of water, and on no land above its surface."""
         levels = (
             water.level_m
             for water in self._city.waters
@@ -78,22 +81,25 @@ class Footing:
         )
 
     def roof_over(self, x: float, y: float) -> float | None:
-        """The top of the highest building at a place, if there is one."""
-        found = [
+        """Elevation of the highest roof at a place; None outside of buildings."""
+        tops = [
             building.top_m
             for tile in self._tiles.near(x, y, 0.0)
             for building in tile.buildings
             if _within(building.polygon, x, y, 0.0)
         ]
-        return max(found, default=None)
+        return max(tops, default=None)
 
     def nearest_clear(
         self, x: float, y: float, margin: float, reach_m: float, *, off_road: bool = False,
         apart: Sequence[tuple[float, float]] = (), apart_m: float = 0.0, inside: Sequence[tuple[float, float]] = (),
         suits: Callable[[float, float], bool] | None = None,
     ) -> tuple[float, float] | None:  # fmt: skip
-        """The nearest free place in the city on rings a metre apart, at least `apart_m` from the places in `apart`,
-        within the outline `inside` and one that `suits`, if these are given; None if there is none within `reach_m`."""
+        """Return the nearest free place in the city on rings 1 m apart; None if there is none within `reach_m`.
+
+        The place is at least `apart_m` from each place in `apart`, inside the outline `inside` unless that is empty,
+        and one for which `suits` is true.
+        """
         west, south, east, north = self._city.bounds
         for px, py in rings(x, y, reach_m):
             if not (west <= px <= east and south <= py <= north):
@@ -110,7 +116,7 @@ class Footing:
 
 
 def rings(x: float, y: float, reach_m: float) -> Iterator[tuple[float, float]]:
-    """A place and then rings around it, a metre apart and with a point every one and a half metres."""
+    """Yield a place and then points on rings around it; rings are 1 m apart, their points 1.5 m."""
     yield x, y
     for ring in range(1, int(reach_m / RING_M) + 1):
         radius = ring * RING_M
@@ -124,7 +130,8 @@ def rings(x: float, y: float, reach_m: float) -> Iterator[tuple[float, float]]:
 
 
 def _within(polygon: Polygon, x: float, y: float, margin: float) -> bool:
-    """Whether a place is in a polygon or nearer to it than `margin`; a look at the bounds saves most of the work."""
+    """True if a place is inside a polygon or nearer to it than `margin`. The bounds are tested first, which is
+    cheap."""
     if all(px < x - margin for px, _ in polygon) or all(px > x + margin for px, _ in polygon):
         return False
     if all(py < y - margin for _, py in polygon) or all(py > y + margin for _, py in polygon):

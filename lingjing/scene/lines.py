@@ -1,4 +1,4 @@
-"""Places along lines: the nearest point of a lane, a deck or a pipe, and points at a given length."""
+"""Polylines in plan: the nearest point of a lane, a deck or a pipe to a place, and points at a given length."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ P = TypeVar("P", Vector2, Vector)
 
 @dataclass(frozen=True, slots=True)
 class LinePlace(Generic[P]):
-    """The point of a line that is nearest to a place in plan: `share` of the way from corner `start` to corner `end`.
-
-    Metres in plan: how far the place lies `off_m`, how far along the line the point is (`at_m`), the line's length.
-    """
+    """The point of a line that is nearest to a place in plan."""
 
     off_m: float
+    """Distance of the place from the line, metres."""
     at_m: float
+    """Length of the line from its start to the point, metres."""
     start: P
+    """Corner of the line before the point."""
     end: P
+    """Corner of the line after the point."""
     share: float
+    """Position of the point between the two corners, 0..1."""
     length_m: float
+    """Length of the whole line, metres."""
 
     @property
     def point(self) -> Vector2:
@@ -42,7 +45,7 @@ class LinePlace(Generic[P]):
 
 
 def project(line: Sequence[P], x: float, y: float) -> LinePlace[P]:
-    """The point of a line of one corner or more that is nearest to a place; of several the first."""
+    """Return the point of a line that is nearest to a place; the first of several. The line has at least one corner."""
     start, end, share = line[0], line[0], 0.0
     off, at, passed = inf, 0.0, 0.0
     for a, b in pairwise(line):
@@ -61,36 +64,40 @@ def project(line: Sequence[P], x: float, y: float) -> LinePlace[P]:
 
 
 def line_length(line: Iterable[Vector]) -> float:
-    """Metres along a line, in plan."""
+    """Length of a line in plan, metres."""
     return sum(hypot(bx - ax, by - ay) for (ax, ay, _), (bx, by, _) in pairwise(line))
 
 
 def point_at(line: Sequence[Vector], at: float) -> tuple[Vector, float]:
-    """The point so far along a line, within its ends, and the compass heading of the line there in degrees."""
+    """Return the point at a length along a line, clamped to its ends, and the compass heading of the line there,
+    degrees.
+
+    `at`: metres in plan.
+    """
     passed = 0.0
-    found: tuple[Vector, float] | None = None
+    place: tuple[Vector, float] | None = None
     for a, b in pairwise(line):
         span = hypot(b[0] - a[0], b[1] - a[1])
         if span == 0.0:
             continue
         share = min(1.0, max(0.0, (at - passed) / span))
-        found = between(a, b, share), bearing_deg(a, b)
+        place = between(a, b, share), bearing_deg(a, b)
         if at <= passed + span:
-            return found
+            return place
         passed += span
-    return found or (line[0], 0.0)
+    return place or (line[0], 0.0)
 
 
 def lengths(line: Sequence[Vector]) -> list[float]:
-    """Metres in plan from the start of a line to each of its points."""
-    found = [0.0]
+    """Length in plan from the start of a line to each of its points, metres."""
+    passed = [0.0]
     for (ax, ay, _), (bx, by, _) in pairwise(line):
-        found.append(found[-1] + hypot(bx - ax, by - ay))
-    return found
+        passed.append(passed[-1] + hypot(bx - ax, by - ay))
+    return passed
 
 
 def section(line: Sequence[Vector], start_m: float, end_m: float) -> tuple[Vector, ...]:
-    """The part of a line between two lengths, both of them points of it; empty if nothing of the line lies there."""
+    """Return the part of a line between two lengths, with interpolated end points; empty if they lie outside it."""
     passed = lengths(line)
     start_m, end_m = max(start_m, 0.0), min(end_m, passed[-1])
     if end_m - start_m <= 1e-6:
@@ -105,7 +112,7 @@ def between(a: Vector, b: Vector, share: float) -> Vector:
 
 
 def _at(line: Sequence[Vector], passed: Sequence[float], wanted: float) -> Vector:
-    """The point at a length; the ends exactly."""
+    """The point at a length; exactly the end points at the ends."""
     if wanted <= 0.0:
         return line[0]
     if wanted >= passed[-1] - 1e-6:

@@ -1,13 +1,12 @@
-"""Road networks: SUMO nets made by netconvert from plain streets or from OpenStreetMap, and read back as roads.
+"""Road networks: made by SUMO's netconvert from plain streets or from OpenStreetMap data, and read back as roads.
 
-In: nodes and edges in world metres, or a document of streets in OpenStreetMap's XML (`scene.osm.streets` writes it).
-Out: a `Network` (a `.net.xml` in the project's cache folder, named by the content of what it was made from) whose XY
-are the world frame's, and `read_roads`, which turns any such file into `Road`s and `Junction`s with lanes in world
-metres.
+Input: nodes and edges in world metres, or a document of streets in OpenStreetMap's XML (`scene.osm.streets` writes it).
+Output: a `Network`, which is a `.net.xml` in the project's cache folder, in world coordinates.
+`read_roads` turns any such file into `Road`s and `Junction`s with lanes in world metres.
 
-netconvert comes with the package `eclipse-sumo`; it is run as a program, so nothing of SUMO is loaded here. What it
-writes is made independent of the day and the folder (its header is dropped), put beside and renamed: builders that
-make one net at the same time leave one whole file.
+netconvert belongs to the package `eclipse-sumo`. It runs as a separate program, so no part of SUMO is loaded here. Its
+output is made independent of date and folder (the header is dropped). The file is named by a hash of its input and is
+written to a temporary folder, then renamed, so that concurrent builders of one network leave one complete file.
 """
 
 from __future__ import annotations
@@ -36,21 +35,24 @@ from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import Junction, Lane, Road
 
 FORMAT = "3"
-"""Changes whenever the same streets would give another net."""
+"""Version of the networks' content. It changes whenever the same streets would give another network."""
 
 LANE_WIDTH_M = 3.3
+"""Width of a lane of a procedural street (chosen)."""
 SUMO_LANE_WIDTH_M = 3.2
-"""What SUMO takes for a lane that names no width."""
+"""SUMO's default for a lane that declares no width."""
 
 LAYER_M = 6.0
-"""Height of one OSM layer (a bridge over a road)."""
+"""Height of one OSM layer, metres: the elevation of a bridge over a road (chosen)."""
 
 THROUGH_KEY = "through"
-"""The parameter of an edge, and the tag of a street, that is `no` where only traffic that begins or ends there may
+"""The parameter of an edge, and the tag of a street. It is `no` where only traffic that begins or ends there may
 drive."""
 
 SECONDS_MOST = 600.0
+"""Time limit of one netconvert run, seconds (chosen)."""
 NETWORKS = "networks"
+"""Name of the folder of networks in the cache folder."""
 _Arguments = Callable[[Path], list[str]]
 _STREET_OPTIONS = (
     "--junctions.corner-detail",
@@ -71,50 +73,62 @@ _HAS_EDGE = re.compile(rb'<edge id="[^:]')
 
 
 class StreetNode(msgspec.Struct, frozen=True, kw_only=True):
-    """A crossing or an end of streets. `control`: `priority`, `traffic_light`, `right_before_left`, `dead_end`."""
+    """A crossing of streets, or the end of one."""
 
     id: str
     east: float
+    """Metres."""
     north: float
+    """Metres."""
     elevation: float = 0.0
+    """Metres."""
     control: str = "priority"
+    """`priority`, `traffic_light`, `right_before_left` or `dead_end`."""
 
 
 class StreetEdge(msgspec.Struct, frozen=True, kw_only=True):
-    """One direction of a street from node to node; its lanes lie to the right of the line between them.
-
-    `shape` are points between the two nodes. `kind` is the road's (`primary`, `residential`, …), `priority` decides
-    who waits. `sidewalk_m` above 0 adds a lane for pedestrians on the right.
-    """
+    """One direction of a street from node to node; its lanes lie to the right of the line between them."""
 
     id: str
     start: str
+    """Id of the first node."""
     end: str
+    """Id of the last node."""
     lanes: int = 1
+    """Number of lanes."""
     speed_mps: float = 13.9
+    """Permitted speed, m/s."""
     width_m: float = LANE_WIDTH_M
+    """Width of a lane, metres."""
     kind: str = "residential"
+    """Class of the road: `primary`, `residential`, …"""
     name: str = ""
     priority: int = 1
+    """Right of way: traffic on an edge of lower priority waits."""
     shape: tuple[Vector, ...] = ()
+    """Points between the two nodes, metres."""
     sidewalk_m: float = 0.0
+    """Width of a pedestrian lane on the right, metres; 0 without one."""
     bridge: bool = False
     tunnel: bool = False
 
 
 class Network(msgspec.Struct, frozen=True, kw_only=True):
-    """A finished net: the path of its `.net.xml` and the SHA-256 of what is in it."""
+    """A finished network."""
 
     path: str
+    """Path of the `.net.xml`."""
     sha256: str
+    """SHA-256 of that file."""
 
 
 def build_network(
     nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], *, origin: tuple[float, float] = (31.0, 121.5)
 ) -> Network:
-    """The net of these streets, from the cache where it is known.
+    """Return the network of these streets, from the cache if it is there.
 
-    Raises `UsageError` for streets that make no net, `InfrastructureError` where netconvert is not installed or dies.
+    Raises `UsageError` for streets that give no network, `InfrastructureError` if netconvert is not installed or
+    crashes.
     """
     if not edges:
         raise UsageError("a road network without streets", hint="give at least one edge")
@@ -132,7 +146,7 @@ def build_network(
 def moved_streets(
     nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], by: Vector2
 ) -> tuple[Sequence[StreetNode], Sequence[StreetEdge]]:
-    """The same streets, `by` metres farther east and north."""
+    """The same streets, translated by `by` metres (east, north)."""
     if by == (0.0, 0.0):
         return nodes, edges
     east, north = by
@@ -149,11 +163,12 @@ def network_from_osm(
     document: str, origin: tuple[float, float], bbox: tuple[float, float, float, float] | None = None,
     variants: Mapping[str, str] | None = None, what: str = "the map",
 ) -> Network:  # fmt: skip
-    """The net of the streets in an OpenStreetMap document, in metres about `origin` (latitude, longitude).
+    """Return the network of the streets in an OpenStreetMap document, in metres about `origin` (latitude, longitude).
 
-    `bbox` (west, south, east, north, degrees) keeps what lies in it. Heights come from the nodes' tag `ele`. `variants`
-    are kinds of streets beside SUMO's (`residential|closed`: otherwise as `residential`) and the classes of vehicles
-    that each permits. Raises `UsageError` for a document without streets or one that netconvert cannot read.
+    `bbox`: west, south, east, north in degrees; streets outside it are dropped. Elevations are the nodes' tag `ele`.
+    `variants`: additional kinds of streets and the vehicle classes that each permits; `residential|closed` is otherwise
+    like `residential`. `what`: name of the source in error messages. Raises `UsageError` for a document without streets
+    or one that netconvert rejects.
     """
     options = list(_OSM_OPTIONS)
     if bbox is not None:
@@ -165,16 +180,16 @@ def network_from_osm(
         (folder / "streets.osm").write_text(document, encoding="utf-8")
         (folder / "variants.typ.xml").write_text(types, encoding="utf-8")
         files = [str(file) for file in (_typemap(), folder / "variants.typ.xml") if file.is_file()]
-        given = ["--osm-files", str(folder / "streets.osm"), "--proj", projection(origin)]
-        return [*given, *options, "--type-files", ",".join(files)]
+        inputs = ["--osm-files", str(folder / "streets.osm"), "--proj", projection(origin)]
+        return [*inputs, *options, "--type-files", ",".join(files)]
 
     return _cached(key, origin, arguments, what)
 
 
 def read_roads(path: str | Path) -> tuple[tuple[Road, ...], tuple[Junction, ...]]:
-    """The streets and junctions of a net, without what lies inside junctions; in the order of the file.
+    """Return the streets and junctions of a network, in the order of the file, without the edges inside junctions.
 
-    Raises `UsageError` for a file that is no net.
+    Raises `UsageError` for a file that is no network.
     """
     roads: list[Road] = []
     junctions: list[Junction] = []
@@ -190,17 +205,17 @@ def read_roads(path: str | Path) -> tuple[tuple[Road, ...], tuple[Junction, ...]
 
 
 def projection(origin: tuple[float, float]) -> str:
-    """The PROJ string of the world frame: transverse Mercator at the origin, on the ellipsoid of WGS84."""
+    """The PROJ string of the world frame: transverse Mercator about the origin, on the ellipsoid of WGS84."""
     return f"+proj=tmerc +lat_0={origin[0]:.9g} +lon_0={origin[1]:.9g} +k=1 +ellps=WGS84"
 
 
 def network_folder() -> Path:
-    """Where nets are kept: `networks` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
+    """The folder of networks: `networks` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
     return Path(cache_folder(), NETWORKS)
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes; raises `UsageError` if it cannot be read."""
+    """SHA-256 of a file's bytes. Raises `UsageError` if the file cannot be read."""
     digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
@@ -213,7 +228,7 @@ def file_sha256(path: Path) -> str:
 
 @cache
 def netconvert() -> Path:
-    """The program; raises `InfrastructureError` with the command that installs it where it is missing."""
+    """Path of the program. Raises `InfrastructureError` with the command that installs it if it is missing."""
     for folder in (_home() / "bin", Path(sys.executable).parent):
         for name in ("netconvert", "netconvert.exe"):
             if (folder / name).is_file():
@@ -229,21 +244,21 @@ def _install_hint() -> str:
 
 
 def _home() -> Path:
-    """The folder of the package `sumo`, found without importing it."""
-    found = find_spec("sumo")
-    places = list(found.submodule_search_locations or ()) if found is not None else []
+    """The folder of the package `sumo`, located without importing it."""
+    spec = find_spec("sumo")
+    places = list(spec.submodule_search_locations or ()) if spec is not None else []
     if places:
         return Path(places[0])
     return Path(os.environ.get("SUMO_HOME", "/nonexistent"))
 
 
 def _typemap() -> Path:
-    """SUMO's kinds of streets in OpenStreetMap."""
+    """Path of SUMO's table of OpenStreetMap's kinds of streets."""
     return _home() / "data" / "typemap" / "osmNetconvert.typ.xml"
 
 
 def _variant_types(variants: Mapping[str, str]) -> str:
-    """A file of types: those of SUMO that variants are of, each with the permissions of the variant."""
+    """A file of edge types: SUMO's types, each with the permissions of the variant."""
     try:
         known = {element.get("id", ""): dict(element.attrib) for _, element in iterparse(_typemap())}  # noqa: S314 - SUMO's
     except (OSError, ParseError):
@@ -301,7 +316,7 @@ def _cached(key: str, origin: tuple[float, float], arguments: _Arguments, what: 
 
 
 def _run(arguments: list[str], what: str) -> None:
-    """Run netconvert; its own words go into the error."""
+    """Run netconvert. Its error output goes into the exception."""
     command = [str(netconvert()), *arguments, "--no-warnings", "--xml-validation", "never"]
     environment = {**os.environ, "SUMO_HOME": str(_home()), "OMP_NUM_THREADS": "1"}
     proj = _home() / "data" / "proj"
@@ -318,16 +333,16 @@ def _run(arguments: list[str], what: str) -> None:
         raise InfrastructureError(f"netconvert cannot be run: {error}", hint=_install_hint()) from error
     if run.returncode == 0:
         return
-    said = [line.removeprefix("Error: ") for line in run.stderr.splitlines() if line.strip()]
-    said = [line for line in said if line != "Quitting (on error)."] or [f"exit code {run.returncode}"]
+    complaints = [line.removeprefix("Error: ") for line in run.stderr.splitlines() if line.strip()]
+    complaints = [line for line in complaints if line != "Quitting (on error)."] or [f"exit code {run.returncode}"]
     if run.returncode < 0:
         hint = "raise the limit on the size of files (`ulimit -f`)" if -run.returncode == signal.SIGXFSZ else ""
-        raise InfrastructureError(f"netconvert died of signal {-run.returncode} over {what}", hint=hint)
-    raise UsageError(f"netconvert made no road network of {what}: {' '.join(said)}")
+        raise InfrastructureError(f"netconvert was ended by signal {-run.returncode} over {what}", hint=hint)
+    raise UsageError(f"netconvert made no road network of {what}: {' '.join(complaints)}")
 
 
 def _plain(data: bytes, origin: tuple[float, float]) -> bytes:
-    """The net without its dated header, with the projection that its coordinates are in."""
+    """The network without its dated header, and with the projection of its coordinates."""
     data = re.sub(rb"<!--.*?-->\s*", b"", data, count=1, flags=re.DOTALL)
     return data.replace(b'projParameter="!"', f'projParameter="{projection(origin)}"'.encode(), 1)
 
@@ -365,8 +380,10 @@ def _edge_lines(edge: StreetEdge, places: Mapping[str, Vector]) -> Iterator[str]
 
 
 def elements_of(path: Path, tags: Sequence[str]) -> Iterator[Element]:
-    """A net's elements with these tags one by one; what has been read is dropped, so that a large net needs no
-    memory."""
+    """Yield the elements of a network file that have these tags.
+
+    Elements are dropped after use, so that a large file needs little memory.
+    """
     with path.open("rb") as file:
         events = iterparse(file, events=("start", "end"))  # noqa: S314 - written by netconvert
         _, root = next(events)
@@ -402,7 +419,7 @@ def _lane(element: Element) -> Lane:
 
 
 def car_lanes(edge: Element) -> list[tuple[tuple[Vector, ...], float, float]]:
-    """Shape, length (m) and permitted speed (m/s) of an edge's lanes that cars may use, from right to left."""
+    """Shape, length (m) and permitted speed (m/s) of an edge's lanes that are open to cars, from right to left."""
     return [
         (_points(lane.get("shape", "")), float(lane.get("length", "0")), float(lane.get("speed", "13.9")))
         for lane in edge.findall("lane")

@@ -1,7 +1,7 @@
-"""Where legs can go: a map of what stands on the ground of a part of a city, in square cells.
+"""Clearance map for legged robots: the distance to the nearest obstacle on a grid of square cells.
 
-Made from the very shapes that the quadruped engine lets dogs bump into, so what is free here is free there. For
-policies that may see the city; nothing here knows what moves.
+It is made from the shapes that the quadruped engine collides with, so a free cell is free in that engine too. It is for
+policies that may see the city. Moving bodies are not in it.
 """
 
 from __future__ import annotations
@@ -20,34 +20,39 @@ from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
 STEP_M = 0.2
-"""What is no higher than this over the ground is stepped on."""
+"""Greatest height over the ground that a robot steps on, metres (chosen)."""
 
 HEAD_M = 0.8
-"""What begins higher than this over the ground is walked under."""
+"""Height over the ground from which a robot walks underneath, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ObstacleMap:
-    """`clearance_m` is (rows, columns) float32: the distance from a cell's middle to the nearest obstacle, at most
-    `far_m`, 0 inside one. Row 0 is the southernmost, column 0 the westernmost; cells are `cell_m` wide."""
+    """Distance to the nearest obstacle for each cell of a rectangle."""
 
     west: float
+    """West edge, metres."""
     south: float
+    """South edge, metres."""
     cell_m: float
+    """Side of a cell, metres."""
     far_m: float
+    """Largest distance that is stored, metres."""
     clearance_m: npt.NDArray[np.float32]
+    """(rows, columns): distance from a cell's centre to the nearest obstacle, metres, 0 inside one. Row 0 is the
+    southernmost, column 0 the westernmost."""
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
-        """Row and column of a point; may lie outside the map."""
+        """Row and column of a point. They may be outside the map."""
         return math.floor((y - self.south) / self.cell_m), math.floor((x - self.west) / self.cell_m)
 
     def middle(self, row: int, column: int) -> Vector2:
-        """The middle of a cell, metres."""
+        """Centre of a cell, metres."""
         return self.west + (column + 0.5) * self.cell_m, self.south + (row + 0.5) * self.cell_m
 
 
 def obstacle_map(city: City, bounds: Extent, *, cell_m: float = 0.5, far_m: float = 1.6) -> ObstacleMap:
-    """The map of a rectangle (west, south, east, north; metres)."""
+    """Return the map of a rectangle (west, south, east, north; metres)."""
     west, south, east, north = bounds
     columns, rows = max(1, math.ceil((east - west) / cell_m)), max(1, math.ceil((north - south) / cell_m))
     clearance = np.full((rows, columns), far_m, np.float32)

@@ -1,4 +1,5 @@
-"""Places where a body can begin as it does at its own: on the same roof or ground, afloat, or in the air."""
+"""Alternative starting places of the same kind as an entity's own: on the same roof or ground, afloat, or in the
+air."""
 
 from __future__ import annotations
 
@@ -9,15 +10,16 @@ from lingjing.scene.footing import STEP_M, Footing
 from lingjing.scene.terrain import REACH_M, Terrain
 
 LEVEL_M = 0.3
-"""Surfaces whose elevations differ by no more than this are one: a kerb, a deck's slope."""
+"""Greatest difference in elevation of surfaces that count as level, metres: a kerb, the slope of a deck (chosen)."""
 
 _SIDES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""The centre and four points around it at which a body's support is compared, in units of its radius."""
 
 
 class PlacesAlike:
-    """The places that are like that of one entity, at its elevation.
+    """The places where an entity could begin in the same way, at its elevation.
 
-    A place on a roof, a deck or the water is raised: there the level decides, and on the ground also what stands on it.
+    On a roof, a deck or the water the level of the surface decides. On the ground, obstacles decide too.
     """
 
     def __init__(self, entity: Entity, terrain: Terrain, footing: Footing) -> None:
@@ -34,7 +36,7 @@ class PlacesAlike:
         self._floats = engine_kind(entity.engine).stands_on == "water"
 
     def suits(self, x: float, y: float) -> bool:
-        """True if the body can begin at a place as it does at its own."""
+        """True if the body can begin at a place in the same way as at its own."""
         around = [(x + self._radius_m * east, y + self._radius_m * north) for east, north in _SIDES]
         if self._floats:
             return all(self._footing.is_water(*point) for point in around) and not self._is_hit(x, y)

@@ -1,7 +1,7 @@
-"""A city from above as flat shapes in painting order, for maps on paper and in terminals alike; and a painter of them.
+"""A city from above as flat shapes in painting order, for maps in figures and terminals; and a painter for matplotlib.
 
-`ground_plan` gives the shapes; `paint` draws them with matplotlib in the colours of a `Palette`; `draw_plan` writes the
-whole city as a picture file. Whoever has no matplotlib axes paints the shapes itself.
+`ground_plan` returns the shapes. `paint` draws them with matplotlib in the colours of a `Palette`. `draw_plan` writes
+the whole city as a picture file. Callers without matplotlib axes paint the shapes themselves.
 """
 
 from __future__ import annotations
@@ -24,53 +24,59 @@ if TYPE_CHECKING:
     from matplotlib.path import Path as Outline
 
 Layer = Literal["water", "land", "slab", "area", "path", "road", "solid", "bridge", "building", "tree", "pipe"]
-"""What covers what: a layer lies over those before it."""
+"""The layers in painting order: each covers those before it."""
 
 
 SLAB_M = 0.6
-"""A solid no thicker than this is ground to stand on: a kerbed block, a deck."""
+"""Greatest thickness of a solid that is drawn as ground to stand on, metres: a kerbed block, a deck (chosen)."""
 
 SIDE_IN, DPI = 12.0, 150
-"""The longer side of the picture that `draw_plan` writes, inches, and its pixels per inch."""
+"""Longer side of the picture that `draw_plan` writes, inches, and its pixels per inch (chosen)."""
 
 _TREE_M = 4.0
-"""Diameter of a drawn tree of scale 1."""
+"""Diameter of a drawn tree of scale 1, metres (chosen)."""
 
 _LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 
 @dataclass(frozen=True, slots=True)
 class PlanShape:
-    """A polygon with its holes, or (`width_m` > 0) a line of that width or a dot; east and north in metres.
-
-    `surface` is that of an area, `grass land` for one of the ground, or the kind of a road's lane; `base_m` and `top_m`
-    are the elevations of what stands (a building, a solid), `top_m` also that of what lies flat; `heights_m` are those
-    of a line's points.
-    """
+    """A polygon with holes; if `width_m` > 0, a line of that width, or a dot."""
 
     layer: Layer
     points: tuple[Vector2, ...]
+    """East and north, metres: the outline of a polygon, the points of a line, or the centre of a dot."""
     holes: tuple[Polygon, ...] = ()
+    """Unpainted areas inside the outline."""
     width_m: float = 0.0
+    """Width of a line or diameter of a dot, metres; 0 for a polygon."""
     surface: str = ""
+    """Surface of an area, the same with ` land` added for ground (`grass land`), or the kind of a road's lane."""
     top_m: float = 0.0
+    """Elevation of a flat shape, or of the top of a building or solid, metres."""
     base_m: float = 0.0
+    """Elevation of the base of a building or solid, metres."""
     heights_m: tuple[float, ...] = ()
+    """Elevations of a line's points, metres; empty for polygons."""
 
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """Colours of layers and, before them, of surfaces; a layer or surface without one is not painted. `ground` is what
-    lies under everything, `edges` the outlines. A building's colour is darker the higher it is if `by_height`."""
+    """Colours by surface and layer. A surface's colour has priority; a shape without either is not painted."""
 
     ground: str
+    """Colour under all shapes."""
     layers: Mapping[Layer, str]
+    """Fill by layer."""
     surfaces: Mapping[str, str] = field(default_factory=dict)
+    """Fill by surface."""
     edges: Mapping[Layer, str] = field(default_factory=dict)
+    """Colour of outlines by layer."""
     by_height: bool = False
+    """True to darken a building's colour with its height."""
 
     def colour(self, shape: PlanShape) -> str | tuple[float, float, float] | None:
-        """The fill of a shape; None for one that is not painted."""
+        """The fill of a shape: a name or RGB 0..1; None for a shape that is not painted."""
         if self.by_height and shape.layer == "building":
             shade = 0.82 - 0.62 * min(1.0, (max(shape.top_m, 0.0) / 300.0) ** 0.5)
             return shade, shade * 0.93, shade * 0.86
@@ -97,9 +103,9 @@ PLAN = Palette(
 
 
 def ground_plan(city: City, bounds: Extent | None = None) -> tuple[PlanShape, ...]:
-    """The shapes of a city in and around `bounds`, or of all of it, in the order in which they cover each other.
+    """The shapes in and around `bounds` (west, south, east, north; metres), or of the whole city, in painting order.
 
-    Raises `UsageError` if the city's folder is gone.
+    Raises `UsageError` if the city's folder no longer exists.
     """
     west, south, east, north = bounds or city.bounds
     middle, radius = ((west + east) / 2, (south + north) / 2), math.hypot(east - west, north - south) / 2
@@ -112,17 +118,19 @@ def ground_plan(city: City, bounds: Extent | None = None) -> tuple[PlanShape, ..
 
 
 def is_sea(shapes: Sequence[PlanShape]) -> bool:
-    """Whether water is what lies under everything: a box of it without an island of its own that all the rest is in. A
-    river or a lake of a map is painted as what it is."""
-    boxes = [_box(one.points) for one in shapes if one.layer == "water" and _fills_its_box(one)]
+    """True if water is the background: a rectangle of water without islands of its own contains everything else.
+
+    A river or a lake on a map is painted as a shape instead.
+    """
+    boxes = [_box(shape.points) for shape in shapes if shape.layer == "water" and _fills_its_box(shape)]
     if not boxes:
         return False
-    west, south, east, north = _box([point for one in shapes if one.layer != "water" for point in one.points])
+    west, south, east, north = _box([point for shape in shapes if shape.layer != "water" for point in shape.points])
     return any(box[0] <= west and box[1] <= south and east <= box[2] and north <= box[3] for box in boxes)
 
 
 def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette) -> None:
-    """Paint shapes within the limits of `axes`, whose aspect is equal, all below the z-order 1."""
+    """Paint shapes within the limits of `axes`, which have an equal aspect. All z-orders are below 1."""
     from matplotlib.collections import LineCollection, PathCollection
 
     west, east = axes.get_xlim()
@@ -158,9 +166,9 @@ def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette) -> None:
 
 
 def draw_plan(city: City, path: Path) -> None:
-    """Write the whole city as a picture with a scale; the file's suffix says which format (`.png`, `.svg`, `.pdf`).
+    """Write the whole city with a scale bar as a picture; the suffix gives the format (`.png`, `.svg`, `.pdf`).
 
-    `UsageError` where it cannot be written.
+    Raises `UsageError` if the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -195,7 +203,7 @@ def _fills_its_box(shape: PlanShape) -> bool:
 
 
 def _box(points: Sequence[Vector2]) -> Extent:
-    """West, south, east, north; of no points one that is in every box."""
+    """West, south, east, north; for no points, an inverted box that every box contains."""
     return bounds(points) if points else (math.inf, math.inf, -math.inf, -math.inf)
 
 
@@ -227,7 +235,7 @@ def _of_tile(tile: Pieces) -> Iterator[PlanShape]:
         yield PlanShape(kind, solid.polygon, top_m=solid.top_m, base_m=solid.base_m)
     for bridge in tile.bridges:
         yield PlanShape("bridge", _level(bridge.path), width_m=bridge.width_m, heights_m=_heights(bridge.path))
-    for building in sorted(tile.buildings, key=lambda one: (one.top_m, one.id)):
+    for building in sorted(tile.buildings, key=lambda building: (building.top_m, building.id)):
         yield PlanShape("building", building.polygon, building.holes, top_m=building.top_m, base_m=building.base_m)
     for prop in tile.props:
         if prop.cls == "tree":

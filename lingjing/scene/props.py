@@ -1,7 +1,7 @@
-"""Which of a city's props a dog bumps into, and how large they are, metres.
+"""Sizes of the props that a robot dog collides with, metres.
 
-Sizes are those of the drawn models, rounded; what is thin (cones, paint, pads) or soft (steam) is left out, and so is
-what floats.
+They are the sizes of the drawn models, rounded. Thin things (cones, paint, pads), soft ones (steam) and floating ones
+are left out.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RODS: dict[str, tuple[float, float]] = {
     "silo": (2.6, 15.6),
     "chimney": (1.5, 20.0),
 }
-"""Round things by model: radius and height."""
+"""Round things by model: radius and height, metres."""
 
 BOXES: dict[str, Size] = {
     "bench": Size(0.52, 1.8, 0.8),
@@ -40,4 +40,4 @@ BOXES: dict[str, Size] = {
     "parked_van": SIZES["delivery_van"],
     **{name: SIZES[name] for name in ("car", "delivery_van", "truck", "bus", "fire_truck", "motorcycle", "person")},
 }
-"""Angular things by model: along the prop's heading, across it, and up."""
+"""Box-shaped things by model: length along the prop's heading, width and height, metres."""

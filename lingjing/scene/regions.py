@@ -1,4 +1,4 @@
-"""Regions that only the city knows: `road("Bund")` and `along(road("Bund"), 20 m)`, resolved to outlines."""
+"""Regions that only the city can resolve: `road("Bund")` and `along(road("Bund"), 20 m)` as outlines."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from lingjing.scene.cutting import polygons
 from lingjing.scene.tiles import Tiles
 
 CROSSING_M = 18.0
-"""Gaps of a road at its crossings are closed up to twice this length."""
+"""Half of the longest gap of a road at a crossing that is closed, metres (chosen)."""
 
 
-def resolved(region: Region, instance: Instance, city: City) -> Region:
-    """The region with its polygon in this city. Raises `MissionError` if no road has the name asked for."""
+def resolve_region(region: Region, instance: Instance, city: City) -> Region:
+    """Return the region with its polygon in this city. Raises `MissionError` if no road has the requested name."""
     if region.on_map is None:
         return region
     shape = _Resolver(instance, city).shape(region.on_map, region.name)
@@ -37,7 +37,7 @@ class _Resolver:
         self._city = city
 
     def shape(self, expr: ex.Expr, name: str) -> Any:
-        """A shapely geometry; shapely is imported here and not before."""
+        """A shapely geometry. shapely is imported here, so that missions without such regions do not load it."""
         import shapely
 
         match expr:
@@ -60,12 +60,12 @@ class _Resolver:
         )
 
     def _roads(self, street: str) -> list[Road]:
-        found = [road for tile in Tiles(self._city) for road in tile.roads if road.name == street and road.lanes]
-        if not found:
+        roads = [road for tile in Tiles(self._city) for road in tile.roads if road.name == street and road.lanes]
+        if not roads:
             known = sorted({road.name for tile in Tiles(self._city) for road in tile.roads if road.name})
             hint = f"its roads are {', '.join(known[:12])}" if known else "its roads have no names"
             raise MissionError(f"the scene `{self._city.id}` has no road named '{street}'", hint=hint)
-        return found
+        return roads
 
     @staticmethod
     def _closed(shape: Any) -> Any:

@@ -1,8 +1,8 @@
-"""`RoadMap`: the public roads of a city as a graph of road segments, for policies and analyses that plan ways.
+"""`RoadMap`: the public roads of a city as a graph of road segments, for policies and analyses that plan routes.
 
-It is read from the same network file that the traffic engine loads, without that engine. Ways follow the network's
-connections, so a turn that is not allowed is in no way. Costs are those of empty roads: metres, and seconds at the
-permitted speed. Traffic and congestion are not in it.
+It is read from the network file that the traffic engine also loads, without that engine. Routes follow the network's
+connections, so they contain no forbidden turn. Costs are those of empty roads: metres, and seconds at the permitted
+speed. Traffic is not included.
 """
 
 from __future__ import annotations
@@ -22,46 +22,60 @@ from lingjing.scene.lines import project
 from lingjing.scene.network import THROUGH_KEY, car_lanes, elements_of
 
 NO_THROUGH_M = 20_000.0
-"""The detour that a way takes rather than lead through streets that are open to their own traffic alone."""
+"""Detour in metres that a route accepts to avoid a street without through traffic (chosen: longer than any city is
+wide)."""
 
 
 class RoadSegment(msgspec.Struct, frozen=True, kw_only=True):
-    """One direction of a street from junction `start` to junction `end`; `following` are the segments one may go on.
-
-    `through` is False where only traffic that begins or ends there may drive.
-    """
+    """One direction of a street between two junctions."""
 
     id: str
+    """The edge's id in the traffic network."""
     start: str
+    """Id of the first junction."""
     end: str
+    """Id of the last junction."""
     shape: tuple[Vector2, ...]
+    """Centre line of the first lane for cars."""
     length_m: float
+    """Metres."""
     speed_mps: float
+    """Permitted speed, m/s."""
     following: tuple[str, ...] = ()
+    """Ids of the segments that may be entered next."""
     through: bool = True
+    """False if only traffic that begins or ends there may drive on it."""
 
     @property
     def time_s(self) -> float:
-        """How long it takes to drive along at the permitted speed."""
+        """Driving time at the permitted speed, seconds."""
         return self.length_m / max(self.speed_mps, 0.1)
 
 
 class RoadWay(msgspec.Struct, frozen=True, kw_only=True):
-    """The shortest way between two places: metres, seconds, its segments, its points at junctions, ends included."""
+    """The shortest route between two places."""
 
     length_m: float
+    """Metres."""
     time_s: float
+    """Driving time at the permitted speeds, seconds."""
     segments: tuple[str, ...]
+    """Ids of the segments, in driving order."""
     points: tuple[Vector2, ...]
+    """The start, the junctions between the segments, and the end."""
 
 
 class RoadPlace(msgspec.Struct, frozen=True, kw_only=True):
-    """The point of a segment that is nearest to a place: metres from the segment's start, and how far it lies off."""
+    """The point of the road network that is nearest to a place."""
 
     segment: str
+    """Id of the segment."""
     at_m: float
+    """Distance of the point from the segment's start, metres."""
     off_m: float
+    """Distance of the place from the point, metres."""
     point: Vector2
+    """The point itself."""
 
 
 class RoadMap:
@@ -72,14 +86,14 @@ class RoadMap:
         self._known: dict[Vector2, RoadPlace | None] = {}
 
     def nearest(self, place: Vector2) -> RoadPlace | None:
-        """Where a place is reached by road; None where there are no roads."""
+        """Return the nearest point of the network to a place; None without roads."""
         if place not in self._known:
-            found = (_on(segment, place) for segment in self.segments.values())
-            self._known[place] = min(found, key=lambda one: one.off_m, default=None)
+            candidates = (_on(segment, place) for segment in self.segments.values())
+            self._known[place] = min(candidates, key=lambda candidate: candidate.off_m, default=None)
         return self._known[place]
 
     def way(self, start: Vector2, end: Vector2) -> RoadWay | None:
-        """The shortest way from place to place (A* over segments); None where there is none."""
+        """Return the shortest route between two places (A* over segments); None if there is none."""
         first, last = self.nearest(start), self.nearest(end)
         if first is None or last is None:
             return None
@@ -90,7 +104,7 @@ class RoadMap:
         return None if ids is None else self._way(ids, first, last)
 
     def _path(self, start: str, goal: str, end: Vector2) -> tuple[str, ...] | None:
-        """Segments from one to another, at least one step."""
+        """The ids of the segments from `start` to `goal`, with at least one step; None if there is no route."""
         done: set[str] = set()
         waiting: list[tuple[float, float, tuple[str, ...]]] = [(0.0, 0.0, (start,))]
         while waiting:
@@ -128,7 +142,7 @@ class RoadMap:
 
 @lru_cache(maxsize=4)
 def read_road_map(path: str) -> RoadMap:
-    """The roads that cars may use of a `.net.xml`. Raises `UsageError` for a file that is none."""
+    """Read the roads of a `.net.xml` that are open to cars. Raises `UsageError` for a file that is no network."""
     segments: dict[str, RoadSegment] = {}
     following: dict[str, dict[str, None]] = {}
     try:
@@ -136,13 +150,13 @@ def read_road_map(path: str) -> RoadMap:
             if element.tag == "connection":
                 following.setdefault(element.get("from", ""), {})[element.get("to", "")] = None
             elif element.get("function", "normal") == "normal":
-                segments.update((one.id, one) for one in _segments(element))
+                segments.update((segment.id, segment) for segment in _segments(element))
     except (OSError, ParseError, ValueError) as error:
         raise UsageError(f"{path} is no road network: {error}") from error
     return RoadMap(
         [
-            msgspec.structs.replace(one, following=tuple(to for to in following.get(name, ()) if to in segments))
-            for name, one in segments.items()
+            msgspec.structs.replace(segment, following=tuple(to for to in following.get(name, ()) if to in segments))
+            for name, segment in segments.items()
         ]
     )
 

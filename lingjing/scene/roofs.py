@@ -1,7 +1,7 @@
-"""`Roofs`: how high a city can be at very many places at once, for what looks along lines through it.
+"""`Roofs`: upper bounds of a city's height at very many places at once, for sight and radio lines through it.
 
-An answer is a bound: nothing there is higher, and what is as high may stand a few metres aside. It tells where looking
-closely (`Terrain.solids_at`) is worth while. Made square by square where somebody asks; the latest are held.
+A bound is conservative: nothing at the place is higher, but the highest thing may be a few metres aside. It shows where
+an exact test (`Terrain.solids_at`) is necessary. Bounds are computed square by square on demand; the latest are cached.
 """
 
 from __future__ import annotations
@@ -16,23 +16,26 @@ from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import TileKey
 
 CELL_M = 5.0
+"""Side of a cell, metres (chosen)."""
 _KEPT_SQUARES = 128
+"""Cached squares."""
 
 Array = npt.NDArray[np.float64]
 
 
 class Roofs:
-    """The highest top in each cell of 5 m, elevations in metres, minus infinity where nothing stands."""
+    """The highest top in each cell of 5 m, as elevation in metres; minus infinity in an empty cell."""
 
     def __init__(self, terrain: Terrain) -> None:
         self._side_m = terrain.tile_m
         self._heights = lru_cache(_KEPT_SQUARES)(partial(_drawn, terrain))
 
     def bound(self, x: Array, y: Array) -> Array:
-        """For each place an elevation over which nothing that covers it reaches."""
+        """Return for each place an elevation that nothing above the place exceeds. `x`, `y`: (n,) metres; result:
+        (n,)."""
         side = self._side_m
         columns, rows = np.floor(x / side).astype(np.int64), np.floor(y / side).astype(np.int64)
-        found = np.empty(len(x))
+        tops = np.empty(len(x))
         for column in np.unique(columns).tolist():
             strip = columns == column
             for row in np.unique(rows[strip]).tolist():
@@ -40,12 +43,12 @@ class Roofs:
                 heights = self._heights((column, row))
                 most = len(heights) - 1
                 east, north = _cell(x[here] - column * side, most), _cell(y[here] - row * side, most)
-                found[here] = heights[east, north]
-        return found
+                tops[here] = heights[east, north]
+        return tops
 
 
 def _drawn(terrain: Terrain, key: TileKey) -> Array:
-    """The tops of a square's blocks over the cells that their bounds touch."""
+    """The tops of a square's blocks, drawn into the cells that their bounding boxes touch."""
     side_m = terrain.tile_m
     many = math.ceil(side_m / CELL_M)
     heights = np.full((many, many), -np.inf)
@@ -62,5 +65,5 @@ def _drawn(terrain: Terrain, key: TileKey) -> Array:
 
 
 def _cell(metres: Array, most: int) -> npt.NDArray[np.int64]:
-    """The cells of some distances from a square's corner; places and bounds go the same way, so rounding parts none."""
+    """Indices of cells by distance from the square's corner. Places and bounds are rounded alike, so they agree."""
     return np.clip(np.floor(metres / CELL_M), 0, most).astype(np.int64)

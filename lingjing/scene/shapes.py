@@ -1,8 +1,8 @@
-"""What a dog can touch: convex bodies in plain values, cut from the pieces of a city.
+"""Collision shapes of a city for robot dogs: convex bodies in plain values, cut from the city's pieces.
 
-MuJoCo wants convex shapes, so footprints are divided: triangles (ear clipping), then neighbours joined as long as
-they stay convex (Hertel and Mehlhorn 1983: at most four times the fewest parts possible). Rectangles become boxes,
-which are cheaper. Everything is in world metres.
+MuJoCo needs convex shapes, so footprints are divided into triangles (ear clipping). Neighbouring triangles are then
+merged while the union is convex (Hertel and Mehlhorn 1983: at most four times the least number of parts). Rectangles
+become boxes, which are cheaper. All coordinates are world metres.
 """
 
 from __future__ import annotations
@@ -19,31 +19,42 @@ from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Prop, Slope, Sol
 from lingjing.scene.props import BOXES, RODS
 
 _TINY_M = 1e-4
-_THICK_M, _ROUND = 0.5, math.sqrt(math.pi) / 2.0
-_FOOT_M = 30.0  # how far below the datum the legs of piers go
+"""Tolerance of geometry, metres: shorter edges and thinner prisms are dropped."""
+_THICK_M = 0.5
+"""Radius from which an upright rod becomes a box: the round ends of a capsule would deviate too much (chosen)."""
+_ROUND = math.sqrt(math.pi) / 2.0
+"""Half side of the square with the area of a circle of radius 1."""
+_FOOT_M = 30.0
+"""Depth below the datum that the legs of bridge piers reach, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hull:
-    """The convex hull of `corners`; `thing` names what it belongs to."""
+    """The convex hull of `corners`."""
 
     thing: str
+    """Id of the piece that it belongs to."""
     corners: tuple[Vector, ...]
+    """Metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class OrientedBox:
-    """An upright box: centre, half sizes, and the direction of its first axis (radians anticlockwise from east)."""
+    """An upright box."""
 
     thing: str
+    """Id of the piece that it belongs to."""
     centre: Vector
+    """Metres."""
     half: Vector
+    """Half of each dimension, metres."""
     yaw: float = 0.0
+    """Direction of the first axis, radians anticlockwise from east."""
 
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """A rod with round ends."""
+    """A cylinder with hemispherical ends."""
 
     thing: str
     start: Vector
@@ -55,7 +66,7 @@ Shape = Hull | OrientedBox | Capsule
 
 
 def shapes_of(pieces: Pieces) -> Iterator[Shape]:
-    """Shapes of all pieces that stand in a dog's way, in the city's order. Land is `prisms`' business."""
+    """Yield the collision shapes of all pieces, in the city's order. Lands are not included; `prisms` makes them."""
     for solid in pieces.solids:
         yield from solid_shapes(solid)
     for building in pieces.buildings:
@@ -83,7 +94,7 @@ def slope_shape(slope: Slope) -> Hull:
 
 
 def bridge_shapes(bridge: Bridge) -> Iterator[Shape]:
-    """The deck, one slab for each stretch of its centre line, joined at the bends; and the piers' legs."""
+    """Yield one slab for each segment of the deck's centre line, joined at the bends, and the legs of the piers."""
     edges = [_crossing(bridge, number) for number in range(len(bridge.path))]
     for (left, right), (next_left, next_right) in pairwise(edges):
         deck = (left, right, next_right, next_left)
@@ -97,14 +108,14 @@ def bridge_shapes(bridge: Bridge) -> Iterator[Shape]:
 
 
 def pipe_shapes(pipe: Pipe) -> Iterator[Capsule]:
-    """A rod for each stretch."""
+    """Yield one capsule for each segment."""
     for start, end in pairwise(pipe.path):
         if math.dist(start, end) > _TINY_M:
             yield Capsule(pipe.id, start, end, pipe.radius_m)
 
 
 def prop_shapes(prop: Prop) -> Iterator[Shape]:
-    """What a prop is to bump into; nothing where it is decoration."""
+    """Yield the collision shape of a prop; nothing for decoration."""
     x, y, z = prop.position
     if prop.floating:
         return
@@ -112,7 +123,7 @@ def prop_shapes(prop: Prop) -> Iterator[Shape]:
         radius, height = (prop.scale * part for part in RODS[prop.model])
         if radius > 0.5 * height or radius > _THICK_M:
             yield OrientedBox(prop.id, (x, y, z + 0.5 * height), (_ROUND * radius, _ROUND * radius, 0.5 * height))
-        else:  # from a little below, so that the round end is in the ground
+        else:  # the lower hemisphere of the capsule lies below the ground
             yield Capsule(prop.id, (x, y, z), (x, y, z + height - radius), radius)
     elif prop.model in BOXES:
         size = BOXES[prop.model]
@@ -121,7 +132,7 @@ def prop_shapes(prop: Prop) -> Iterator[Shape]:
 
 
 def prisms(thing: str, outline: Polygon, holes: Sequence[Polygon], base_m: float, top_m: float) -> Iterator[Shape]:
-    """Convex prisms that together fill a polygon between two elevations; nothing for one without volume."""
+    """Yield convex prisms that together fill a polygon between two elevations; nothing if the volume is empty."""
     if top_m - base_m < _TINY_M:
         return
     for part in convex_parts(outline, holes):
@@ -133,7 +144,7 @@ def prisms(thing: str, outline: Polygon, holes: Sequence[Polygon], base_m: float
 
 
 def convex_parts(outline: Polygon, holes: Sequence[Polygon] = ()) -> tuple[tuple[Vector2, ...], ...]:
-    """Convex polygons (anticlockwise) that together are the polygon; none where it has no area."""
+    """Return convex polygons (anticlockwise) that together are the polygon; none if it has no area."""
     points = _without_straights(outline)
     if len(points) < 3:
         return ()
@@ -150,9 +161,9 @@ def _triangles(outline: Sequence[Vector2], holes: Sequence[Polygon]) -> tuple[li
     rings = [outline, *(hole for hole in holes if len(hole) >= 3)]
     corners = [point for ring in rings for point in ring]
     ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    found = mapbox_earcut.triangulate_float64(np.asarray(corners, np.float64), ends).reshape(-1, 3).tolist()
+    indices = mapbox_earcut.triangulate_float64(np.asarray(corners, np.float64), ends).reshape(-1, 3).tolist()
     triangles: list[tuple[int, ...]] = []
-    for a, b, c in found:
+    for a, b, c in indices:
         area = turn(corners[a], corners[b], corners[c])
         if abs(area) > _TINY_M * _TINY_M:
             triangles.append((a, b, c) if area > 0.0 else (a, c, b))
@@ -160,27 +171,27 @@ def _triangles(outline: Sequence[Vector2], holes: Sequence[Polygon]) -> tuple[li
 
 
 def _joined(corners: Sequence[Vector2], triangles: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Join parts over their common edges, in the order of the edges, while the union stays convex."""
+    """Merge parts over their common edges, in the order of the edges, while the union is convex."""
     parts: dict[int, tuple[int, ...]] = dict(enumerate(triangles))
     owner = {(a, b): number for number, part in parts.items() for a, b in _edges(part)}
     for a, b in list(owner):
         if (b, a) not in owner or (a, b) not in owner or owner[a, b] == owner[b, a]:
             continue
-        one, other = owner[a, b], owner[b, a]
-        union = _union(parts[one], parts[other], a, b)
+        kept, merged = owner[a, b], owner[b, a]
+        union = _union(parts[kept], parts[merged], a, b)
         if len(set(union)) != len(union) or not _is_convex([corners[index] for index in union]):
             continue
-        del parts[other], owner[a, b], owner[b, a]
-        parts[one] = union
-        owner.update(dict.fromkeys(_edges(union), one))
+        del parts[merged], owner[a, b], owner[b, a]
+        parts[kept] = union
+        owner.update(dict.fromkeys(_edges(union), kept))
     return list(parts.values())
 
 
-def _union(one: tuple[int, ...], other: tuple[int, ...], a: int, b: int) -> tuple[int, ...]:
-    """Both polygons without their common edge a→b (b→a in the other one)."""
-    at, there = one.index(b), other.index(a)
-    first = one[at:] + one[:at]  # b … a
-    second = other[there:] + other[:there]  # a … b
+def _union(polygon: tuple[int, ...], other: tuple[int, ...], a: int, b: int) -> tuple[int, ...]:
+    """The union of two polygons with the common edge a→b (b→a in `other`), without that edge."""
+    offset, other_offset = polygon.index(b), other.index(a)
+    first = polygon[offset:] + polygon[:offset]  # b … a
+    second = other[other_offset:] + other[:other_offset]  # a … b
     return first + second[1:-1]
 
 
@@ -193,14 +204,14 @@ def _is_convex(points: Sequence[Vector2]) -> bool:
     turns = [turn(points[n - 2], points[n - 1], points[n]) for n in range(count)]
     if min(turns) < -_TINY_M * _TINY_M:
         return False
-    # Turning left everywhere is not enough: a star does too, but goes round twice.
+    # Left turns alone do not prove convexity: a star turns left everywhere too, but goes round twice.
     ways = [math.atan2(points[n][1] - points[n - 1][1], points[n][0] - points[n - 1][0]) for n in range(count)]
     around = sum((ways[n] - ways[n - 1] + math.pi) % (2.0 * math.pi) - math.pi for n in range(count))
     return abs(around - 2.0 * math.pi) < 1.0
 
 
 def _without_straights(outline: Sequence[Vector2]) -> tuple[Vector2, ...]:
-    """The outline, anticlockwise, without repeated points and points on straight edges."""
+    """The outline, anticlockwise, without repeated points and without points on straight edges."""
     points = [point for n, point in enumerate(outline) if math.dist(point, outline[n - 1]) > _TINY_M]
     kept = [
         point
@@ -211,7 +222,7 @@ def _without_straights(outline: Sequence[Vector2]) -> tuple[Vector2, ...]:
 
 
 def _as_box(thing: str, part: Sequence[Vector2], base_m: float, top_m: float) -> OrientedBox | None:
-    """The part as a box if it is a rectangle to the millimetre."""
+    """The part as a box if it is a rectangle within 2 mm, else None."""
     if len(part) != 4:
         return None
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = part
@@ -225,7 +236,7 @@ def _as_box(thing: str, part: Sequence[Vector2], base_m: float, top_m: float) ->
 
 
 def _crossing(bridge: Bridge, number: int) -> tuple[Vector, Vector]:
-    """The deck's left and right edge at a point of its centre line, square to the mean direction there."""
+    """The deck's left and right edge at a point of its centre line, perpendicular to the mean direction there."""
     path = bridge.path
     before, after = path[max(number - 1, 0)], path[min(number + 1, len(path) - 1)]
     east, north = after[0] - before[0], after[1] - before[1]

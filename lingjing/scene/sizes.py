@@ -1,7 +1,7 @@
-"""How large things are: length, width and height, metres.
+"""Sizes of things: length, width and height, metres.
 
-What a scene and its traffic put up is of a size by its kind. What a mission's own entities measure, and whether one can
-bump into them, their types declare: `length`, `width`, `height`, `shape` and `origin` (docs/language.md).
+Objects of scenes and traffic have the size of their kind, from the table here. A mission's entities have the size and
+the shape that their types declare: `length`, `width`, `height`, `shape` and `origin` (docs/language.md).
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ from lingjing.mission.instance import Entity
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """Outer dimensions along, across and up, metres."""
+    """Outer dimensions of a thing."""
 
     length_m: float
+    """Along its heading, metres."""
     width_m: float
+    """Across its heading, metres."""
     height_m: float
+    """Upwards, metres."""
 
 
 SIZES: dict[str, Size] = {
@@ -32,19 +35,19 @@ SIZES: dict[str, Size] = {
     "bicycle": Size(1.7, 0.6, 1.6),
     "person": Size(0.4, 0.5, 1.75),
 }
-"""Cars after the traffic simulator's defaults, the rest as drawn."""
+"""Sizes by kind: vehicles after the defaults of SUMO, the others as drawn."""
 
 
 def entity_size(entity: Entity) -> Size:
-    """Dimensions of an entity; half a metre where it declares none."""
+    """Dimensions of an entity; half a metre for each that it does not declare."""
     return Size(*((entity.number(f"{name}_m") or UNSAID_M) for name in MEASURES))
 
 
 def solid_size(entity: Entity) -> Size | None:
-    """Dimensions of an entity that one can bump into; None for one that is nothing to bump into.
+    """Dimensions of an entity that bodies collide with; None for other entities.
 
-    Every asset is a body. A target is one if it declares its length, width and height: a fire or a leak does not.
-    Nothing of the shape `none` is one.
+    Every asset is solid. A target is solid if it declares its length, width and height; a fire or a leak does not. An
+    entity of the shape `none` is not solid.
     """
     measured = all(entity.number(f"{name}_m") for name in MEASURES)
     if entity.properties.get("shape") == BARE or not (entity.role == "asset" or measured):
@@ -53,5 +56,5 @@ def solid_size(entity: Entity) -> Size | None:
 
 
 def sunk_m(entity: Entity | None) -> float:
-    """How far an entity reaches below its position: half of its height if its origin is its middle."""
+    """Distance that an entity reaches below its position, metres: half of its height if its origin is its centre."""
     return 0.0 if entity is None else sunk_below_m(entity)

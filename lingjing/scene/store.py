@@ -1,14 +1,13 @@
-"""A city in a folder: its frame and what is everywhere in one file, its pieces in tiles, its road network beside them.
+"""A city in a folder: its frame in one file, its pieces in tiles, its road network beside them.
 
-    city.msgpack         format, and the `City` without its pieces
+    city.msgpack         format, and the `City` with its waters and lands, without its other pieces
     tiles/<i>_<j>.msgpack, tiles/index.msgpack
-    road.net.xml         where the city has roads
-    …                    whatever else the writer says (`scene.json`)
+    road.net.xml         only for a city with roads
+    …                    additional files of the writer (`scene.json`)
 
-A folder appears whole or not at all: it is written beside and renamed, and an older one changes places with it in one
-step. A folder that already holds the very same city is left as it is, so that who plays in it keeps it. It may be
-moved: the paths of the `City` that `read_store` gives are those of where it lies now, and `City.sha256` says what is in
-it, not where.
+A folder appears complete or not at all. It is written beside its final place and renamed; an older one is exchanged for
+it in one step. A folder that already holds the same city is left unchanged, so that running episodes keep their files.
+A folder may be moved: `read_store` gives paths at its present place, and `City.sha256` depends on the content alone.
 """
 
 from __future__ import annotations
@@ -34,32 +33,36 @@ from lingjing.scene.cutting import cut
 from lingjing.scene.tiles import INDEX_FILE, TILED, TileIndex, extent, partition, tile_file
 
 CITY_FILE = "city.msgpack"
+"""File of the frame."""
 NETWORK_FILE = "road.net.xml"
+"""File of the road network."""
 _ATTEMPTS = 100
-"""How often another writer may come in between before we give up, where two folders cannot change places."""
+"""Attempts to replace a folder in two steps while other writers interfere (chosen)."""
 _AT_FDCWD = -100
+"""Linux's constant of renameat2(2): paths are relative to the working directory."""
 _RENAME_EXCHANGE = 2
+"""Linux's flag of renameat2(2): exchange the two paths."""
 _DECIDING = ("camera_geometry", "city", "cutting", "lines", "network", "outlines", "store", "tiles")
-"""Modules of this package whose change may give another city."""
-FoundT = TypeVar("FoundT")
+"""Modules of this package that decide the content of a city. Cache keys include their hash."""
+ResultT = TypeVar("ResultT")
 
 BUILD_HINT = "a city's folder is written by: lingjing scene build MAP.osm -o FOLDER"
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):
-    """`city.msgpack`: the paths in `city` are relative to the folder."""
+    """Content of `city.msgpack`. The paths in `city` are relative to the folder."""
 
     format: Literal["lingjing-city/1"] = "lingjing-city/1"
     city: City
 
 
 def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, bytes] | None = None) -> City:
-    """Write a city into a folder of tiles and give it as `read_store` would.
+    """Write a city into a folder of tiles and return it as `read_store` would.
 
-    `city` holds the frame and what is everywhere; of `pieces` everything but waters and lands goes into tiles, long
-    ones cut at their squares, and waters and lands join those of `city`. A network named by `city` is copied in.
-    `extra` are more files by name. An older city in that folder is replaced; `UsageError` if it holds anything else
-    or cannot be written.
+    `city`: the frame, with pieces that belong to no tile. `pieces`: waters and lands join those of `city`; all others
+    go into tiles, and long ones are cut at the squares. The network that `city` names is copied. `extra`: contents of
+    additional files by name. An older city in the folder is replaced. Raises `UsageError` if the folder holds anything
+    else or cannot be written.
     """
     check_free(folder)
     try:
@@ -72,12 +75,12 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
 
 
 def cities_folder() -> Path:
-    """Where built cities are kept: `cities` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
+    """The folder of built cities: `cities` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
     return Path(cache_folder(), "cities")
 
 
 def code_sha256(package: Path) -> str:
-    """SHA-256 over the modules that decide what a provider builds: its package's, and those of cities beside it."""
+    """SHA-256 over the modules that decide a provider's result: those of its package and those named by `_DECIDING`."""
     digest = hashlib.sha256()
     here = Path(__file__).parent
     for file in (*sorted(package.glob("*.py")), *(here / f"{name}.py" for name in _DECIDING)):
@@ -86,7 +89,7 @@ def code_sha256(package: Path) -> str:
 
 
 def copy_store(source: Path, folder: Path) -> City:
-    """A copy of a city's folder at another place, whole or not at all; errors as in `write_store`."""
+    """Copy a city's folder to another place, completely or not at all. Errors are those of `write_store`."""
     check_free(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -98,7 +101,7 @@ def copy_store(source: Path, folder: Path) -> City:
 
 
 def read_store(folder: Path) -> City:
-    """The city of a folder. `UsageError` if the folder holds none, or one that is damaged."""
+    """Read the city of a folder. Raises `UsageError` if the folder holds none, or a damaged one."""
     try:
         data = _steady(folder, _frame_bytes)
         if data is None:
@@ -118,12 +121,13 @@ def read_store(folder: Path) -> City:
 
 
 def check_free(folder: Path) -> None:
-    """`UsageError` where no city may be written: a file, a folder of something else, a place that is not ours."""
+    """Raise `UsageError` if a city cannot be written to `folder`: a file, a folder of other content, or no
+    permission."""
     try:
         names = _steady(folder, os.listdir)
     except FileNotFoundError:
         names = []
-    except NotADirectoryError:  # itself, or one of those above it, of which more below
+    except NotADirectoryError:  # `folder` itself, or one of its parents, which is checked below
         if folder.exists():
             raise UsageError(f"cannot write `{folder}`: it is a file", hint="name a folder") from None
         names = []
@@ -137,8 +141,8 @@ def check_free(folder: Path) -> None:
         raise UsageError(f"cannot write `{folder}` in `{around}`: {why}", hint="choose another place with -o")
 
 
-def whole(folder: Path) -> City | None:
-    """The city of a folder if every byte that makes it is as it was written, else None: for caches, which may rot."""
+def intact_city(folder: Path) -> City | None:
+    """Return the city of a folder if every byte of it is intact, else None. For caches: their files may be damaged."""
     try:
         return _steady(folder, lambda _: _checked(folder))
     except (UsageError, OSError, msgspec.DecodeError):
@@ -148,20 +152,22 @@ def whole(folder: Path) -> City | None:
 # -- private
 
 
-def _steady(folder: Path, look: Callable[[int], FoundT]) -> FoundT:
-    """What `look` finds in the folder of that name, of which it gets a descriptor; anew if another writer put a new one
-    in its place meanwhile. The errors are those of a folder that stays: `FileNotFoundError` where there is none."""
+def _steady(folder: Path, look: Callable[[int], ResultT]) -> ResultT:
+    """Return `look(descriptor)` for the folder of that name; repeat it if another writer replaced the folder meanwhile.
+
+    Errors count only if the folder is still in place, such as `FileNotFoundError` if there is none.
+    """
     while True:
-        here = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            found = look(here)
-            if _in_place(here, folder):
-                return found
+            result = look(descriptor)
+            if _in_place(descriptor, folder):
+                return result
         except (OSError, UsageError, msgspec.DecodeError):
-            if _in_place(here, folder):
+            if _in_place(descriptor, folder):
                 raise
         finally:
-            os.close(here)
+            os.close(descriptor)
 
 
 def _in_place(descriptor: int, folder: Path) -> bool:
@@ -181,7 +187,7 @@ def _frame_bytes(folder: int) -> bytes | None:
 
 
 def _copied(source: Path, target: Path) -> None:
-    shutil.rmtree(target)  # what an attempt before left, of a city that is gone
+    shutil.rmtree(target)  # the remainder of an earlier attempt, from a city that was replaced meanwhile
     shutil.copytree(source, target)
 
 
@@ -226,14 +232,14 @@ def _write_files(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, b
 
 
 def _close(digest: hashlib._Hash, folder: Path, light: City) -> None:
-    """Take the network and the frame into the hash of a city's content, after its tiles."""
+    """Add the network and the frame to the hash of a city's content, after its tiles."""
     if light.network:
         digest.update(hashlib.sha256((folder / NETWORK_FILE).read_bytes()).digest())
     digest.update(msgspec.msgpack.encode(light))
 
 
 def _placed(temporary: Path, folder: Path) -> City:
-    """Put the written folder where it belongs and give its city, read before another writer can take it away."""
+    """Move the written folder to its final place. Return its city, read before another writer can replace it."""
     city = read_store(temporary)
     if not _is_there(city, temporary, folder):
         _replace(temporary, folder)
@@ -242,8 +248,8 @@ def _placed(temporary: Path, folder: Path) -> City:
 
 
 def _is_there(city: City, temporary: Path, folder: Path) -> bool:
-    """Whether the folder holds the same city already, whole, with the same files beside it."""
-    there = whole(folder)
+    """True if the folder already holds the same city, intact, with the same additional files."""
+    there = intact_city(folder)
     if there is None or there.sha256 != city.sha256:
         return False
     names = [path.name for path in temporary.iterdir() if path.is_file()]
@@ -252,9 +258,9 @@ def _is_there(city: City, temporary: Path, folder: Path) -> bool:
 
 
 def _replace(temporary: Path, folder: Path) -> None:
-    """Put the written folder where it belongs; an older city there takes its place, to go away with it."""
+    """Move the written folder to its final place. An older city moves to the temporary place and is removed with it."""
     try:
-        temporary.replace(folder)  # there is none yet, or an empty one
+        temporary.replace(folder)  # works if there is no folder, or an empty one
     except OSError as error:
         is_link = error.errno == errno.ENOTDIR and folder.is_dir()
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) and not is_link:
@@ -263,17 +269,19 @@ def _replace(temporary: Path, folder: Path) -> None:
             _replace_in_two_steps(temporary, folder)
 
 
-def _exchanged(one: Path, other: Path) -> bool:
-    """Have two folders change places at once, as renameat2(2) does; False where the system or its disk cannot."""
+def _exchanged(first: Path, second: Path) -> bool:
+    """Exchange two folders atomically by renameat2(2). False if the system or the file system does not support it."""
     renameat2 = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if renameat2 is None:
         return False
-    return bool(renameat2(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _RENAME_EXCHANGE) == 0)
+    return bool(renameat2(_AT_FDCWD, os.fsencode(first), _AT_FDCWD, os.fsencode(second), _RENAME_EXCHANGE) == 0)
 
 
 def _replace_in_two_steps(temporary: Path, folder: Path) -> None:
-    """The same where folders cannot change places. Another writer may put its own there in between the steps: then that
-    is the older one."""
+    """Replace a folder in two steps, where folders cannot be exchanged.
+
+    Another writer may put its folder there between the steps; the next attempt replaces that one.
+    """
     for attempt in range(_ATTEMPTS):
         try:
             if folder.exists():
@@ -288,13 +296,16 @@ def _replace_in_two_steps(temporary: Path, folder: Path) -> None:
 
 
 def _put_back(temporary: Path, folder: Path) -> None:
-    taken = sorted(temporary.parent.glob("old-*"))
-    if taken and not folder.exists():
-        taken[-1].replace(folder)
+    backups = sorted(temporary.parent.glob("old-*"))
+    if backups and not folder.exists():
+        backups[-1].replace(folder)
 
 
 def _unwritable(folder: Path, error: OSError) -> UsageError:
-    """`shutil.Error`, a list of failed copies, is an `OSError` that has no `strerror`."""
-    said = error.args[0][0][2] if isinstance(error, shutil.Error) else error.strerror or str(error)
-    first = re.sub(r"^\[Errno \d+\] ([^:]*).*$", r"\1", said, flags=re.DOTALL)
+    """The error for a folder that cannot be written.
+
+    `shutil.Error`, a list of failed copies, is an `OSError` without `strerror`.
+    """
+    reason = error.args[0][0][2] if isinstance(error, shutil.Error) else error.strerror or str(error)
+    first = re.sub(r"^\[Errno \d+\] ([^:]*).*$", r"\1", reason, flags=re.DOTALL)
     return UsageError(f"cannot write `{folder}`: {first}", hint="choose another place with -o")

@@ -1,6 +1,6 @@
-"""The city around what is played in, for viewers: its shapes on the plan, and as meshes in space.
+"""The city around a mission, for viewers: its shapes on the plan, and meshes in space.
 
-What lies flat is lifted a little by its layer, so that it does not flicker through what it lies on.
+Flat shapes are raised a little by their layer. Otherwise they would flicker with the surface below (z-fighting).
 """
 
 from __future__ import annotations
@@ -22,45 +22,48 @@ from lingjing.scene.plan import PLAN, Layer, PlanShape, ground_plan
 from lingjing.trace.surroundings import CityMesh, Surroundings
 
 EXPENDABLE: tuple[Layer, ...] = ("tree", "pipe", "path", "slab", "area")
-"""What is left out first of a city that is too large."""
+"""The layers that are dropped from a city that is too large, first to last."""
 
 MESHED: tuple[Layer, ...] = ("water", "land", "area", "slab", "path", "road", "solid", "bridge", "building", "pipe")
-"""What becomes meshes: all but trees, which are many and say little."""
+"""The layers that become meshes. Trees are left out, because they are many and show little."""
 
 MOST_POINTS = 60_000
-"""Corners on the plan that a trace holds of a city; beyond that the layers of `EXPENDABLE` are left out."""
+"""Most corners on the plan that a trace stores of a city. Above it, layers of `EXPENDABLE` are dropped (chosen)."""
 
 AROUND = 0.6
-"""The city is shown so far beyond what is played in, as a share of its size."""
+"""Margin around the mission's area in which the city is shown, as a share of that area's longer side (chosen)."""
 
 AROUND_M = 250.0
-"""And at least so far, metres."""
+"""Least margin, metres (chosen)."""
 
 LIFT_M = 0.04
-"""Each layer lies so much above the one before."""
+"""Distance between layers, metres (chosen)."""
 
 KEPT = 8
-"""Cities whose meshes are kept for later episodes of this process and of those that are forked from it."""
+"""Number of cities with meshes in the cache, which later episodes of this process and of its forks use (chosen)."""
 
 OVERHEAD_M = 20_000.0
-"""What is higher stands over no map: a satellite."""
+"""Elevation above which an entity (a satellite) does not enlarge the shown area, metres."""
 
 _WALL = 0.82
-"""How bright a wall is beside its roof."""
+"""Brightness of a wall relative to its roof (chosen)."""
 
 _LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 
 def surroundings(city: City, instance: Instance) -> Surroundings:
-    """What a trace of this instance shows beside its records."""
+    """The surroundings that a trace of this instance stores beside its records."""
     spots: list[Vector2] = [(e.position[0], e.position[1]) for e in instance.entities if e.position[2] < OVERHEAD_M]
     spots += [corner for region in instance.regions for corner in region.polygon]
     return Surroundings(_meshes_around(city, bounds(spots or [(0.0, 0.0)])), mounted_camera_pose)
 
 
 def shapes_around(city: City, played: Extent, most: int) -> tuple[tuple[PlanShape, ...], list[Layer]]:
-    """The shapes in and around the extent that is played in (west, south, east, north; metres), and which layers were
-    left out to keep to `most` corners. Raises `UsageError` if the city's folder is gone."""
+    """The shapes in and around an area (west, south, east, north; metres), and the layers dropped to keep `most`
+    corners.
+
+    Raises `UsageError` if the city's folder no longer exists.
+    """
     shapes = ground_plan(city, _within(_grown(played), city.bounds))
     lacks: list[Layer] = []
     for layer in EXPENDABLE:
@@ -71,16 +74,16 @@ def shapes_around(city: City, played: Extent, most: int) -> tuple[tuple[PlanShap
     return shapes, lacks
 
 
-def triangulated(rings: Sequence[Sequence[Vector2]]) -> list[int]:
-    """A polygon with holes as triangles: indices into the corners of all rings, the outline's first."""
+def triangulate(rings: Sequence[Sequence[Vector2]]) -> list[int]:
+    """Triangulate a polygon with holes: indices into the corners of all rings, outline first, three a triangle."""
     corners = np.asarray([point for ring in rings for point in ring], np.float64)
     ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    found: list[int] = mapbox_earcut.triangulate_float64(corners, ends).tolist()
-    return found
+    indices: list[int] = mapbox_earcut.triangulate_float64(corners, ends).tolist()
+    return indices
 
 
 def city_meshes(shapes: Iterable[PlanShape]) -> tuple[CityMesh, ...]:
-    """The shapes in space, those of one layer and colour together, in painting order."""
+    """The shapes as meshes in space, in painting order; shapes of one layer and colour share a mesh."""
     drafts: dict[tuple[Layer, tuple[float, float, float]], _Draft] = {}
     for shape in shapes:
         colour = _rgb(PLAN.colour(shape)) if shape.layer in MESHED else None
@@ -113,19 +116,21 @@ _known: dict[tuple[_Standing, Extent], tuple[City, tuple[CityMesh, ...]]] = {}
 
 
 def _meshes_around(city: City, played: Extent) -> tuple[CityMesh, ...]:
-    """`city_meshes` of the shapes in and around an extent; those of the latest cities are kept. Cities that differ in
-    what floats share them: of all props a plan shows trees alone."""
+    """Return `city_meshes` of the shapes in and around an area, cached for the latest cities.
+
+    Cities that differ only in floating objects share an entry, because a plan shows only trees of all props.
+    """
     key = _standing(city), _within(_grown(played), city.bounds)
     if key not in _known:
         shapes, _ = shapes_around(city, played, MOST_POINTS)
-        _known[key] = city, city_meshes(shapes)  # the city with them, so that nothing else gets its pieces' ids
+        _known[key] = city, city_meshes(shapes)  # the city is held so that no new object gets the ids of its pieces
         while len(_known) > KEPT:
             del _known[next(iter(_known))]
     return _known[key][1]
 
 
 def _standing(city: City) -> _Standing:
-    """What of a city is on its plan: its pieces by identity, its trees by their places."""
+    """Key of a city's plan: the identities of its pieces and the places of its trees."""
     if city.store:
         return (id(city),), ()
     pieces = tuple(id(getattr(city, name)) for name in Pieces.__struct_fields__ if name != "props")
@@ -134,21 +139,21 @@ def _standing(city: City) -> _Standing:
 
 @dataclass(slots=True)
 class _Draft:
-    """A mesh that is being made."""
+    """A mesh under construction."""
 
     points: list[tuple[float, float, float]] = field(default_factory=list)
     triangles: list[int] = field(default_factory=list)
 
     def lid(self, rings: Sequence[Sequence[Vector2]], level: float) -> None:
-        """The polygon at its height."""
+        """Add a polygon with holes at an elevation."""
         if len(rings[0]) < 3:
             return
         first = len(self.points)
-        self.triangles += [first + one for one in triangulated(rings)]
+        self.triangles += [first + index for index in triangulate(rings)]
         self.points += [(x, y, level) for ring in rings for x, y in ring]
 
     def walls(self, ring: Sequence[Vector2], base: float, top: float) -> None:
-        """A quadrangle under each edge; rings are anticlockwise, holes clockwise."""
+        """Add a quadrangle below each edge of a ring. Outlines are anticlockwise, holes clockwise."""
         first, count = len(self.points), 2 * len(ring)
         for x, y in ring:
             self.points += ((x, y, base), (x, y, top))
@@ -157,7 +162,7 @@ class _Draft:
             self.triangles += (a, b, b + 1, a, b + 1, a + 1)
 
     def ribbon(self, shape: PlanShape, lift: float) -> None:
-        """A line as wide as it is, mitred at its bends."""
+        """Add a line as a strip of its width, mitred at its bends."""
         first, half = len(self.points), shape.width_m / 2.0
         sides = _sides(shape.points)
         heights = shape.heights_m or (shape.top_m,) * len(shape.points)
@@ -169,7 +174,7 @@ class _Draft:
 
 
 def _sides(points: Sequence[Vector2]) -> list[Vector2]:
-    """To the left of a line at each of its points, so long that edges one apart stay one apart; at most twice that."""
+    """Offset vectors to the left of a line at each point, for edges at distance 1. Mitres are at most 2 long."""
     lefts: list[Vector2] = []
     for (x0, y0), (x1, y1) in pairwise(points):
         length = math.hypot(x1 - x0, y1 - y0)
@@ -187,7 +192,7 @@ def _lift(layer: Layer) -> float:
 
 
 def _rgb(colour: str | tuple[float, float, float] | None) -> tuple[float, float, float] | None:
-    """Parts in 0..1, in steps of a fiftieth, so that buildings of about one height share a mesh."""
+    """Components in 0..1 in steps of 1/50, so that buildings of about one height share a mesh."""
     if colour is None:
         return None
     parts = colour if isinstance(colour, tuple) else tuple(int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
@@ -201,7 +206,7 @@ def _grown(played: Extent) -> Extent:
 
 
 def _within(box: Extent, bounds: Extent) -> Extent:
-    """The part of a box within bounds; the bounds where they do not meet."""
+    """The part of a box within bounds; the bounds if the two are disjoint."""
     west, south, east, north = (
         max(box[0], bounds[0]),
         max(box[1], bounds[1]),

@@ -1,8 +1,8 @@
-"""`Terrain`: what a place of the city is to a body that moves there: water, ground, what stands on it and how high.
+"""`Terrain`: water, ground and obstacles at a place, with their elevations, for bodies that move there.
 
-The ground and the waters of the whole city are a few large polygons. What stands on them (`blocks`) is read through
-the city's tiles, square by square and only where somebody asks, and the latest squares are held: neither a lookup nor
-the memory grows with the city.
+The ground and the waters of a city are a few large polygons. The obstacles (`blocks`) are read through the city's tiles
+on demand, square by square, and the latest squares are cached. So the cost of a lookup and the memory do not grow with
+the city.
 """
 
 from __future__ import annotations
@@ -19,20 +19,23 @@ from lingjing.scene.outlines import BoundedPolygon, inside, touches
 from lingjing.scene.tiles import TileKey, Tiles
 
 REACH_M = 8.0
-"""The largest `margin_m` that a body may ask with: half the span of a light aircraft and some."""
+"""Greatest `margin_m` that a query supports, metres: half the span of a light aircraft, with a reserve (chosen)."""
 
 _CELL_M = 50.0
+"""Side of the cells by which a square's blocks are indexed, metres (chosen)."""
 _KEPT_SQUARES = 128
+"""Cached squares."""
 
 _EVEN_CELL_M = 16.0
-"""Side of the cells whose ground and still water are remembered."""
+"""Side of the cells for which ground and still water are cached, metres (chosen)."""
 _KEPT_EVEN_CELLS = 4096
+"""Cached cells."""
 _CLEAR_M = 0.01
-"""So far from a cell an outline must stay for the cell to be all wet or all dry, whatever rounding does."""
+"""Least distance of an outline from a cell of uniform ground, metres: more than any rounding error."""
 
 
 class Terrain:
-    """A city as an obstacle course. Points are world metres; elevations are over the datum's zero."""
+    """A city as terrain for moving bodies. Points are world metres; elevations are over the datum's zero."""
 
     def __init__(self, city: City) -> None:
         self.datum_m = city.datum_m
@@ -52,34 +55,36 @@ class Terrain:
         return west <= x <= east and south <= y <= north
 
     def water_level(self, x: float, y: float) -> float | None:
-        """Still-water elevation at a point that is afloat, or None on dry land and off every water."""
+        """Elevation of the still water at a point; None on land and outside all waters."""
         cell = self._cell(math.floor(x / _EVEN_CELL_M), math.floor(y / _EVEN_CELL_M))
         return _water_level(self._waters, self._lands, x, y) if cell is None else cell.water_m
 
     def surface(self, x: float, y: float) -> float:
-        """Elevation of the ground or the still water at a point; the datum where the map holds neither."""
+        """Elevation of the ground or the still water at a point; the datum where the map has neither."""
         cell = self._cell(math.floor(x / _EVEN_CELL_M), math.floor(y / _EVEN_CELL_M))
         return _surface(self._waters, self._lands, self.datum_m, x, y) if cell is None else cell.surface_m
 
     def support(self, x: float, y: float, below_m: float, margin_m: float = 0.0) -> float:
-        """Elevation of what something of radius `margin_m` (at most `REACH_M`) that falls from `below_m` comes to rest
-        on: ground, water, roof, deck or slope."""
+        """Elevation at which a body of radius `margin_m` (at most `REACH_M`) that falls from `below_m` comes to rest.
+
+        It may rest on ground, water, a roof, a deck or a slope.
+        """
         tops = [block.top_at(x, y) for block in self._near(x, y) if block.covers(x, y, margin_m)]
         return max([self.surface(x, y), *(top for top in tops if top <= below_m)])
 
     def solids_at(self, x: float, y: float, low_m: float, high_m: float, margin_m: float = 0.0) -> tuple[Block, ...]:
-        """What a body of radius `margin_m` (at most `REACH_M`) between two elevations is in touch with."""
+        """Return the blocks that touch a body of radius `margin_m` (at most `REACH_M`) between two elevations."""
         return tuple(
             block
             for block in self._near(x, y)
-            if block.area.bounds_hold(x, y, margin_m)  # rules out most, and quickly
+            if block.area.bounds_hold(x, y, margin_m)  # a cheap test that rules out most blocks
             and block.base_at(x, y) < high_m
             and block.top_at(x, y) > low_m
             and block.covers(x, y, margin_m)
         )
 
     def ceiling_m(self, x: float, y: float) -> float:
-        """An elevation above which there is nothing near a point; the quick answer for what flies high."""
+        """An elevation above which nothing is near a point: a quick answer for bodies that fly high."""
         return max(self._highest_ground_m, self._square(x, y).highest_m)
 
     def _near(self, x: float, y: float) -> tuple[Block, ...]:
@@ -90,14 +95,15 @@ class Terrain:
 
 
 class Square:
-    """The `blocks` that a body in one square can touch, by cells of 50 m. `highest_m` is the top of the highest."""
+    """The `blocks` that a body in one square can touch, indexed by cells of 50 m."""
 
-    def __init__(self, bounds: tuple[float, float, float, float], found: Iterable[Block]) -> None:
+    def __init__(self, bounds: tuple[float, float, float, float], candidates: Iterable[Block]) -> None:
         self.highest_m = -math.inf
+        """Elevation of the highest top, metres; minus infinity without blocks."""
         self._cells: dict[TileKey, tuple[Block, ...]] = {}
         limits = _cells(*bounds)
         reaching: list[Block] = []
-        for block in found:
+        for block in candidates:
             area = block.area
             reached = _cells(area.west - REACH_M, area.south - REACH_M, area.east + REACH_M, area.north + REACH_M)
             columns, rows = _common(reached[0], limits[0]), _common(reached[1], limits[1])
@@ -126,21 +132,24 @@ _Lands = Sequence[tuple[BoundedPolygon, float]]
 
 
 class _EvenCell(NamedTuple):
-    """A cell that no outline crosses: the elevation of its ground or still water, and that of the water if it is one
-    where things float."""
+    """A cell that no shoreline crosses."""
 
     surface_m: float
+    """Elevation of the ground or the still water, metres."""
     water_m: float | None
+    """Elevation of the still water, metres; None if bodies do not float there."""
 
 
 def _read_cell(waters: _Waters, lands: _Lands, datum_m: float, column: int, row: int) -> _EvenCell | None:
-    """A cell that is everywhere as its middle is, or None where an outline crosses it. What swims or flies asks many
-    times a second, and mostly about the cell that it is in."""
+    """A cell that is uniform, so that its centre stands for all of it; None if an outline crosses it.
+
+    Floating and flying bodies query many times a second, mostly in the same cell.
+    """
     half = _EVEN_CELL_M / 2.0
     x, y, reach = column * _EVEN_CELL_M + half, row * _EVEN_CELL_M + half, half + _CLEAR_M
     shores = (area.polygon for area, _ in (*waters, *lands) if area.bounds_hold(x, y, reach))
     holes = (hole for _, water in waters for hole in water.holes)
-    if any(touches(one, x, y, reach) for one in itertools.chain(shores, holes)):
+    if any(touches(outline, x, y, reach) for outline in itertools.chain(shores, holes)):
         return None
     return _EvenCell(_surface(waters, lands, datum_m, x, y), _water_level(waters, lands, x, y))
 
@@ -166,8 +175,8 @@ def _span(low: float, high: float) -> range:
     return range(math.floor(low / _CELL_M), math.floor(high / _CELL_M) + 1)
 
 
-def _common(one: range, other: range) -> range:
-    return range(max(one.start, other.start), min(one.stop, other.stop))
+def _common(first: range, second: range) -> range:
+    return range(max(first.start, second.start), min(first.stop, second.stop))
 
 
 def _wet(area: BoundedPolygon, holes: Iterable[tuple[tuple[float, float], ...]], x: float, y: float) -> bool:

@@ -1,12 +1,11 @@
-"""`Tiles`: the pieces of a city near a place, whether the city holds its pieces itself or keeps them in a folder.
+"""`Tiles`: the pieces of a city near a place, for a city in memory and for one in a folder alike.
 
 A square of the grid is `(column, row)`, counted from the world's origin in steps of `City.tile_m`. A piece belongs to
-the one square that holds its first point and may stick out of it; `near` asks with what the tiles really cover, so that
-a reader misses nothing and needs no margin. `City.waters` and `City.lands` are everywhere: they stay with the city and
-are in no tile of an inline one.
+the one square that holds its first point, and may project from it. `near` uses the real extents of the tiles, so a
+reader misses nothing and needs no margin. `City.waters` and `City.lands` belong to no tile; they stay with the city.
 
-Tiles of a folder (`lingjing.scene.store`) are read when asked for, and the latest `keep` of them are held. All `Tiles`
-of one city that are in use at a time share what was divided or read: an episode has a dozen of them.
+Tiles of a folder (`lingjing.scene.store`) are read on demand, and the latest `keep` of them are cached. All `Tiles` of
+one city that exist at a time share one cache, because an episode has a dozen of them.
 """
 
 from __future__ import annotations
@@ -38,30 +37,34 @@ from lingjing.scene.city import (
 )
 
 TileKey = tuple[int, int]
+"""Column and row of a square."""
 
 Piece = PaintedArea | Solid | Slope | Building | Road | Junction | Bridge | Pipe | Prop
+"""A piece that belongs to a tile."""
 
 KEPT_TILES = 64
-"""Tiles held at a time by default: four square kilometres of 250 m squares."""
+"""Tiles cached by default: 64 squares of 250 m are four square kilometres (chosen)."""
 
 TILED = ("areas", "solids", "slopes", "buildings", "roads", "junctions", "bridges", "pipes", "props")
-"""The fields of `Pieces` that tiles divide; waters and lands stay with the city."""
+"""The fields of `Pieces` that are divided into tiles."""
 
 
 _Read = TypeVar("_Read")
 
 
 class TileIndex(msgspec.Struct, frozen=True, array_like=True):
-    """What each tile of a store covers, in key order: its square grown to the bounds of its pieces."""
+    """The extents of a store's tiles."""
 
     keys: tuple[TileKey, ...]
+    """Keys in order."""
     extents: tuple[Extent, ...]
+    """For each key its square, enlarged by the bounds of its pieces: west, south, east, north; metres."""
 
 
 class Tiles:
-    """The tiles of a city. `keep` bounds how many tiles read from a folder are held.
+    """The tiles of a city. `keep`: number of tiles from a folder that are cached.
 
-    Raises `UsageError` if the city's folder is gone or damaged.
+    Raises `UsageError` if the city's folder is missing or damaged.
     """
 
     def __init__(self, city: City, keep: int = KEPT_TILES) -> None:
@@ -72,52 +75,52 @@ class Tiles:
         self._overhang_m = max((_overhang(key, extents[key], city.tile_m) for key in self.keys), default=0.0)
 
     def load(self, key: TileKey) -> Tile:
-        """The tile of a square in `keys`; `KeyError` for another."""
+        """The tile of a key in `keys`. Raises `KeyError` for another key."""
         return self._source.load(key)
 
     def extent(self, key: TileKey) -> Extent:
-        """What a tile covers, without reading it; `KeyError` for another."""
+        """The extent of a tile, without reading it. Raises `KeyError` for another key."""
         return self._source.extents[key]
 
     def near(self, x: float, y: float, radius_m: float) -> tuple[Tile, ...]:
-        """Every tile that holds something within `radius_m` of a point, or whose square is, in key order."""
+        """Return every tile with a piece, or with its square, within `radius_m` of a point, in key order."""
         return tuple(self._source.load(key) for key in self.keys_near(x, y, radius_m))
 
     def keys_near(self, x: float, y: float, radius_m: float) -> tuple[TileKey, ...]:
-        """The keys of `near`, without reading a tile."""
+        """Return the keys of `near`, without reading tiles."""
         side, reach, extents = self._tile_m, radius_m + self._overhang_m, self._source.extents
         columns = range(floor((x - reach) / side), floor((x + reach) / side) + 1)
         rows = range(floor((y - reach) / side), floor((y + reach) / side) + 1)
         if len(columns) * len(rows) > len(self.keys):
-            asked: Iterable[TileKey] = self.keys
+            candidates: Iterable[TileKey] = self.keys
         else:
-            asked = ((column, row) for column in columns for row in rows if (column, row) in extents)
-        return tuple(key for key in asked if _distance(extents[key], x, y) <= radius_m)
+            candidates = ((column, row) for column in columns for row in rows if (column, row) in extents)
+        return tuple(key for key in candidates if _distance(extents[key], x, y) <= radius_m)
 
     def __iter__(self) -> Iterator[Tile]:
-        """Every tile in key order, one at a time."""
+        """Yield every tile in key order, one at a time."""
         return (self._source.load(key) for key in self.keys)
 
 
 def partition(pieces: Pieces, tile_m: float) -> dict[TileKey, Tile]:
-    """The pieces by the square of their first point, in key order. Waters and lands are left out."""
-    found: dict[TileKey, dict[str, list[Piece]]] = {}
+    """Group the pieces by the square of their first point, in key order. Waters and lands are left out."""
+    groups: dict[TileKey, dict[str, list[Piece]]] = {}
     for field in TILED:
         for piece in getattr(pieces, field):
-            found.setdefault(key_of(piece, tile_m), {}).setdefault(field, []).append(piece)
-    fields = {key: {field: tuple(items) for field, items in found[key].items()} for key in sorted(found)}
+            groups.setdefault(key_of(piece, tile_m), {}).setdefault(field, []).append(piece)
+    fields = {key: {field: tuple(items) for field, items in groups[key].items()} for key in sorted(groups)}
     return {key: msgspec.convert({"key": key, **filled}, Tile) for key, filled in fields.items()}
 
 
 def key_of(piece: Piece, tile_m: float) -> TileKey:
-    """The square that holds a piece's first point; the one at the origin for a piece without any."""
+    """The square of a piece's first point; the one at the origin for a piece without points."""
     points = points_of(piece)
     point = points[0] if points else (0.0, 0.0)
     return floor(point[0] / tile_m), floor(point[1] / tile_m)
 
 
 def points_of(piece: Piece) -> Sequence[tuple[float, ...]]:
-    """The points that outline a piece, east and north first, beginning with the one that decides its tile."""
+    """The points of a piece, east and north first. The first point decides its tile."""
     if isinstance(piece, Prop):
         return (piece.position,)
     if isinstance(piece, Road):
@@ -130,7 +133,7 @@ def points_of(piece: Piece) -> Sequence[tuple[float, ...]]:
 
 
 def extent(tile: Tile, tile_m: float) -> Extent:
-    """The bounds of a tile's square and of all its pieces' points."""
+    """The bounds of a tile's square and of all points of its pieces."""
     column, row = tile.key
     points: list[tuple[float, ...]] = [(column * tile_m, row * tile_m), ((column + 1) * tile_m, (row + 1) * tile_m)]
     for field in TILED:
@@ -141,11 +144,12 @@ def extent(tile: Tile, tile_m: float) -> Extent:
 
 
 def tile_file(key: TileKey) -> str:
-    """The name of a tile's file in a store's folder."""
+    """Name of a tile's file in a store's folder."""
     return f"tiles/{key[0]}_{key[1]}.msgpack"
 
 
 INDEX_FILE = "tiles/index.msgpack"
+"""Name of the index file in a store's folder."""
 
 
 # -- private
@@ -158,7 +162,10 @@ class _Source(Protocol):
 
 
 class _Memory:
-    """The pieces that a city holds itself, divided once. It keeps its city, whose identity it is shared by."""
+    """The pieces that a city holds itself, divided into tiles once.
+
+    It holds its city, so that the city's `id`, by which it is shared, is not reused.
+    """
 
     def __init__(self, city: City) -> None:
         self._city = city
@@ -170,7 +177,7 @@ class _Memory:
 
 
 class _Folder:
-    """The tiles of a folder, the most recently asked ones held."""
+    """The tiles of a folder, with a cache of the latest."""
 
     def __init__(self, folder: str, keep: int) -> None:
         index = _decode(folder, INDEX_FILE, TileIndex)
@@ -185,11 +192,11 @@ class _Folder:
 
 _memories: WeakValueDictionary[int, _Memory] = WeakValueDictionary()
 _folders: WeakValueDictionary[tuple[str, str, int], _Folder] = WeakValueDictionary()
-# Only what somebody uses is in there, so that resets leave nothing behind.
+# Weak references: an entry lives while a `Tiles` uses it, so episodes leave nothing behind.
 
 
 def _source(city: City, keep: int) -> _Source:
-    """What other tiles of this city in use read from, or a new one. Nothing of it depends on who asked before."""
+    """The source that other `Tiles` of this city use, or a new one. The result does not depend on earlier use."""
     if city.store:
         content = (city.store, city.sha256, keep)
         folder = _folders.get(content)
@@ -207,7 +214,7 @@ def _read_tile(folder: str, key: TileKey) -> Tile:
 
 
 def _decode(folder: str, name: str, kind: type[_Read]) -> _Read:
-    """A file of a store; `UsageError` where it is gone or no such thing."""
+    """Decode a file of a store. Raises `UsageError` if it is missing or damaged."""
     path = Path(folder, name)
     hint = "build the city again: lingjing scene build"
     try:

@@ -1,4 +1,4 @@
-"""Pieces of a city carried to another place: every point of them moved by the same east and north."""
+"""Translation of a city's pieces: every point is moved by the same east and north."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from lingjing.scene.city import Lane, Pieces
 P = TypeVar("P", bound=Pieces)
 
 _LINES = ("polygon", "shape", "path", "top")
+"""Fields of pieces that are sequences of points."""
 _POINTS = ("position", "entrance")
-"""Fields of pieces whose first two numbers are east and north; the rest is an elevation or a bearing."""
+"""Fields of pieces that are one point. In both, only the first two numbers are coordinates in plan; a third is an
+elevation or a bearing."""
 
 _DECIMALS = 6
-"""Sums are rounded to a micrometre, so that a coordinate that was round stays round."""
+"""Decimals of the sums (micrometres), so that round coordinates stay round."""
 
 
-def translated(pieces: P, by: Vector2) -> P:
-    """The same pieces, `by` metres farther east and north; the very same value where both are 0."""
+def translate(pieces: P, by: Vector2) -> P:
+    """Return the pieces, `by` metres farther east and north; the same object if both are 0."""
     if by == (0.0, 0.0):
         return pieces
-    changed = {kind: tuple(_piece(one, by) for one in getattr(pieces, kind)) for kind in Pieces.__struct_fields__}
+    changed = {kind: tuple(_piece(piece, by) for piece in getattr(pieces, kind)) for kind in Pieces.__struct_fields__}
     return msgspec.structs.replace(pieces, **changed)
 
 

@@ -9,7 +9,7 @@ import msgspec
 from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
 from lingjing.scene.plan import PlanShape, is_sea
-from lingjing.scene.surroundings import shapes_around, triangulated
+from lingjing.scene.surroundings import shapes_around, triangulate
 
 MOST_POINTS = 300_000
 """Corners of all shapes together that a page gets; beyond that layers are left out."""
@@ -68,7 +68,7 @@ def _shape(shape: PlanShape) -> GroundShape | None:
             heights=heights,
         )
     rings = [shape.points, *(hole for hole in shape.holes if len(hole) >= 3)]
-    triangles = triangulated(rings) if len(shape.points) >= 3 else []
+    triangles = triangulate(rings) if len(shape.points) >= 3 else []
     if not triangles:
         return None
     return GroundShape(

@@ -20,7 +20,7 @@ from lingjing.scene.osm import read as reading
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.tags import metres, number
-from lingjing.scene.store import check_free, cities_folder, copy_store, read_store, whole, write_store
+from lingjing.scene.store import check_free, cities_folder, copy_store, intact_city, read_store, write_store
 from tests.scene.osm_maps import Map, square
 
 
@@ -57,7 +57,7 @@ def test_writers_of_one_folder_at_once_leave_one_whole_city(tmp_path: Path, hut:
     with ThreadPoolExecutor(8) as pool:
         for done in [pool.submit(copy_store, tmp_path / "first", target) for _ in range(24)]:
             done.result()
-    assert whole(target) == read_store(target)
+    assert intact_city(target) == read_store(target)
     assert not list(tmp_path.glob(".city*"))
 
 
@@ -88,7 +88,7 @@ def test_a_folder_that_writers_fight_over_is_always_a_city(
             stop.set()
         for done in fights:
             done.result()
-    left = whole(target)
+    left = intact_city(target)
     assert left is not None and left.sha256 in {city.sha256 for city in cities}
     assert not list(tmp_path.glob(".city*"))
 
@@ -101,7 +101,7 @@ def test_the_same_city_again_leaves_the_folder_to_who_plays_in_it(tmp_path: Path
     assert (tmp_path / "city").stat().st_ino == before
     (tmp_path / "city" / "tiles" / "index.msgpack").write_bytes(b"rotten")
     copy_store(tmp_path / "one", tmp_path / "city")
-    assert whole(tmp_path / "city") is not None
+    assert intact_city(tmp_path / "city") is not None
 
 
 def frame_of(name: str) -> City:
@@ -120,13 +120,13 @@ def test_a_cache_that_has_rotted_is_made_anew(tmp_path: Path, hut: Path) -> None
     tile.write_bytes(tile.read_bytes()[:-1])
     again = build(hut, Options())
     assert not again.cached
-    assert whole(again.folder) == good
+    assert intact_city(again.folder) == good
 
 
 def test_a_mission_is_not_played_in_a_city_that_has_rotted(tmp_path: Path, hut: Path) -> None:
     folder = build(hut, Options(), tmp_path / "city").folder
     spec = SceneSpec(kind="map", options={"folder": str(folder)})
-    assert city_of(spec) == whole(folder)
+    assert city_of(spec) == intact_city(folder)
     (tile,) = folder.glob("tiles/[0-9-]*")
     tile.write_bytes(tile.read_bytes()[:-1])
     with pytest.raises(UsageError, match="is damaged") as caught:

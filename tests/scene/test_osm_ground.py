@@ -95,15 +95,15 @@ def test_trees_stand_where_trees_can(tmp_path: Path) -> None:
     wet = water.wet(features)
     areas = ground.areas(features, wet)
     road = Road(id="e", lanes=(Lane(id="e_0", shape=((0, 180, 0), (200, 180, 0)), width_m=10.0),))
-    taken = trees.taken(wet, (), (road,))
-    found = list(trees.trees(features, areas, taken, seed=3))
-    assert found == list(trees.trees(features, areas, taken, seed=3))
-    assert found != list(trees.trees(features, areas, taken, seed=4))
+    occupied = trees.occupied_area(wet, (), (road,))
+    found = list(trees.trees(features, areas, occupied, seed=3))
+    assert found == list(trees.trees(features, areas, occupied, seed=3))
+    assert found != list(trees.trees(features, areas, occupied, seed=4))
     assert (found[0].model, found[0].scale) == ("pine", 2.0)
     assert sum(prop.position[0] < -300 for prop in found) == 11
     sown = [prop.position[:2] for prop in found if prop.position[0] >= 0]
     assert len(sown) > 40
-    assert not any(shapely.contains_xy(taken, x, y) or (x < 60 and y < 60) for x, y in sown)
+    assert not any(shapely.contains_xy(occupied, x, y) or (x < 60 and y < 60) for x, y in sown)
     assert len({prop.id for prop in found}) == len(found)
 
 
@@ -152,10 +152,10 @@ def test_decks_lie_under_raised_ways_only(tmp_path: Path) -> None:
 def test_roads_end_where_the_frame_ends() -> None:
     lane = Lane(id="e_0", shape=((-50, 0, 0), (50, 0, 0), (500, 0, 9), (500, 300, 9), (90, 300, 0)), width_m=3.0)
     bounds = (0.0, -100.0, 100.0, 400.0)
-    cut = structures.cut_off(Road(id="e", lanes=(lane,)), bounds)
+    cut = structures.clip_road(Road(id="e", lanes=(lane,)), bounds)
     assert cut is not None
     assert cut.lanes[0].shape == ((0.0, 0.0, 0.0), (50, 0, 0), (100.0, 0.0, 1.0))
-    assert structures.cut_off(Road(id="e", lanes=(lane,)), (-900.0, -900.0, -800.0, -800.0)) is None
+    assert structures.clip_road(Road(id="e", lanes=(lane,)), (-900.0, -900.0, -800.0, -800.0)) is None
     assert structures.is_visible(Road(id="t", lanes=(lane,), tunnel=True)) is False
 
 

@@ -1,7 +1,7 @@
 """The seaside of a district: sea and shore, promenade, harbour with quays and moored boats, a long bridge.
 
-Land lies to the left of the shore line, water to its right, as in OpenStreetMap. The sea reaches far beyond the
-district, so that it ends at the horizon.
+Land lies to the left of the shore line and water to its right, as in OpenStreetMap. The sea extends far beyond the
+district, so that it reaches the horizon.
 """
 
 from __future__ import annotations
@@ -26,25 +26,28 @@ from lingjing.scene.network import StreetEdge, StreetNode
 from lingjing.scene.outlines import inside
 
 SEA_M = 6000.0
+"""Distance that the sea extends beyond the district, metres (chosen)."""
 DECK_M = 16.0
-"""Width of the bridge's deck: two lanes each way, a kerb and a railing on either side."""
+"""Width of the bridge's deck, metres: two lanes each way, a kerb and a railing on either side."""
 
 RAMP = "bridge-ramp"
+"""Id of the ramp."""
 FAR_END = "bridge-end"
-"""The node of the street network at the bridge's far end; a road that leads there is named after both its nodes."""
+"""Id of the street node at the bridge's far end. The ids of roads to it contain both node ids."""
 
 LAP_M = 0.1
-"""How far the ramp's slab goes on along the bridge: where the two meet at an angle, the bend leaves no gap."""
+"""Length by which the ramp's slab overlaps the bridge, metres (chosen): an angle between the two leaves no gap."""
 RAMP_GRADE = 0.05
+"""Rise of the ramp per metre (chosen)."""
 SNAP_M = 60.0
-"""The ramp begins at a crossing of the grid that is no farther than this from where it would."""
+"""Farthest distance of a street crossing to which the ramp's foot is moved, metres (chosen)."""
 
 STRAND_M = 35.0
-"""Streets and blocks keep this far from the water."""
+"""Distance that streets and blocks keep from the water, metres (chosen)."""
 
 
 def seaside(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
-    """Sea, land, promenade, harbour and what floats."""
+    """Build sea, land, promenade, harbour and floating objects."""
     reach = plan.half_m + SEA_M
     draft.waters.append(Water(polygon=around(0.0, 0.0, 2 * reach, 2 * reach).polygon, level_m=plan.datum_m))
     draft.lands.append(Land(polygon=left_of(plan.shore, reach), top_m=0.0, surface="grass"))
@@ -57,7 +60,9 @@ def seaside(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
 
 
 def bridge_foot(plan: DistrictPlan) -> tuple[float, float]:
-    """Where the bridge's ramp begins on the ground, behind its first point in the direction of its first span."""
+    """The point at which the bridge's ramp begins on the ground, behind its first point in the direction of its first
+    span.
+    """
     (ax, ay), (bx, by) = plan.bridge[:2]
     length, run = hypot(bx - ax, by - ay), plan.deck_m / RAMP_GRADE
     foot = round(ax - (bx - ax) / length * run, 3), round(ay - (by - ay) / length * run, 3)
@@ -66,7 +71,7 @@ def bridge_foot(plan: DistrictPlan) -> tuple[float, float]:
 
 
 def bridge_streets(plan: DistrictPlan, foot: str) -> tuple[list[StreetNode], list[StreetEdge]]:
-    """The carriageway over the bridge from the node `foot`, up the ramp and out to its far end."""
+    """The carriageway from the node `foot` up the ramp and over the bridge to its far end."""
     start, *inner, end = ((x, y, plan.deck_m) for x, y in plan.bridge)
     far = StreetNode(id=FAR_END, east=end[0], north=end[1], elevation=plan.deck_m, control="priority")
     there = StreetEdge(id=f"{foot}_to_{FAR_END}", start=foot, end=far.id, lanes=2, speed_mps=16.7, kind="primary",
@@ -77,7 +82,7 @@ def bridge_streets(plan: DistrictPlan, foot: str) -> tuple[list[StreetNode], lis
 
 
 def fit_ramp(draft: Draft, plan: DistrictPlan, roads: Sequence[Road]) -> None:
-    """Let the ramp rise where its lanes do: they begin behind the crossing, and so must the slab under them."""
+    """Move the foot of the ramp's slab to the beginning of its lanes, which begin behind the crossing."""
     foot = bridge_foot(plan)
     starts = [road.lanes[0].shape[0] for road in roads if road.bridge and road.id.endswith(f"_to_{FAR_END}")]
     top = plan.bridge[0]
@@ -92,14 +97,14 @@ def fit_ramp(draft: Draft, plan: DistrictPlan, roads: Sequence[Road]) -> None:
 
 
 def under_ramp(plan: DistrictPlan, start: Vector2, end: Vector2) -> bool:
-    """Whether a street would run along the ramp and not across it."""
+    """True if a street would run along the ramp, not across it."""
     if not plan.bridge:
         return False
     foot, top = bridge_foot(plan), plan.bridge[0]
     middle = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
     beside = project((foot, top), *middle).off_m < 14.0
-    one, other = (end[0] - start[0], end[1] - start[1]), (top[0] - foot[0], top[1] - foot[1])
-    aligned = abs(one[0] * other[0] + one[1] * other[1]) > 0.9 * hypot(*one) * hypot(*other)
+    street, ramp = (end[0] - start[0], end[1] - start[1]), (top[0] - foot[0], top[1] - foot[1])
+    aligned = abs(street[0] * ramp[0] + street[1] * ramp[1]) > 0.9 * hypot(*street) * hypot(*ramp)
     return beside and aligned
 
 
@@ -107,7 +112,7 @@ def under_ramp(plan: DistrictPlan, start: Vector2, end: Vector2) -> bool:
 
 
 def _stations(line: Polygon, gap: float) -> Iterator[tuple[float, float, float]]:
-    """Points every `gap` metres along a line with the bearing of the line there, degrees."""
+    """Yield points every `gap` metres along a line, with the bearing of the line there in degrees."""
     left = gap / 2.0
     for (ax, ay), (bx, by) in pairwise(line):
         length = hypot(bx - ax, by - ay)
@@ -119,7 +124,7 @@ def _stations(line: Polygon, gap: float) -> Iterator[tuple[float, float, float]]
 
 
 def _promenade(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
-    """A paved strip behind the quay wall with trees, lamps and benches."""
+    """Build a paved strip behind the quay wall, with trees, lamps and benches."""
     inland = tuple(_aside((x, y), bearing, -14.0) for x, y, bearing in _stations(plan.shore, 40.0))
     seaward = tuple(_aside((x, y), bearing, -0.8) for x, y, bearing in _stations(plan.shore, 40.0))
     if len(inland) >= 2:
@@ -140,7 +145,7 @@ def _promenade(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
 
 
 def _harbour(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
-    """A quay that juts into the water in the north, with sheds and containers, and a jetty in the south."""
+    """Build a quay in the north that projects into the water, with sheds and containers, and a jetty in the south."""
     level, half = plan.datum_m, plan.half_m
     x, y, _ = min(_stations(plan.shore, 10.0), key=lambda at: abs(at[1] - 0.55 * half))
     quay = Rect(x - 30.0, y - 0.2 * half, x + 70.0, y + 0.2 * half)
@@ -169,7 +174,7 @@ def _harbour(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
 
 
 def _afloat(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
-    """Buoys and anchored boats on open water."""
+    """Place buoys and anchored boats on open water."""
     land = left_of(plan.shore, plan.half_m + SEA_M)
     for k in range(int(26 * (plan.extent_m / 1600.0) ** 2) + 6):
         for _ in range(40):
@@ -188,7 +193,7 @@ def _afloat(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
 
 
 def _island(draft: Draft, plan: DistrictPlan) -> None:
-    """The rock that the bridge's far end stands on."""
+    """Build the rock that carries the bridge's far end."""
     x, y = plan.bridge[-1]
     for radius, top in ((95.0, plan.datum_m + 1.5), (72.0, 0.55 * plan.deck_m), (52.0, plan.deck_m - 0.15)):
         outline = tuple(
@@ -206,7 +211,7 @@ def _island(draft: Draft, plan: DistrictPlan) -> None:
 
 
 def _bridge(draft: Draft, plan: DistrictPlan) -> None:
-    """Deck, ramp and railings; piers every 40 m are the bridge's own."""
+    """Build deck, ramp and railings. The piers are part of the `Bridge`."""
     foot = bridge_foot(plan)
     deck = tuple((x, y, plan.deck_m) for x, y in plan.bridge)
     draft.bridges.append(Bridge(id="bridge", path=deck, width_m=DECK_M, name="Sea Bridge"))

@@ -1,4 +1,4 @@
-"""One district from its plan: ground, streets, blocks, and the site or the seaside that it has."""
+"""One district from its plan: ground, streets, blocks, and its site or seaside."""
 
 from __future__ import annotations
 
@@ -33,23 +33,24 @@ from lingjing.scene.network import (
     read_roads,
 )
 from lingjing.scene.outlines import inside
-from lingjing.scene.translation import translated
+from lingjing.scene.translation import translate
 
 GUTTER_M = 0.4
-"""Asphalt reaches this far under the kerb."""
+"""Distance that the asphalt extends under the kerb, metres (chosen)."""
 
 GROUND_M = 3000.0
-"""The ground goes on this far beyond, so that the horizon is land."""
+"""Distance that the ground extends beyond the district, metres (chosen): the horizon is land."""
 
 
 KEPT = 4
-"""Districts that a process holds: episodes of a mission differ by a seed that changes a district by the sea alone."""
+"""Cached districts of a process (chosen). Episodes of one mission differ by a seed that changes only floating
+objects."""
 
 
-def built_district(plan: DistrictPlan) -> City:
-    """The district, the same value as before where this process has built it lately."""
+def cached_district(plan: DistrictPlan) -> City:
+    """Return the district, cached if this process has built it lately."""
     kept = _kept(plan, network_folder())
-    if not Path(kept.network).is_file():  # the cache folder was emptied meanwhile
+    if not Path(kept.network).is_file():  # the cache folder was cleared meanwhile
         for cache in (_kept, _laid_out):
             cache.cache_clear()
         kept = _kept(plan, network_folder())
@@ -58,8 +59,10 @@ def built_district(plan: DistrictPlan) -> City:
 
 @lru_cache(KEPT)
 def _kept(plan: DistrictPlan, networks: Path) -> City:
-    """What an episode's seed changes is what was put down first, with the ground: the rest is taken from the district
-    of seed 0."""
+    """The district of a plan. Only the pieces that were added first, with the ground, depend on the episode's seed.
+
+    All other pieces are taken from the district of seed 0.
+    """
     laid = _laid_out(replace(plan, seed=0), networks)
     if not plan.seed:
         return _city(plan, laid.pieces, laid.net)
@@ -71,11 +74,12 @@ def _kept(plan: DistrictPlan, networks: Path) -> City:
 
 @dataclass(frozen=True, slots=True)
 class _LaidOut:
-    """A district that is laid out, and how many of its props came with the ground."""
+    """A district after layout."""
 
     pieces: Pieces
     net: Network
     first_props: int
+    """Number of props that were added with the ground."""
 
 
 @lru_cache(KEPT)
@@ -86,12 +90,12 @@ def _laid_out(plan: DistrictPlan, networks: Path) -> _LaidOut:
 
 
 def build_district(plan: DistrictPlan) -> City:
-    """The district, its pieces held by the city itself."""
+    """Build the district; the city itself holds the pieces."""
     return _city(plan, *lay_out(plan, grid(plan.half_m, plan.spacing), lambda block: plan.kind))
 
 
 def _city(plan: DistrictPlan, pieces: Pieces, net: Network) -> City:
-    pieces = translated(pieces, plan.centre)
+    pieces = translate(pieces, plan.centre)
     digest = hashlib.sha256(msgspec.msgpack.encode(pieces) + net.sha256.encode()).hexdigest()
     light = frame(plan, net)
     return msgspec.structs.replace(
@@ -102,8 +106,11 @@ def _city(plan: DistrictPlan, pieces: Pieces, net: Network) -> City:
 def lay_out(
     plan: DistrictPlan, made: StreetGrid, kind_of: Callable[[CityBlock], str], tree_gap_m: float = 16.0
 ) -> tuple[Pieces, Network]:
-    """Everything of a plan on a grid, each block filled as a part of the district that `kind_of` names: pieces about
-    0, and the net where the district's centre lies."""
+    """Lay out a plan on a grid and build its road network.
+
+    `kind_of` names the kind of district that fills a block. Pieces lie about the origin; the network lies about the
+    district's centre.
+    """
     draft = Draft()
     _ground(draft, plan)
     gates = _site(draft, plan)
@@ -114,7 +121,7 @@ def lay_out(
     _pave(draft, nodes, edges)
     net = build_network(*moved_streets(nodes, edges, plan.centre), origin=plan.origin)
     roads, junctions = read_roads(net.path)
-    ways = translated(Pieces(roads=roads, junctions=junctions), (-plan.centre[0], -plan.centre[1]))
+    ways = translate(Pieces(roads=roads, junctions=junctions), (-plan.centre[0], -plan.centre[1]))
     if plan.bridge:
         coast.fit_ramp(draft, plan, ways.roads)
     _outskirts(draft, plan)
@@ -157,7 +164,7 @@ def _ground(draft: Draft, plan: DistrictPlan) -> None:
 
 
 def _site(draft: Draft, plan: DistrictPlan) -> sites.Gates:
-    """Build the plan's site, if it has one; its gates."""
+    """Build the plan's site, if it has one, and return its gates."""
     if plan.site is None:
         return {}
     chance = stream(plan.layout, "site")
@@ -171,15 +178,15 @@ def _site(draft: Draft, plan: DistrictPlan) -> sites.Gates:
 
 
 def _keep_out(plan: DistrictPlan) -> list[Rect]:
-    """What no block may cover: the site, the bridge's ramp."""
-    found = [] if plan.site is None else [plan.site.inset(-APRON_M)]
+    """The boxes that no block may cover: the site and the bridge's ramp."""
+    boxes = [] if plan.site is None else [plan.site.inset(-APRON_M)]
     if plan.bridge:
-        found.append(bounds((coast.bridge_foot(plan), plan.bridge[0])).inset(-coast.DECK_M / 2.0 - 1.0))
-    return found
+        boxes.append(bounds((coast.bridge_foot(plan), plan.bridge[0])).inset(-coast.DECK_M / 2.0 - 1.0))
+    return boxes
 
 
 def _dry(plan: DistrictPlan, box: Rect) -> bool:
-    """Whether a block lies wholly on land."""
+    """True if a block lies wholly on land."""
     if not plan.shore:
         return True
     land = left_of(plan.shore, plan.half_m + coast.SEA_M)
@@ -222,7 +229,7 @@ def _streets(plan: DistrictPlan, made: StreetGrid, gates: sites.Gates) -> tuple[
 
 
 def _pave(draft: Draft, nodes: list[StreetNode], edges: list[StreetEdge]) -> None:
-    """Asphalt from kerb to kerb, under the lanes and out into the cut-off corners of the blocks."""
+    """Paint asphalt from kerb to kerb, under the lanes and into the chamfered corners of the blocks."""
     places = {node.id: (node.east, node.north) for node in nodes}
     widest: dict[str, float] = {}
     for edge in edges:
@@ -240,7 +247,7 @@ def _pave(draft: Draft, nodes: list[StreetNode], edges: list[StreetEdge]) -> Non
 def _with_bridge(
     plan: DistrictPlan, nodes: list[StreetNode], edges: list[StreetEdge]
 ) -> tuple[list[StreetNode], list[StreetEdge]]:
-    """The net with the bridge joined to the crossing nearest to its foot."""
+    """The network with the bridge joined to the crossing nearest to its foot."""
     foot = coast.bridge_foot(plan)
     joint = min(nodes, key=lambda node: (hypot(node.east - foot[0], node.north - foot[1]), node.id))
     at_crossing = hypot(joint.east - foot[0], joint.north - foot[1]) < 1.0
@@ -256,7 +263,7 @@ def _with_bridge(
 
 
 def _outskirts(draft: Draft, plan: DistrictPlan) -> None:
-    """Trees around the square, so that it does not end like a cut."""
+    """Plant trees around the square, so that it has no sharp edge."""
     if plan.shore:
         return
     from lingjing.scene.districts.furnish import tree

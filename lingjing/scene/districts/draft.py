@@ -1,4 +1,4 @@
-"""`Draft`: the pieces of a district while it is laid out, with ids given in order and random streams by name."""
+"""`Draft`: the pieces of a district under construction, with ids in order; and random streams by name."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from lingjing.scene.city import Bridge, Building, Land, PaintedArea, Pieces, Pip
 from lingjing.scene.districts.rectangles import Rect, bounds
 
 KERB_M = 0.10
-"""A block stands this high over its streets: a `Solid` slab, so that legs meet a kerb they have to step on."""
+"""Height of a block's slab over the streets, metres (chosen): a kerb that legged robots have to step on."""
 
 PAINT_M = KERB_M + 0.01
-"""Where surfaces on a block are painted."""
+"""Elevation of surfaces painted on a block, metres."""
 
 
 def stream(seed: int, name: str) -> Random:
-    """The random stream of that name, a function of seed and name alone."""
+    """Return the random stream of that name: a function of seed and name alone."""
     return Random(int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest(), "big"))
 
 
 class Draft:
-    """Collects pieces. `free` tells whether a place is still unbuilt; what is built is kept as boxes by 50 m square."""
+    """Collects pieces, and remembers built areas as boxes, indexed by squares of 50 m."""
 
     def __init__(self) -> None:
         self.waters: list[Water] = []
@@ -38,20 +38,20 @@ class Draft:
         self.bridges: list[Bridge] = []
         self.pipes: list[Pipe] = []
         self.props: list[Prop] = []
-        self._taken: dict[tuple[int, int], list[Rect]] = {}
+        self._built: dict[tuple[int, int], list[Rect]] = {}
         self._numbers: dict[str, int] = {}
 
     def name(self, kind: str) -> str:
-        """The next id of a kind: `tree-1`, then `tree-2`."""
+        """Return the next id of a kind: `tree-1`, then `tree-2`."""
         number = self._numbers[kind] = self._numbers.get(kind, 0) + 1
         return f"{kind}-{number}"
 
     def area(self, shape: Rect | Polygon, surface: str, top_m: float = PAINT_M) -> None:
-        """Paint a surface."""
+        """Add a painted surface."""
         self.areas.append(PaintedArea(polygon=_outline(shape), surface=surface, top_m=top_m))
 
     def solid(self, kind: str, shape: Rect | Polygon, base_m: float, top_m: float, material: str = "concrete") -> None:
-        """Put up a prism; what is higher than a step takes its place."""
+        """Add a prism. It counts as built if it is higher than a step."""
         outline = _outline(shape)
         self.solids.append(
             Solid(
@@ -62,12 +62,12 @@ class Draft:
             self.take(bounds(outline))
 
     def building(self, building: Building) -> None:
-        """Put up a building."""
+        """Add a building."""
         self.buildings.append(building)
         self.take(bounds(building.polygon))
 
     def repaint(self, first: int, colours: Sequence[tuple[float, float, float]]) -> None:
-        """Give the buildings from number `first` on wall colours in turn."""
+        """Give the buildings from number `first` on the wall colours in turn."""
         for k, building in enumerate(self.buildings[first:]):
             self.buildings[first + k] = msgspec.structs.replace(building, colour=colours[k % len(colours)])
 
@@ -75,7 +75,7 @@ class Draft:
         self, cls: str, x: float, y: float, z: float = KERB_M, heading: float = 0.0, scale: float = 1.0,
         model: str = "", floating: bool = False, **options: Datum,
     ) -> None:  # fmt: skip
-        """Put a thing at a place."""
+        """Add a prop."""
         self.props.append(
             Prop(
                 id=self.name(cls), cls=cls, model=model or cls, position=(round(x, 2), round(y, 2), round(z, 3)),
@@ -86,15 +86,15 @@ class Draft:
     def take(self, box: Rect) -> None:
         """Mark a box as built."""
         for key in _squares(box):
-            self._taken.setdefault(key, []).append(box)
+            self._built.setdefault(key, []).append(box)
 
     def free(self, box: Rect, margin: float = 0.0) -> bool:
-        """Whether nothing built comes nearer to the box than `margin` metres."""
+        """True if nothing built is nearer to the box than `margin` metres."""
         grown = box.inset(-margin)
-        return not any(other.meets(grown) for key in _squares(grown) for other in self._taken.get(key, ()))
+        return not any(other.meets(grown) for key in _squares(grown) for other in self._built.get(key, ()))
 
     def pieces(self) -> Pieces:
-        """All of it as values."""
+        """Return all pieces as values."""
         return Pieces(
             waters=tuple(self.waters),
             lands=tuple(self.lands),

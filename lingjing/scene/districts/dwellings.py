@@ -9,17 +9,18 @@ from lingjing.scene.districts.furnish import STOREY_M, bench, doorstep, erect, p
 from lingjing.scene.districts.rectangles import Rect, around
 
 Heights = tuple[float, float]
+"""Lowest and greatest building height, metres."""
 
 
 def storeys(heights: Heights, chance: Random, low: float = 0.0, high: float = 1.0) -> float:
-    """A height in whole storeys from that part of the range."""
+    """A random height in whole storeys from the part `low`..`high` of the range."""
     span = heights[1] - heights[0]
     metres = heights[0] + span * chance.uniform(low, high)
     return max(STOREY_M, min(heights[1], round(metres / STOREY_M) * STOREY_M))
 
 
 def slabs(draft: Draft, lot: Rect, heights: Heights, chance: Random, use: str = "residential") -> None:
-    """Long houses that face south, in rows with gardens and parked cars between."""
+    """Build long houses that face south, in rows with gardens and parked cars between them."""
     depth, gap = 13.0, max(17.0, 0.8 * heights[1])
     rows = max(1, int((lot.depth + gap) // (depth + gap)))
     pitch = (lot.depth - depth) / max(1, rows - 1) if rows > 1 else 0.0
@@ -32,7 +33,7 @@ def slabs(draft: Draft, lot: Rect, heights: Heights, chance: Random, use: str = 
 
 
 def houses(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Detached houses under tiled roofs, each in its garden."""
+    """Build detached houses with tiled roofs, each in its garden."""
     columns, rows = max(1, int(lot.width // 19.0)), max(1, int(lot.depth // 24.0))
     for k, cell in enumerate(lot.cells(columns, rows, 0.0)):
         if chance.random() < 0.08:
@@ -56,7 +57,7 @@ def houses(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def towers(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Point towers on lawns."""
+    """Build point towers on lawns."""
     columns, rows = max(1, int(lot.width // 50.0)), max(1, int(lot.depth // 50.0))
     for cell in lot.cells(columns, rows, 0.0):
         side = min(chance.uniform(18.0, 25.0), cell.width - 12.0, cell.depth - 12.0)
@@ -69,7 +70,7 @@ def towers(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def ring(draft: Draft, lot: Rect, heights: Heights, chance: Random, use: str = "residential") -> None:
-    """Houses along all four sides around a courtyard, with passages at the corners and here and there between."""
+    """Build houses along all four sides of a courtyard, with passages at the corners and at random places."""
     depth = min(15.0, lot.width / 4.0, lot.depth / 4.0)
     spans = (
         (Rect(lot.west, lot.south, lot.east, lot.south + depth), True, "south"),
@@ -120,7 +121,7 @@ def _row(draft: Draft, strip: Rect, heights: Heights, chance: Random, use: str) 
 
 
 def _garden(draft: Draft, yard: Rect, chance: Random, cars: bool) -> None:
-    """A path through the middle, trees beside it, benches, or a row of parked cars."""
+    """Build a path through the middle with trees beside it, and benches or a row of parked cars."""
     if yard.depth < 6.0 or yard.width < 6.0:
         return
     middle = yard.centre[1]

@@ -1,4 +1,4 @@
-"""What stands about: sidewalks with trees and lamps, parking bays, lawns, benches, doorsteps, walls with gates."""
+"""Equipment of districts: sidewalks with trees and lamps, parking bays, lawns, benches, doorsteps, walls with gates."""
 
 from __future__ import annotations
 
@@ -10,24 +10,29 @@ from lingjing.mission.geometry2d import Polygon, signed_area
 from lingjing.scene.camera_geometry import heading_vector
 from lingjing.scene.city import Building, Slope
 from lingjing.scene.districts.draft import KERB_M, Draft
-from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, varied
+from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, vary
 from lingjing.scene.districts.rectangles import Rect, around
 
 SIDEWALK_M = 3.5
+"""Width of a sidewalk, metres (chosen)."""
 CHAMFER_M = 5.0
-"""Block corners are cut off, so that they stay out of the crossings' rounded corners."""
+"""Length cut off the corners of blocks, metres (chosen): they stay out of the crossings' rounded corners."""
 
 STOREY_M = 3.0
+"""Height of a storey, metres (chosen)."""
 STEP_M = 0.12
+"""Height of one step of a doorstep, metres (chosen)."""
 BAY_M = (2.6, 5.2)
-"""A parking bay, across and along."""
+"""Width and length of a parking bay, metres (chosen)."""
 
 SIDES = {"south": 180.0, "east": 90.0, "north": 0.0, "west": 270.0}
-"""Outward bearing of each side of a box."""
+"""Outward bearing of each side of a box, degrees."""
 
 
 def block_slab(draft: Draft, box: Rect, surface: str, chance: Random, tree_gap_m: float = 16.0) -> Rect:
-    """The raised slab of a block with its sidewalk, dropped kerbs at the corners, trees and lamps; gives its inner."""
+    """Build the raised slab of a block with sidewalk, dropped kerbs, trees and lamps. Return the box inside the
+    sidewalk.
+    """
     corner = min(CHAMFER_M, box.width / 5.0, box.depth / 5.0)
     outline = box.chamfered(corner)
     draft.solid("kerb", outline, -0.2, KERB_M)
@@ -45,7 +50,7 @@ def erect(
     roof: str = "flat", roof_m: float = 0.0, facade: str = "", colour: LinearRgb | None = None, side: str = "",
     name: str = "", door: tuple[float, float, float] | None = None,
 ) -> Building:  # fmt: skip
-    """Put up a building; `side` names the side of its box that has the entrance, `door` is one given as it is."""
+    """Build a building. `side`: side of its box with the entrance; `door`: entrance of any other outline."""
     outline = shape.polygon if isinstance(shape, Rect) else shape
     entrance = _entrance(shape, side) if isinstance(shape, Rect) and side else door
     building = Building(
@@ -57,7 +62,7 @@ def erect(
         facade=facade or chance.choice(FACADES[use]),
         roof=roof,
         roof_m=round(roof_m, 2),
-        colour=colour or varied(chance.choice(WALLS[use]), chance),
+        colour=colour or vary(chance.choice(WALLS[use]), chance),
         roof_colour=roof_colour(use, roof, chance),
         levels=max(1, round((top_m - base_m) / STOREY_M)),
         name=name,
@@ -69,7 +74,7 @@ def erect(
 
 
 def doorstep(draft: Draft, entrance: tuple[float, float, float], chance: Random) -> None:
-    """Two steps up to a door and, half the time, a ramp beside them."""
+    """Build two steps up to a door and, with probability 1/2, a ramp beside them."""
     x, y, bearing = entrance
     out, along = heading_vector(bearing), heading_vector(bearing + 90.0)
     for step in (0, 1):
@@ -84,7 +89,7 @@ def doorstep(draft: Draft, entrance: tuple[float, float, float], chance: Random)
 
 
 def trees(draft: Draft, box: Rect, many: int, chance: Random, base_m: float = KERB_M) -> None:
-    """Up to `many` trees where nothing is built."""
+    """Plant up to `many` trees where nothing is built."""
     for _ in range(many):
         if box.width < 2.0 or box.depth < 2.0:
             return
@@ -94,20 +99,20 @@ def trees(draft: Draft, box: Rect, many: int, chance: Random, base_m: float = KE
 
 
 def tree(draft: Draft, x: float, y: float, chance: Random, base_m: float = KERB_M) -> None:
-    """One tree."""
+    """Plant one tree."""
     model = "pine" if chance.random() < 0.2 else "tree"
     draft.prop("tree", x, y, base_m, chance.uniform(0, 360), chance.uniform(0.75, 1.3), model,
                variant=chance.randrange(8))  # fmt: skip
 
 
 def bench(draft: Draft, x: float, y: float, chance: Random) -> None:
-    """A bench with a lamp beside it."""
+    """Place a bench with a lamp beside it."""
     draft.prop("bench", x, y, heading=90.0 * chance.randrange(4))
     draft.prop("lamp", x + 1.6, y)
 
 
 def parking(draft: Draft, box: Rect, chance: Random, full: float = 0.6, cls: str = "parked_car") -> None:
-    """A row of bays along the longer side of a box, some of them taken."""
+    """Paint a row of bays along the longer side of a box. A share `full` of them is occupied."""
     draft.area(box, "parking", KERB_M + 0.015)
     flat = box.width >= box.depth
     length = box.width if flat else box.depth
@@ -125,7 +130,7 @@ def parking(draft: Draft, box: Rect, chance: Random, full: float = 0.6, cls: str
 def wall_ring(
     draft: Draft, box: Rect, gates: dict[str, float], height_m: float = 2.2, material: str = "plaster"
 ) -> None:
-    """A wall around a box with a gap of the given width in the middle of each side named, flanked by pillars."""
+    """Build a wall around a box. `gates`: width of the gap in the middle of each named side, between pillars."""
     w, s, e, n = box
     for side, (x0, y0, x1, y1) in {
         "south": (w, s, e, s), "north": (w, n, e, n), "west": (w, s, w, n), "east": (e, s, e, n),
@@ -167,7 +172,7 @@ def _quad(
     x: float, y: float, out: tuple[float, float], along: tuple[float, float],
     depth: tuple[float, float], width: tuple[float, float],
 ) -> Polygon:  # fmt: skip
-    """The rectangle at a wall, from `depth` out and `width` along, anticlockwise."""
+    """The rectangle at a wall, from `depth` outwards and `width` along it, anticlockwise."""
     corners = ((depth[0], width[0]), (depth[1], width[0]), (depth[1], width[1]), (depth[0], width[1]))
     points = [
         (round(x + d * out[0] + a * along[0], 3), round(y + d * out[1] + a * along[1], 3)) for d, a in corners
@@ -176,7 +181,7 @@ def _quad(
 
 
 def _dropped_kerb(draft: Draft, a: tuple[float, float], b: tuple[float, float]) -> None:
-    """A ramp from the street up to a block's corner edge from `a` to `b` (outside on its right)."""
+    """Build a ramp from the street up to a block's corner edge from `a` to `b`, with the street on its right."""
     length = hypot(b[0] - a[0], b[1] - a[1])
     out = ((b[1] - a[1]) / length, -(b[0] - a[0]) / length)
     low_a, low_b = ((p[0] + out[0], p[1] + out[1]) for p in (a, b))

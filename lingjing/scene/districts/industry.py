@@ -11,13 +11,15 @@ from lingjing.scene.districts.furnish import disc, erect, parking, wall_ring
 from lingjing.scene.districts.rectangles import Rect, around
 
 DOCK_M = 1.1
+"""Height of a loading dock, metres (chosen)."""
 CONTAINER_M = (12.2, 2.44)
+"""Length and width of a container, metres (40-foot container)."""
 RACK_M = 1.4
-"""Height of a pipe's centre line over the ground: a robot dog walks under it."""
+"""Height of a pipe's centre line over the ground, metres (chosen): a robot dog walks underneath."""
 
 
 def halls(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Production halls with yards between them, behind a wall with gates."""
+    """Build production halls with yards between them, behind a wall with gates."""
     draft.area(lot, "industrial", KERB_M + 0.012)
     wall_ring(draft, lot.inset(0.5), {"south": 9.0, "north": 9.0, "west": 9.0, "east": 9.0}, 2.0, "concrete")
     yard = lot.inset(7.0)
@@ -31,7 +33,7 @@ def halls(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def hall(draft: Draft, cell: Rect, heights: Heights, chance: Random) -> None:
-    """One hall with its office annexe and things along its walls."""
+    """Build one hall with its office annexe and equipment along its walls."""
     top = chance.uniform(*heights)
     body = Rect(cell.west + chance.uniform(1, 6), cell.south + chance.uniform(1, 5),
                cell.east - chance.uniform(1, 6), cell.north - chance.uniform(1, 5))  # fmt: skip
@@ -50,7 +52,7 @@ def hall(draft: Draft, cell: Rect, heights: Heights, chance: Random) -> None:
 
 
 def tank_farm(draft: Draft, cell: Rect, chance: Random) -> None:
-    """Cylindrical tanks in a bund, joined by a pipe."""
+    """Build cylindrical tanks in a bund, joined by a pipe."""
     draft.area(cell, "concrete", KERB_M + 0.014)
     radius = min(cell.width, cell.depth) * 0.17
     centres = [part.centre for part in cell.cells(max(1, int(cell.width // (2.8 * radius))), 2, 0.0)]
@@ -64,7 +66,7 @@ def tank_farm(draft: Draft, cell: Rect, chance: Random) -> None:
 
 
 def warehouse(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """A long warehouse with loading docks to the south and a yard where lorries stand."""
+    """Build a long warehouse with loading docks to the south and a yard with parked lorries."""
     draft.area(lot, "asphalt", KERB_M + 0.012)
     width = lot.width - chance.uniform(8.0, 20.0)
     deep = min(lot.depth * 0.45, 60.0)
@@ -87,7 +89,7 @@ def warehouse(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None
 
 
 def yard(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Stacks of containers with lanes between them and a small office."""
+    """Build stacks of containers with lanes between them, and a small office."""
     draft.area(lot, "asphalt", KERB_M + 0.012)
     erect(draft, chance, Rect(lot.west + 3.0, lot.north - 14.0, lot.west + 21.0, lot.north - 3.0), use="commercial",
           top_m=max(heights[0], 6.0), side="south")  # fmt: skip
@@ -98,7 +100,7 @@ def yard(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def containers(draft: Draft, box: Rect, chance: Random, full: float) -> None:
-    """Rows of containers, one to three high, with lanes of 9 m between pairs of rows."""
+    """Place rows of containers, one to three high, with lanes of 9 m between pairs of rows."""
     columns, rows = int(box.width // (CONTAINER_M[0] + 1.5)), int((box.depth + 9.0) // 14.5)
     for row in range(rows):
         for line in (0, 1):
@@ -113,7 +115,7 @@ def containers(draft: Draft, box: Rect, chance: Random, full: float) -> None:
 
 
 def clutter(draft: Draft, box: Rect, many: int, chance: Random) -> None:
-    """Crates, lorries, containers and vents near walls, wherever there is room."""
+    """Place crates, lorries, containers and vents near walls, wherever there is room."""
     for _ in range(many):
         x, y = chance.uniform(box.west, box.east), chance.uniform(box.south, box.north)
         kind = chance.choice(("crates", "crates", "container", "parked_truck", "parked_car", "steam_vent"))

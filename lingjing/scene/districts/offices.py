@@ -11,10 +11,11 @@ from lingjing.scene.districts.furnish import bench, disc, doorstep, erect, parki
 from lingjing.scene.districts.rectangles import Rect, around
 
 PODIUM_M = 10.0
+"""Height of a podium, metres (chosen)."""
 
 
 def towers(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Lots with podiums and towers along the streets; what lies behind them is a small plaza or parking."""
+    """Build lots with podiums and towers along the streets; the lots behind them become small plazas or car parks."""
     columns, rows = max(1, round(lot.width / 58.0)), max(1, round(lot.depth / 58.0))
     for k, cell in enumerate(lot.cells(columns, rows, 9.0)):
         column, row = k % columns, k // columns
@@ -26,7 +27,7 @@ def towers(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def plaza(draft: Draft, lot: Rect, chance: Random) -> None:
-    """Paving with trees in rows, benches and a pavilion."""
+    """Build paving with trees in rows, benches and a pavilion."""
     draft.area(lot, "plaza", KERB_M + 0.012)
     if min(lot.width, lot.depth) > 30.0 and chance.random() < 0.7:
         x, y = lot.centre
@@ -42,7 +43,7 @@ def plaza(draft: Draft, lot: Rect, chance: Random) -> None:
 
 
 def park(draft: Draft, lot: Rect, chance: Random) -> None:
-    """Lawn, a wood, paths crosswise, benches along them."""
+    """Build a lawn with a wood, crossing paths and benches."""
     draft.area(lot, "park")
     x, y = lot.centre
     wood = around(lot.west + lot.width * 0.28, lot.south + lot.depth * 0.7, lot.width * 0.4, lot.depth * 0.42)
@@ -57,7 +58,7 @@ def park(draft: Draft, lot: Rect, chance: Random) -> None:
 
 
 def campus(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Lecture halls around a lawn: U-shaped wings, a library in the north."""
+    """Build lecture halls around a lawn: U-shaped wings and a library in the north."""
     draft.area(lot.inset(2.0), "grass", KERB_M + 0.012)
     x, y = lot.centre
     wing = min(15.0, lot.width / 6.0, lot.depth / 6.0)
@@ -81,12 +82,12 @@ def campus(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
 
 
 def dormitories(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """Rows of student houses."""
+    """Build rows of student houses."""
     slabs(draft, lot, heights, chance, use="school")
 
 
 def sports(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
-    """A pitch with its track, a stand and a gymnasium."""
+    """Build a pitch with its track, a stand and a gymnasium."""
     draft.area(lot, "grass", KERB_M + 0.012)
     x, y = lot.centre
     field = around(x, y - lot.depth * 0.08, min(lot.width - 16.0, 116.0), min(lot.depth * 0.6, 72.0))
@@ -142,7 +143,7 @@ def _car_park(draft: Draft, lot: Rect, chance: Random) -> None:
 
 
 def _horseshoe(box: Rect, wing: float, opening: str) -> Polygon:
-    """A U around a yard that is open to the east or west."""
+    """A U-shaped outline around a yard that is open to the east or west."""
     w, s, e, n = box
     if opening == "east":
         return (
@@ -159,7 +160,7 @@ def _horseshoe(box: Rect, wing: float, opening: str) -> Polygon:
 
 
 def _angle(box: Rect, share: float, corner: str) -> Polygon:
-    """An L whose arms meet in the named corner and are `share` of the box wide."""
+    """An L-shaped outline. Its arms meet in the named corner and are `share` of the box wide."""
     w, s, e, n = box
     x, y = share * box.width, share * box.depth
     return {

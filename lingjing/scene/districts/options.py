@@ -1,4 +1,4 @@
-"""What a mission says about a district: the options of `scene residential { extent = 500 m, … }`, checked."""
+"""Options of a district in a mission (`scene residential { extent = 500 m, … }`), checked and with defaults."""
 
 from __future__ import annotations
 
@@ -10,53 +10,63 @@ from lingjing.mission.kinds import builtin_scenes, centre_m, check_scene, extent
 from lingjing.scene.districts.rectangles import Rect, bounds
 
 _SPACING_M = {"city": 250.0}
+"""Default spacing of streets, metres; 200 m for kinds that are not listed."""
 
 
 @dataclass(frozen=True, slots=True)
 class DistrictPlan:
-    """A district to build: square of `extent_m` about `centre`, streets every `spacing` metres east and north.
-
-    `layout` feeds the streams of what stays from episode to episode, `seed` those of what an episode's seed may change:
-    what floats on the water (0 where nothing does: inland, and in a whole city, which is built once). `inside` is an
-    area without public streets (a compound, a factory), `homes` one whose blocks hold dwellings of different colours
-    whatever the rest of the district is, `pipeline`, `shore` and `bridge` are lines; empty where the mission names
-    none. All of these are relative to the centre: the district is laid out about 0 and carried there. `height_m` is the
-    range of building heights, `deck_m` the elevation of the bridge's deck, `outskirts_m` how far trees stand around the
-    square.
-    """
+    """The plan of a district. Lines and areas are relative to its centre, about which it is laid out."""
 
     kind: str
+    """Kind of the scene."""
     layout: int
+    """Seed of everything that stays the same from episode to episode."""
     seed: int
+    """Seed of the floating objects, which may change with the episode. 0 where nothing floats: inland, and in a whole
+    city, which is built once."""
     origin: tuple[float, float]
+    """Latitude and longitude of the frame's origin, degrees."""
     datum_m: float
+    """Elevation of the water, metres."""
     extent_m: float
+    """Side of the built-up square, metres."""
     spacing: tuple[float, float]
+    """Spacing of the streets east and north, metres."""
     height_m: tuple[float, float]
+    """Lowest and greatest building height, metres."""
     outskirts_m: float
+    """Width of the belt of trees around the square, metres."""
     inside: Polygon = ()
+    """Outline of an area without public streets (a compound, a factory); empty without one."""
     homes: Polygon = ()
+    """Outline of an area with blocks of dwellings of different colours, in any kind of district; empty without
+    one."""
     pipeline: Polygon = ()
+    """Line of the pipeline; empty without one."""
     shore: Polygon = ()
+    """Shore line with land to its left; empty without one."""
     bridge: Polygon = ()
+    """Line of the bridge; empty without one."""
     deck_m: float = 0.0
+    """Elevation of the bridge's deck, metres."""
     centre: Vector2 = (0.0, 0.0)
+    """Place of the district's centre, metres."""
 
     @property
     def half_m(self) -> float:
-        """From the centre to the edge of the built-up square."""
+        """Distance from the centre to the edge of the built-up square, metres."""
         return self.extent_m / 2.0
 
     @property
     def site(self) -> Rect | None:
-        """The box around `inside` or the pipeline, which public streets keep out of."""
+        """The box around `inside` or the pipeline, without public streets; None without either."""
         if self.inside:
             return bounds(self.inside)
         return bounds(self.pipeline).inset(-15.0) if self.pipeline else None
 
 
 def plan(spec: SceneSpec) -> DistrictPlan:
-    """The plan of a spec. Raises `UsageError` for an option that the district does not know or that makes no sense."""
+    """The plan of a spec. Raises `UsageError` for an option that the district does not know or that has no meaning."""
     check_scene(spec)
     kind = builtin_scenes()[spec.kind]
     extent = extent_m(spec) or 0.0
@@ -102,7 +112,7 @@ def _line(spec: SceneSpec, name: str) -> Polygon:
 
 
 def _default_shore(kind: str, extent: float) -> Polygon:
-    """A gently curved shore, land in the west, for a coast or a city that names none."""
+    """A gently curved shore with land in the west, for a coast or a city that declares none."""
     half = extent / 2.0
     if kind == "city":
         return ((0.74 * half, -half), (0.8 * half, -0.2 * half), (0.76 * half, 0.4 * half), (0.82 * half, half))

@@ -1,4 +1,4 @@
-"""`Rect`: an axis-parallel rectangle in metres, what blocks, lots and most buildings are made from."""
+"""`Rect`: an axis-parallel rectangle in metres, from which blocks, lots and most buildings are made."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lingjing.mission.geometry2d import Polygon
 
 
 class Rect(NamedTuple):
-    """West, south, east, north in metres."""
+    """An axis-parallel rectangle; edges in metres."""
 
     west: float
     south: float
@@ -19,17 +19,17 @@ class Rect(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Metres from west to east."""
+        """Size from west to east, metres."""
         return self.east - self.west
 
     @property
     def depth(self) -> float:
-        """Metres from south to north."""
+        """Size from south to north, metres."""
         return self.north - self.south
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The middle."""
+        """The centre."""
         return (self.west + self.east) / 2.0, (self.south + self.north) / 2.0
 
     @property
@@ -39,16 +39,16 @@ class Rect(NamedTuple):
         return (w, s), (e, s), (e, n), (w, n)
 
     def inset(self, margin: float) -> Rect:
-        """Smaller by `margin` on every side (negative: larger)."""
+        """Return the rectangle, smaller by `margin` on every side (negative: larger)."""
         return Rect(self.west + margin, self.south + margin, self.east - margin, self.north - margin)
 
     def chamfered(self, corner: float) -> Polygon:
-        """The outline with its corners cut off by `corner` metres along both sides."""
+        """The outline with chamfered corners, `corner` metres along both sides."""
         w, s, e, n, c = (*(round(value, 3) for value in self), corner)
         return (w + c, s), (e - c, s), (e, s + c), (e, n - c), (e - c, n), (w + c, n), (w, n - c), (w, s + c)
 
     def cells(self, columns: int, rows: int, gap: float) -> Iterator[Rect]:
-        """Equal parts with a gap between them, row by row from the south-west."""
+        """Yield equal parts with a gap between them, row by row from the south-west."""
         width = (self.width - gap * (columns - 1)) / columns
         depth = (self.depth - gap * (rows - 1)) / rows
         for row in range(rows):
@@ -57,16 +57,16 @@ class Rect(NamedTuple):
                 yield Rect(west, south, west + width, south + depth)
 
     def meets(self, other: Rect) -> bool:
-        """Whether the two overlap."""
+        """True if the two overlap."""
         apart = self.west >= other.east or other.west >= self.east
         return not (apart or self.south >= other.north or other.south >= self.north)
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether the point lies in the box or on its edge."""
+        """True if the point lies in the box or on its edge."""
         return self.west <= x <= self.east and self.south <= y <= self.north
 
     def without(self, other: Rect, least: float) -> tuple[Rect, ...]:
-        """What is left outside of `other`, in up to four boxes of which no side is below `least`."""
+        """The parts outside of `other`: up to four boxes, without those that have a side below `least`."""
         if not self.meets(other):
             return (self,)
         low, high = max(self.south, other.south), min(self.north, other.north)

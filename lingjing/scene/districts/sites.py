@@ -1,4 +1,4 @@
-"""Sites without public streets: a walled residential compound, a factory between its gates, a pipeline area."""
+"""Sites without public streets: a walled residential compound, a factory, a pipeline yard."""
 
 from __future__ import annotations
 
@@ -14,26 +14,28 @@ from lingjing.scene.districts.palette import HOMES
 from lingjing.scene.districts.rectangles import Rect, around
 
 GATE_M = 9.0
+"""Width of a gate, metres (chosen)."""
 AXIS_M = 8.0
-"""Half the width of the free way through a factory from gate to gate."""
+"""Half the width of the free way through a factory from gate to gate, metres (chosen)."""
 
 Gates = dict[str, tuple[float, float]]
+"""Side of the site → place of its gate."""
 
 
 def gates(site: Rect, every: bool) -> Gates:
-    """The gates of a site by side, in the middle of each: all four, or the one nearest the origin."""
+    """The gates of a site by side, each in the middle of its side: all four, or only the one nearest to the origin."""
     x, y = site.centre
-    found = {"west": (site.west, y), "south": (x, site.south), "east": (site.east, y), "north": (x, site.north)}
+    places = {"west": (site.west, y), "south": (x, site.south), "east": (site.east, y), "north": (x, site.north)}
     if every:
-        return found
-    nearest = min(found, key=lambda side: found[side][0] ** 2 + found[side][1] ** 2)
-    return {nearest: found[nearest]}
+        return places
+    nearest = min(places, key=lambda side: places[side][0] ** 2 + places[side][1] ** 2)
+    return {nearest: places[nearest]}
 
 
 def compound(draft: Draft, site: Rect, heights: Heights, chance: Random, openings: Gates) -> None:
-    """A walled residential community: houses of different shape and colour on a grid of lots, paths, lawns, cars.
+    """Build a walled residential community: houses of different shape and colour on a grid of lots, paths, lawns, cars.
 
-    Every house has a wall colour of its own as far as the palette reaches, and an entrance on the path before it.
+    Every house has its own wall colour as far as the palette suffices, and an entrance on the path in front of it.
     """
     draft.area(site, "residential", 0.005)
     wall_ring(draft, site, dict.fromkeys(openings, GATE_M))
@@ -65,7 +67,8 @@ def compound(draft: Draft, site: Rect, heights: Heights, chance: Random, opening
 
 
 def factory(draft: Draft, site: Rect, heights: Heights, chance: Random, openings: Gates) -> None:
-    """A walled factory: halls in the four quarters, free ways from gate to gate, yards that dogs can walk."""
+    """Build a walled factory: halls in the four quarters, free ways from gate to gate, yards that robot dogs can
+    walk."""
     draft.area(site, "industrial", 0.005)
     wall_ring(draft, site, dict.fromkeys(openings, GATE_M), 2.4, "concrete")
     for side, (x, y) in openings.items():
@@ -84,7 +87,7 @@ def factory(draft: Draft, site: Rect, heights: Heights, chance: Random, openings
 
 
 def pipeline(draft: Draft, site: Rect, path: tuple[tuple[float, float], ...], chance: Random) -> None:
-    """An open yard with the pipeline on its supports; tanks and huts stand at the corners, out of the ways."""
+    """Build an open yard with the pipeline on supports. Tanks and huts stand at the corners, off the ways."""
     draft.area(site.inset(-10.0), "concrete", 0.005)
     draft.area(site, "industrial", 0.008)
     raised = tuple((x, y, RACK_M) for x, y in path)
@@ -133,7 +136,7 @@ def _tower(draft: Draft, lot: Rect, heights: Heights, chance: Random, colour: tu
 def _corner_house(
     draft: Draft, lot: Rect, heights: Heights, chance: Random, colour: tuple[float, float, float]
 ) -> None:
-    """A house with two wings that meet in a corner, its door in the yard between them."""
+    """Build a house with two wings that meet in a corner, with the door in the yard between them."""
     w, s, e, n = lot.west, lot.south + chance.uniform(0, 10), lot.east - chance.uniform(2, 12), lot.north
     outline = ((w, s), (w + 13.0, s), (w + 13.0, n - 13.0), (e, n - 13.0), (e, n), (w, n))
     erect(draft, chance, tuple((round(x, 3), round(y, 3)) for x, y in outline), use="residential", colour=colour,

@@ -1,9 +1,9 @@
-"""The street grid of a district: lines through the origin, the nodes and edges of its net, the blocks between.
+"""The street grid of a district: lines through the origin, nodes and edges of its network, and the blocks between.
 
-Streets run along every multiple of the spacing. Every second one is a main street (two lanes each way, lights where
-two of them cross); the others have one lane each way. A site (`DistrictPlan.site`) has no public streets: they end in
-front of its gates, or at the crossing before. Water and what `blocked` names have none either. Where that leaves no
-street at all, a road runs around the site, or around the one block.
+Streets run along every multiple of the spacing. Every second one is a main street with two lanes each way, and traffic
+lights where two of them cross; the others have one lane each way. A site (`DistrictPlan.site`) has no public streets:
+they end in front of its gates, or at the crossing before it. Streets that `blocked` rejects, as on water, are left out.
+If no street remains, a road runs around the site, or around the whole square.
 """
 
 from __future__ import annotations
@@ -17,56 +17,67 @@ from lingjing.scene.districts.rectangles import Rect
 from lingjing.scene.network import LANE_WIDTH_M, StreetEdge, StreetNode
 
 APRON_M = 12.0
-"""Streets keep this far from a site's edge."""
+"""Distance that streets keep from a site's edge, metres (chosen)."""
 
 RING_M = APRON_M / 2.0
-"""How far the axis of a road around a site lies from its edge: between that and the blocks, on the apron."""
+"""Distance of the axis of a ring road from a site's edge, metres: on the apron between site and blocks."""
 
 BLOCK_LEAST_M = 25.0
+"""Least width and depth of a block, metres (chosen)."""
 
 Blocked = Callable[[Vector2, Vector2], bool]
+"""Predicate over the two ends of a section: True if no street may be built there."""
 
 
 @dataclass(frozen=True, slots=True)
 class StreetLine:
-    """A street along the whole grid: where it lies on its axis, lanes in each direction, and its name."""
+    """A street along the whole grid."""
 
     at_m: float
+    """Position of its axis, metres: east for an avenue, north for a street."""
     lanes: int
+    """Lanes in each direction."""
     name: str
 
     @property
     def half_m(self) -> float:
-        """From the axis to the kerb."""
+        """Distance from the axis to the kerb, metres."""
         return self.lanes * LANE_WIDTH_M + 0.2
 
     @property
     def main(self) -> bool:
-        """Whether it is a main street."""
+        """True for a main street."""
         return self.lanes >= 2
 
 
 @dataclass(frozen=True, slots=True)
 class CityBlock:
-    """Ground between kerbs. `column` and `row` are those of its cell of the grid, counted from the south-west."""
+    """The ground between kerbs."""
 
     column: int
+    """Column of its cell of the grid, counted from the west."""
     row: int
+    """Row of its cell of the grid, counted from the south."""
     box: Rect
 
 
 @dataclass(frozen=True, slots=True)
 class StreetGrid:
-    """Avenues run north (`avenues[k].at_m` is their east), streets east."""
+    """The lines of a street grid."""
 
     avenues: tuple[StreetLine, ...]
+    """Streets that run north; `at_m` is their east."""
     streets: tuple[StreetLine, ...]
+    """Streets that run east; `at_m` is their north."""
     half_m: float
+    """Distance from the origin to the edge of the square, metres."""
 
 
 def grid(half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (2, 1)) -> StreetGrid:
-    """The lines of a square that reaches `half_m` from the origin; `lanes` each way of main and other streets, which
-    take turns."""
+    """The lines of a square that extends `half_m` from the origin.
+
+    `lanes`: lanes each way of main streets and of other streets, which alternate.
+    """
     return StreetGrid(
         avenues=_lines(half_m, spacing[0], lanes, ("Avenue", "E", "W")),
         streets=_lines(half_m, spacing[1], lanes, ("Street", "N", "S")),
@@ -90,7 +101,7 @@ def _lines(
 
 
 def blocks(made: StreetGrid, keep_out: Sequence[Rect] = ()) -> Iterator[CityBlock]:
-    """The blocks row by row from the south-west, those at the rim of the square included, without `keep_out`."""
+    """Yield the blocks row by row from the south-west, including those at the rim of the square, without `keep_out`."""
     columns, rows = _gaps(made.avenues, made.half_m), _gaps(made.streets, made.half_m)
     for row, (south, north) in enumerate(rows):
         for column, (west, east) in enumerate(columns):
@@ -111,7 +122,7 @@ def _gaps(lines: tuple[StreetLine, ...], half_m: float) -> tuple[tuple[float, fl
 def network(
     made: StreetGrid, site: Rect | None = None, gates: Sequence[Vector2] = (), blocked: Blocked | None = None
 ) -> tuple[list[StreetNode], list[StreetEdge]]:
-    """Nodes and edges of the grid's net; none only where `blocked` leaves no way around either."""
+    """Nodes and edges of the grid's network; none if `blocked` rejects even a ring road."""
     closed = None if site is None else site.inset(-APRON_M)
     sections = [
         (start, end, line)
@@ -156,7 +167,7 @@ def _sections(made: StreetGrid) -> Iterator[_Section]:
 
 
 def _ring(inner: Rect) -> Iterator[_Section]:
-    """The four sides of a road around a box, half an apron away from it."""
+    """Yield the four sides of a road around a box, half an apron away from it."""
     box = inner.inset(-RING_M)
     corners = (("sw", box.west, box.south), ("se", box.east, box.south), ("ne", box.east, box.north),
                ("nw", box.west, box.north))  # fmt: skip
@@ -166,14 +177,14 @@ def _ring(inner: Rect) -> Iterator[_Section]:
 
 
 def _enters(start: Vector2, end: Vector2, box: Rect) -> bool:
-    """Whether an axis-parallel section meets the inner of the box."""
+    """True if an axis-parallel section enters the interior of the box."""
     west, east = sorted((start[0], end[0]))
     south, north = sorted((start[1], end[1]))
     return west < box.east and east > box.west and south < box.north and north > box.south
 
 
 def _stubs(sections: Sequence[_Section], closed: Rect, gates: Sequence[Vector2]) -> Iterator[_Section]:
-    """What is left of sections that run straight at a gate, ending in front of it."""
+    """Yield the remaining part of each section that runs straight at a gate; it ends in front of the gate."""
     for start, end, line in sections:
         for outer, inner, forward in ((start, end, True), (end, start, False)):
             if not _enters(outer[1], inner[1], closed) or closed.holds(*outer[1]):
@@ -190,11 +201,11 @@ def _stubs(sections: Sequence[_Section], closed: Rect, gates: Sequence[Vector2])
 
 
 def _edges(start: _End, end: _End, line: StreetLine) -> Iterator[StreetEdge]:
-    for one, other in ((start, end), (end, start)):
+    for tail, head in ((start, end), (end, start)):
         yield StreetEdge(
-            id=f"{one[0]}_to_{other[0]}",
-            start=one[0],
-            end=other[0],
+            id=f"{tail[0]}_to_{head[0]}",
+            start=tail[0],
+            end=head[0],
             lanes=line.lanes,
             speed_mps=13.9 if line.main else 11.1,
             kind="primary" if line.lanes > 2 else "secondary" if line.main else "residential",

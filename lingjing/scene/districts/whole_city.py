@@ -1,7 +1,7 @@
-"""A whole city of wide blocks: boulevards every 500 m, all six districts, in a store of tiles in the cache folder.
+"""A whole city: boulevards every 500 m, all six kinds of district, in a store of tiles in the cache folder.
 
-Modelled on the new towns of the steppe: superblocks of 500 m between boulevards of three lanes each way, halved by
-streets of one lane, everything else reached by ways inside the blocks. `blocks` of the mission counts halves.
+The layout follows the new towns of the steppe: superblocks of 500 m between boulevards of three lanes each way, halved
+by streets of one lane; ways inside the blocks lead to all other places. The mission's option `blocks` counts halves.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ from lingjing.scene.districts.district import frame, lay_out
 from lingjing.scene.districts.options import DistrictPlan
 from lingjing.scene.districts.streets import CityBlock, grid
 from lingjing.scene.districts.zones import zone
-from lingjing.scene.store import cities_folder, code_sha256, whole, write_store
+from lingjing.scene.store import cities_folder, code_sha256, intact_city, write_store
 
 TREE_GAP_M = 30.0
-"""Street trees stand wider apart than in a single district: there are a hundred times as many."""
+"""Distance between street trees, metres (chosen): wider than in a single district, because a city has a hundred times
+as many."""
 
 
 def build_wide(plan: DistrictPlan) -> City:
-    """The city of a plan, read from the cache where it is known."""
+    """Return the city of a plan, from the cache if it is there."""
     key = hashlib.sha256((repr(plan) + code_sha256(Path(__file__).parent)).encode()).hexdigest()
     folder = cities_folder() / key[:40]
-    known = whole(folder)
+    known = intact_city(folder)
     if known is not None:
         return known
 

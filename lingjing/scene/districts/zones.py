@@ -1,4 +1,4 @@
-"""Which filling a block gets: drawn by the district's weights, fixed where the district has a centre."""
+"""Filling of blocks: drawn by the weights of the district's kind."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from lingjing.scene.districts.dwellings import Heights
 from lingjing.scene.districts.rectangles import Rect
 
 Filling = Callable[[Draft, Rect, Heights, Random], None]
+"""A function that builds a filling into a lot."""
 
 
 def _park(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
@@ -36,6 +37,7 @@ _FILLINGS: dict[str, tuple[Filling, str]] = {
     "warehouse": (industry.warehouse, "asphalt"),
     "yard": (industry.yard, "asphalt"),
 }
+"""Name → function that builds it, and the surface under it."""
 
 WEIGHTS: dict[str, tuple[tuple[str, int], ...]] = {
     "residential": (("slabs", 9), ("houses", 6), ("home_towers", 3), ("ring", 3), ("park", 2)),
@@ -45,21 +47,23 @@ WEIGHTS: dict[str, tuple[tuple[str, int], ...]] = {
     "logistics": (("warehouse", 7), ("yard", 3), ("shops", 5), ("slabs", 4), ("halls", 3), ("park", 1)),
     "coastal": (("ring", 5), ("slabs", 4), ("towers", 3), ("houses", 4), ("park", 2)),
 }
+"""Kind of district → fillings with their weights (chosen)."""
 
 _SHARES = {
     "residential": (0.0, 0.35), "industrial": (0.0, 0.1), "commercial": (0.15, 1.0), "campus": (0.0, 0.25),
     "logistics": (0.0, 0.12), "coastal": (0.0, 0.5),
 }  # fmt: skip
-"""Which part of a whole city's range of heights a district takes."""
+"""Kind of district → part of a whole city's range of building heights that it uses (chosen)."""
 
 LOT_MOST_M = 215.0
-"""A larger block is divided into lots by ways of its own."""
+"""Greatest side of a lot, metres (chosen). A larger block is divided into lots by ways of its own."""
 
 LOT_GAP_M = 9.0
+"""Width of the ways between lots, metres (chosen)."""
 
 
 def fill(draft: Draft, kind: str, lot: Rect, heights: Heights, chance: Random, first: str = "") -> None:
-    """Fill the inner of a block, divided where it is large; `first` names the filling of the first lot."""
+    """Fill the interior of a block, divided into lots if it is large. `first`: filling of the first lot."""
     columns, rows = -(-int(lot.width) // int(LOT_MOST_M)), -(-int(lot.depth) // int(LOT_MOST_M))
     for part in lot.cells(max(1, columns), max(1, rows), LOT_GAP_M):
         name = first or _drawn(kind, part, chance)
@@ -70,20 +74,22 @@ def fill(draft: Draft, kind: str, lot: Rect, heights: Heights, chance: Random, f
 
 
 def surface(kind: str) -> str:
-    """What the ground between a block's lots is."""
+    """The surface between a block's lots."""
     return "asphalt" if kind in ("industrial", "logistics") else "plaza"
 
 
 def heights(kind: str, of_city: Heights) -> Heights:
-    """The heights of a district that is part of a city."""
+    """The building heights of a district that is part of a city."""
     low, high = _SHARES[kind]
     span = of_city[1] - of_city[0]
     return of_city[0] + low * span, of_city[0] + high * span
 
 
 def zone(x: float, y: float, half_m: float) -> str:
-    """The district of a place in a city that reaches `half_m` from its origin: offices in the middle, the sea in the
-    east, works in the west, dwellings in between."""
+    """The kind of district at a place in a city that extends `half_m` from its origin.
+
+    Offices are in the middle, the sea in the east, industry in the west, and dwellings between them.
+    """
     east, north = x / half_m, y / half_m
     if east > 0.5:
         return "coastal"
@@ -100,7 +106,7 @@ def zone(x: float, y: float, half_m: float) -> str:
 
 
 def _drawn(kind: str, lot: Rect, chance: Random) -> str:
-    """A filling by weight; a strip that is too narrow for most becomes a park or houses."""
+    """A filling by weight. A strip that is too narrow for most fillings becomes a park or houses."""
     if min(lot.width, lot.depth) < 34.0:
         return (
             "park"

@@ -1,9 +1,9 @@
-"""Which streets cars and buses may use, by OpenStreetMap's own hierarchy of keys.
+"""Access of cars and buses to streets, by OpenStreetMap's hierarchy of keys.
 
-A key holds for every kind of traffic below it, unless a more special key says otherwise:
-`access` < `vehicle` < `motor_vehicle` < `motorcar`, and < `psv` < `bus`. Each may hold for one direction alone
-(`motor_vehicle:backward`). What holds only at times (`…:conditional`) is not read; a value that OpenStreetMap does not
-define says nothing. Source: the wiki of OpenStreetMap, page `Key:access`.
+A key applies to every kind of traffic below it, unless a more specific key overrides it: `access` < `vehicle` <
+`motor_vehicle` < `motorcar`, and < `psv` < `bus`. Each may be limited to one direction (`motor_vehicle:backward`).
+Restrictions by time (`…:conditional`) are not read. A value that OpenStreetMap does not define is ignored. Source: the
+wiki of OpenStreetMap, page `Key:access`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 Access = Literal["open", "destination", "closed"]
-"""`destination`: open to what begins or ends there, closed to through traffic."""
+"""`destination`: open to traffic that begins or ends there, closed to through traffic."""
 
 CAR_KEYS = ("motorcar", "motor_vehicle", "vehicle", "access")
+"""Keys for cars, the most specific first."""
 BUS_KEYS = ("bus", "psv", "motor_vehicle", "vehicle", "access")
+"""Keys for buses, the most specific first."""
 
 _VALUES: dict[str, Access] = {
     **dict.fromkeys(("yes", "permissive", "designated", "official", "public", "discouraged", "true", "1"), "open"),
@@ -28,16 +30,16 @@ _VALUES: dict[str, Access] = {
         "closed",
     ),
 }  # fmt: skip
-"""The values of access keys: what each means for traffic of the public."""
+"""Value of an access key → access of public traffic."""
 
 _RANK: tuple[Access, ...] = ("open", "destination", "closed")
-"""From the most to the least that is permitted: of a list (`agricultural;destination`) each value permits its own."""
+"""From the most to the least permissive. The most permissive value of a list (`agricultural;destination`) counts."""
 
 
 def access(tags: Mapping[str, str], keys: Sequence[str], direction: str = "") -> Access | None:
-    """The access along a way by the first of some keys that says it; None if none does.
+    """The access along a way by the first of some keys that states it; None if none does.
 
-    `direction` is `forward` or `backward`: keys of that direction then precede those of both.
+    `direction`: `forward` or `backward`; keys of that direction then precede those of both.
     """
     for key in keys:
         for name in (f"{key}:{direction}", key) if direction else (key,):

@@ -1,7 +1,7 @@
-"""A map file → a city in a folder, built once and known again by its content.
+"""A map file → a city in a folder, built once and then found by its content.
 
-The key of a build covers the file's bytes, the options, this project's own modules and the versions of the libraries
-that decide the outcome. Without a folder of the caller's a city is kept in `cities` of the project's cache folder.
+The key of a build covers the file's bytes, the options, this project's modules and the versions of the libraries that
+decide the result. If the caller gives no folder, the city is stored in `cities` of the project's cache folder.
 """
 
 from __future__ import annotations
@@ -29,41 +29,49 @@ from lingjing.scene.osm.frame import MapFrame, choose
 from lingjing.scene.osm.map_data import DegreeBox, MapData
 from lingjing.scene.osm.streets import streets
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Summary, counts, encode, read_summary
-from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, whole, write_store
+from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, intact_city, write_store
 
 TILE_M = 250.0
+"""Side of a tile, metres (chosen)."""
 MOST_LEVELS = 100
+"""Most storeys that `default_levels` may have (chosen)."""
 PhaseListener = Callable[[str], None]
+"""Function that receives the name of each phase."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What of the map is built (`box`, degrees; None: all), the seed of what it leaves open, the waters' elevation.
-
-    `default_levels` are the storeys of buildings whose tags state no height (1 to `MOST_LEVELS`); None: by their place.
-    """
+    """Options of a build."""
 
     box: DegreeBox | None = None
+    """Part of the map, degrees; None for all of it."""
     seed: int = 0
+    """Seed of the details that the map leaves open."""
     water_m: float = water.LEVEL_M
+    """Elevation of the waters, metres."""
     default_levels: int | None = None
+    """Storeys of buildings without tagged height, 1..`MOST_LEVELS`; None to estimate them from their surroundings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """A city in its folder, its summary, and whether it had been built before."""
+    """The result of a build."""
 
     city: City
     folder: Path
+    """The city's folder."""
     summary: Summary
     cached: bool
+    """True if the city was found in a folder and not built now."""
 
 
-def build(path: Path, options: Options, folder: Path | None = None, say: PhaseListener = lambda phase: None) -> Built:
-    """The city of a map file, in `folder` or in the cache. `say` hears of each phase.
+def build(
+    path: Path, options: Options, folder: Path | None = None, on_phase: PhaseListener = lambda phase: None
+) -> Built:
+    """Build the city of a map file in `folder`, or in the cache. `on_phase` receives the name of each phase.
 
-    `UsageError` for a file that is no map or gives no city, and for a folder that cannot be written;
-    `InfrastructureError` where netconvert is missing or dies. What fails leaves no folder.
+    Raises `UsageError` for a file that is no map or gives no city, and for a folder that cannot be written;
+    `InfrastructureError` if netconvert is missing or crashes. A failed build leaves no folder.
     """
     if not -100.0 <= options.water_m <= -0.3:
         raise UsageError(
@@ -76,28 +84,28 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
     read.check(path)
     if folder is not None:
         check_free(folder)
-    say("looking at the map")
+    on_phase("looking at the map")
     source = MapSource(name=_readable(path.name), sha256=read.digest(path), bytes=path.stat().st_size)
     versions = _versions()
     key = _key(source, options, versions)
-    known = None if cache_is_off() else cities_folder() / key[:40]
-    target = folder or known
+    cached = None if cache_is_off() else cities_folder() / key[:40]
+    target = folder or cached
     if target is None:
         raise UsageError(
             f"the cache is off ({CACHE_OFF}), so the city needs a folder",
             hint="build it with: lingjing scene build -o DIR",
         )
-    for kept in (target, known, None if known is None else Path(kept_path("cities", known.name))):
-        found = None if kept is None or cache_is_off() else _kept(kept, key)
-        if found is not None and kept is not None:
-            city, summary = found
+    for kept in (target, cached, None if cached is None else Path(kept_path("cities", cached.name))):
+        stored = None if kept is None or cache_is_off() else _kept(kept, key)
+        if stored is not None and kept is not None:
+            city, summary = stored
             if kept != target and folder is not None:
                 city = copy_store(kept, target)
             return Built(city, folder or kept, summary, cached=True)
-    say("reading the map")
+    on_phase("reading the map")
     data = read.read(path)
     frame = choose(data, options.box)
-    pieces, light, heights, skipped, notes = _assemble(path, data, frame, options, say)
+    pieces, light, heights, skipped, notes = _assemble(path, data, frame, options, on_phase)
     notes[:0] = (*data.notes, *frame.notes)
     summary = Summary(
         key=key,
@@ -120,10 +128,10 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
         notes=tuple(notes),
         versions=versions,
     )
-    say("writing the city")
-    city = write_store(known or target, light, pieces, {SUMMARY_FILE: encode(summary)})
-    if known is not None and known != target:
-        city = copy_store(known, target)  # so that the same map is known again wherever it is asked for
+    on_phase("writing the city")
+    city = write_store(cached or target, light, pieces, {SUMMARY_FILE: encode(summary)})
+    if cached is not None and cached != target:
+        city = copy_store(cached, target)  # so that the same map is known again wherever it is asked for
     return Built(city, target, summary, cached=False)
 
 
@@ -131,20 +139,20 @@ def build(path: Path, options: Options, folder: Path | None = None, say: PhaseLi
 
 
 def _assemble(
-    path: Path, data: MapData, frame: MapFrame, options: Options, say: PhaseListener
+    path: Path, data: MapData, frame: MapFrame, options: Options, on_phase: PhaseListener
 ) -> tuple[Pieces, City, HeightCounts, dict[str, int], list[str]]:
-    say("finding shapes")
+    on_phase("finding shapes")
     features = collect(data, frame)
-    say("raising buildings")
+    on_phase("raising buildings")
     raised = buildings.buildings(features, options.seed, options.default_levels)
     built = raised.buildings
-    say("making the road network")
+    on_phase("making the road network")
     network, roads, junctions, notes = _network(data, features)
-    say("laying out ground and water")
+    on_phase("laying out ground and water")
     wet = water.wet(features)
     areas = ground.areas(features, wet)
-    say("planting trees")
-    planted = tuple(trees.trees(features, areas, trees.taken(wet, built, roads), options.seed))
+    on_phase("planting trees")
+    planted = tuple(trees.trees(features, areas, trees.occupied_area(wet, built, roads), options.seed))
     pieces = Pieces(
         waters=water.waters(wet, options.water_m),
         areas=areas,
@@ -180,21 +188,23 @@ def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterab
 
 
 def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:
-    """The network's file, and what is seen of it; no file and a note where there are no roads."""
+    """Build the road network; return its file, the visible roads and junctions, and notes. Without roads the path is
+    "".
+    """
     from lingjing.scene.network import network_from_osm, read_roads
 
     frame = features.frame
-    found = streets(data, features)
-    if not found.document:
+    map_streets = streets(data, features)
+    if not map_streets.document:
         return "", (), (), ["no roads in this part of the map: a city without traffic"]
     try:
-        made = network_from_osm(found.document, frame.origin, frame.box, found.variants)
+        made = network_from_osm(map_streets.document, frame.origin, frame.box, map_streets.variants)
     except UsageError as error:
         return "", (), (), [f"no road network, a city without traffic: {error}"]
     roads, junctions = read_roads(made.path)
-    near = (structures.cut_off(road, frame.bounds) for road in roads if structures.is_visible(road))
+    near = (structures.clip_road(road, frame.bounds) for road in roads if structures.is_visible(road))
     # netconvert escapes names twice
-    shown = (structures.lapped(road) for road in near if road is not None)
+    shown = (structures.overlap_lanes(road) for road in near if road is not None)
     seen = tuple(msgspec.structs.replace(road, name=unescape(road.name)) for road in shown)
     crossings = (junction for junction in junctions if structures.is_open(junction))
     return made.path, seen, tuple(item for item in crossings if structures.is_inside(item, frame.bounds)), []
@@ -209,7 +219,7 @@ def _key(source: MapSource, options: Options, versions: dict[str, str]) -> str:
 
 
 def _versions() -> dict[str, str]:
-    import numpy as np  # before shapely, whose own import of it makes an ImportError of an interrupt
+    import numpy as np  # before shapely, which turns an interrupt during its import of numpy into an ImportError
     import shapely
 
     try:
@@ -227,16 +237,16 @@ def _versions() -> dict[str, str]:
 
 
 def _kept(folder: Path, key: str) -> tuple[City, Summary] | None:
-    """The city of a folder if it is whole and has that key."""
+    """The city and summary of a folder if it is intact and has that key, else None."""
     summary = read_summary(folder)
     if summary is None or summary.key != key:
         return None
-    city = whole(folder)
+    city = intact_city(folder)
     return None if city is None else (city, summary)
 
 
 def _readable(name: str) -> str:
-    """A file's name as text, whatever its bytes are: one that is not UTF-8 cannot be written into a city."""
+    """A file's name as printable text. A name that is not UTF-8 could not be encoded in a city."""
     text = os.fsencode(name).decode("utf-8", "replace")
     return "".join(character if character.isprintable() else "\ufffd" for character in text)
 

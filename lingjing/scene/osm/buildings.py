@@ -1,7 +1,8 @@
-"""Buildings from footprints: extruded by their heights, parts in place of their outlines, roofs on top.
+"""Buildings from footprints: extruded by their heights, parts in place of their outlines, with roofs.
 
-A height is *tagged* (in metres or storeys, by the building or by the outline around a part), *inferred* from tagged
-neighbours, the *default* that the caller asks for, or *drawn* by use, footprint and place; `HeightCounts` counts them.
+A height is *tagged* (in metres or storeys, on the building or on the outline around a part), *inferred* from tagged
+neighbours, the *default* that the user sets, or *drawn* at random by use, footprint and place. `HeightCounts` counts
+buildings by these sources.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.heights import HEIGHT_KEYS, LEVEL_KEYS, STANDING, heights, is_tagged
 from lingjing.scene.osm.neighbours import NearbyBuilding, NearbyBuildings, Neighbourhood
 from lingjing.scene.osm.places import Places
-from lingjing.scene.osm.stacking import LEFT, settled
+from lingjing.scene.osm.stacking import LEFT, resolve_overlaps
 from lingjing.scene.osm.storeys import (
     SMALL_INFERRED_M2,
     SMALL_M2,
     STOREY_M,
     BuildingSite,
-    carried,
     draw,
     is_single,
+    limit_storeys,
     storey_m,
     tallest_m,
     usual_storeys,
@@ -41,43 +42,56 @@ from lingjing.scene.osm.tags import is_below, is_set
 from lingjing.scene.osm.uses import is_tower, rises, use_of
 
 COVERED = 0.2
-"""Parts that cover this share of an outline stand in its place; fewer stand beside what they leave of it."""
+"""Share of an outline from which its parts replace it (chosen). Below it they stand beside the remainder of the
+outline."""
 
 SMALLEST_M2 = 2.0
+"""Smallest footprint, square metres (chosen)."""
 LAND_USES = {"residential": "residential", "commercial": "office", "retail": "commercial", "industrial": "industrial",
              "port": "warehouse", "railway": "industrial", "garages": "warehouse", "farmyard": "house",
              "education": "school", "institutional": "public", "civil": "public"}  # fmt: skip
+"""Value of `landuse` → use of the buildings on it."""
 
 HeightSource = Literal["tagged", "inferred", "default", "drawn"]
 
 
 class HeightCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """How many buildings have a height of each source, and the largest that was not tagged, in metres (0 for none)."""
+    """Number of buildings by the source of their heights."""
 
     tagged: int
+    """Height from tags."""
     inferred: int
+    """Height from tagged neighbours."""
     default: int
+    """Storeys set by the user."""
     drawn: int
+    """Storeys drawn at random."""
     tallest_inferred_m: float
+    """Largest inferred height, metres; 0 without any."""
     tallest_drawn_m: float
+    """Largest drawn height, metres; 0 without any."""
 
 
 @dataclass(frozen=True, slots=True)
 class RaisedBuildings:
-    """The buildings of a map and the source of each one's height, by its id."""
+    """The buildings of a map and the sources of their heights."""
 
     buildings: tuple[Building, ...]
     sources: Mapping[str, HeightSource]
+    """Source of the height by the building's id."""
 
     def counts(self) -> HeightCounts:
         """The number of buildings by the source of their heights."""
-        held = Counter(self.sources.values())
-        tops = {source: [one.top_m for one in self.buildings if self.sources[one.id] == source] for source in held}
+        numbers = Counter(self.sources.values())
+        tops = {
+            source: [building.top_m for building in self.buildings if self.sources[building.id] == source]
+            for source in numbers
+        }
         return HeightCounts(
-            tagged=held["tagged"],
-            inferred=held["inferred"],
-            default=held["default"],
-            drawn=held["drawn"],
+            tagged=numbers["tagged"],
+            inferred=numbers["inferred"],
+            default=numbers["default"],
+            drawn=numbers["drawn"],
             tallest_inferred_m=max(tops.get("inferred", ()), default=0.0),
             tallest_drawn_m=max(tops.get("drawn", ()), default=0.0),
         )
@@ -85,18 +99,21 @@ class RaisedBuildings:
 
 @dataclass(frozen=True, slots=True)
 class _Body:
-    """A footprint to extrude: `tags` are its own over those it inherits from the outline around it."""
+    """A footprint to extrude."""
 
     ref: str
+    """Id of the map's object."""
     tags: dict[str, str]
+    """Its tags, completed by those of the outline around it."""
     shape: Any
+    """A shapely geometry in metres."""
 
 
 def buildings(features: Features, seed: int, default_levels: int | None = None) -> RaisedBuildings:
-    """The buildings whose middle is in the frame; whole even where they stick out of it.
+    """The buildings with their centre in the frame, complete even if they project from it.
 
-    `default_levels` are the storeys of those whose tags state neither height nor storeys; without it, they follow from
-    the neighbours and the place.
+    `default_levels`: storeys of buildings without tagged height or storeys; None to estimate them from the neighbours
+    and the place.
     """
     around = _Around(features)
     raised: list[Building] = []
@@ -106,12 +123,12 @@ def buildings(features: Features, seed: int, default_levels: int | None = None) 
         sources |= {piece.id: source for piece in pieces}
         raised += pieces
     doors = _doors(features)
-    whole = tuple(_with_door(building, features, doors) for building in settled(raised))
+    whole = tuple(_with_door(building, features, doors) for building in resolve_overlaps(raised))
     return RaisedBuildings(whole, {building.id: sources[building.id.partition(LEFT)[0]] for building in whole})
 
 
 def is_building(tags: Mapping[str, str]) -> bool:
-    """Whether a footprint is that of a whole building that is seen."""
+    """True if a footprint is that of a whole, visible building."""
     named = is_set(tags, "building") or tags.get("man_made") in STANDING
     return named and not is_below(tags)
 
@@ -120,7 +137,7 @@ def is_building(tags: Mapping[str, str]) -> bool:
 
 
 def _bodies(features: Features) -> Iterator[_Body]:
-    """Outlines without parts as they are, and the parts of the others, in the map's order."""
+    """Yield outlines without parts, and the parts of the other outlines, in the map's order."""
     import shapely
 
     box = features.box
@@ -132,11 +149,11 @@ def _bodies(features: Features) -> Iterator[_Body]:
     owners = [_owner(part, outlines, tree) for part in parts]
     for k, outline in enumerate(outlines):
         own = [part.shape for part, owner in zip(parts, owners, strict=True) if owner == k]
-        taken = shapely.union_all(own)
+        covered = shapely.union_all(own)
         if not own:
             yield _Body(outline.ref, outline.tags, outline.shape)
-        elif shapely.intersection(taken, outline.shape).area < COVERED * outline.shape.area:
-            yield _Body(outline.ref, outline.tags, shapely.difference(outline.shape, taken))
+        elif shapely.intersection(covered, outline.shape).area < COVERED * outline.shape.area:
+            yield _Body(outline.ref, outline.tags, shapely.difference(outline.shape, covered))
     for part, owner in zip(parts, owners, strict=True):
         yield _Body(part.ref, _inherited(part.tags, outlines[owner].tags if owner is not None else {}), part.shape)
 
@@ -153,8 +170,10 @@ def _owner(part: Feature, outlines: list[Feature], tree: Any) -> int | None:
 
 
 def _inherited(tags: dict[str, str], outline: dict[str, str]) -> dict[str, str]:
-    """A part's tags over what the building around it says about looks and use, and about its height if the part says
-    nothing."""
+    """A part's tags, completed by those of the building around it.
+
+    Looks and use are inherited; the height only if the part states none.
+    """
     keys = ["building", "amenity", "office", "shop", "tourism", "name", "name:en", "building:colour",
             "building:material", "roof:colour"]  # fmt: skip
     if not is_tagged(tags):
@@ -179,10 +198,10 @@ class _Around:
         self._places = Places((*features.places, *named), metro=features.has_metro)
 
     def neighbour(self, tags: Mapping[str, str], shape: Any) -> NearbyBuilding:
-        """A building with its use and the smallest land around it."""
+        """A building with its use and the smallest land use area around it."""
         spot = shape.representative_point()
-        found = (int(k) for k in self._tree.query(spot, predicate="within"))
-        land = min(found, key=lambda k: (self._areas[k], k), default=-1)
+        lands = (int(k) for k in self._tree.query(spot, predicate="within"))
+        land = min(lands, key=lambda k: (self._areas[k], k), default=-1)
         return NearbyBuilding(tags, use_of(tags, self._uses[land] if land >= 0 else ""), land, shape)
 
     def of(self, building: NearbyBuilding) -> tuple[Neighbourhood, BuildingSite]:
@@ -199,7 +218,7 @@ class _Around:
 def _raise(
     body: _Body, around: _Around, seed: int, default_levels: int | None
 ) -> tuple[HeightSource, tuple[Building, ...]]:
-    """The source of a footprint's height, and its prisms: one for each of its polygons."""
+    """The source of a footprint's height, and its prisms, one for each of its polygons."""
     chance = looks.stream(seed, f"building/{body.ref}")
     tags = body.tags
     building = around.neighbour(tags, body.shape)
@@ -231,7 +250,7 @@ def _raise(
 
 
 def _prisms(body: _Body, model: Building) -> Iterator[Building]:
-    """A building on each polygon of its footprint."""
+    """Yield the building's prism for each polygon of its footprint."""
     shape = body.shape.simplify(0.05)
     for number, polygon in enumerate(p for p in polygons(shape) if p.area >= SMALLEST_M2):
         for outline, *holes in filter(None, (rings(polygon),)):
@@ -242,7 +261,7 @@ def _prisms(body: _Body, model: Building) -> Iterator[Building]:
 def _storeys(
     building: NearbyBuilding, near: Neighbourhood, site: BuildingSite, chance: Random, default_levels: int | None
 ) -> tuple[int, HeightSource]:
-    """The storeys of a building and their source; those of a tagged one count for nothing."""
+    """The storeys of a building and their source. For a tagged building they are not used."""
     tags, use = building.tags, building.use
     usual = usual_storeys(tags, use, site)
     expected, is_inferred = near.expected(usual, rises=rises(tags, use))
@@ -257,12 +276,12 @@ def _storeys(
         return drawn, "drawn"
     floor_m = storey_m(tags, use, site.area_m2)
     if is_inferred:
-        return carried(drawn, site, floor_m, SMALL_INFERRED_M2), "inferred"
-    return carried(drawn, site, floor_m, SMALL_M2), "drawn"
+        return limit_storeys(drawn, site, floor_m, SMALL_INFERRED_M2), "inferred"
+    return limit_storeys(drawn, site, floor_m, SMALL_M2), "drawn"
 
 
 def _narrow(shape: Any) -> float:
-    """The shorter side of the smallest rectangle around a shape."""
+    """The shorter side of the smallest rectangle around a shape, metres."""
     corners = list(shape.minimum_rotated_rectangle.exterior.coords)
     sides = [hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners[:3])]
     return float(min(sides))
@@ -272,14 +291,15 @@ def _narrow(shape: Any) -> float:
 
 
 def _doors(features: Features) -> Any:
-    """The entrances as a tree of points; `kind` of each by place."""
+    """The entrances as a tree of points, in the order of `features.entrances`."""
     import shapely
 
     return shapely.STRtree([shapely.Point(place) for place in features.entrances])
 
 
 def _with_door(building: Building, features: Features, doors: Any) -> Building:
-    """The building with its entrance on the ground, the main one first, if the map has one on its outline."""
+    """The building with its entrance, if it stands on the ground and the map has one on its outline; main ones
+    first."""
     import shapely
 
     if building.base_m > 0.0 or not features.entrances:
@@ -294,7 +314,7 @@ def _with_door(building: Building, features: Features, doors: Any) -> Building:
 
 
 def _outward(outline: Polygon, x: float, y: float) -> float:
-    """The bearing away from an anticlockwise outline at a point on it, in degrees: square to the nearest wall."""
+    """The bearing away from an anticlockwise outline at a point on it, degrees: perpendicular to the nearest wall."""
     import shapely
 
     walls = zip(outline, (*outline[1:], outline[0]), strict=True)

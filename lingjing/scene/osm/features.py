@@ -1,7 +1,7 @@
-"""What a map holds as shapes in metres: closed ways and multipolygons as polygons, other ways as lines.
+"""The objects of a map as shapes in metres: closed ways and multipolygons as polygons, other ways as lines.
 
-Shapes are shapely's. Only what touches the frame is kept; what has tags of interest and no usable geometry (missing
-nodes, multipolygons whose rings do not close) is left out and counted in `Features.skipped`.
+Shapes are shapely geometries. Only shapes that touch the frame are kept. Objects with relevant tags and no usable
+geometry (missing nodes, multipolygons with open rings) are left out and counted in `Features.skipped`.
 """
 
 from __future__ import annotations
@@ -20,42 +20,50 @@ AREA_KEYS = (
     "building", "building:part", "landuse", "natural", "leisure", "amenity", "waterway", "man_made", "place",
     "aeroway", "tourism",
 )  # fmt: skip
-"""A closed way with one of these is an area; one with `highway` is only with `area=yes`."""
+"""A closed way with one of these keys is an area. One with `highway` is an area only with `area=yes`."""
 
 LINE_KEYS = ("highway", "waterway", "barrier", "natural", "man_made", "railway")
+"""A way with one of these keys, if it is no area, is kept as a line."""
 LINEAR = {"tree_row", "coastline", "cliff", "embankment", "pipeline"}
-"""Values of `natural` and `man_made` that stay lines even where they close."""
+"""Values of `natural` and `man_made` that remain lines even if they close."""
 
 AROUND_M = 500.0
-"""Areas this far outside of the frame are kept apart: they show what a building at its edge stands among."""
+"""Distance from the frame within which outer areas are kept apart, metres: they are the surroundings of buildings at
+its edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """One object of the map. `ref` is `w` or `r` or `n` and its id; `shape` a shapely geometry in metres."""
+    """One object of the map."""
 
     ref: str
+    """`w`, `r` or `n` (way, relation, node) and the id."""
     tags: dict[str, str]
     shape: Any
+    """A shapely geometry in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The objects of a map in its frame, each kind in the order of ids (ways before relations).
-
-    `outside` are the areas within `AROUND_M` of the frame that do not touch it; `places` the points with a `place`,
-    wherever the map has them; `has_metro` is true for a map with an underground railway anywhere.
-    """
+    """The objects of a map in its frame, each kind in the order of ids (ways before relations)."""
 
     frame: MapFrame
     areas: tuple[Feature, ...]
+    """Polygons that touch the frame."""
     lines: tuple[Feature, ...]
+    """Lines that touch the frame."""
     spots: tuple[Feature, ...]
+    """Nodes with tags in the frame."""
     entrances: dict[tuple[float, float], str]
+    """Value of `entrance` by place, metres."""
     outside: tuple[Feature, ...] = ()
+    """Areas within `AROUND_M` of the frame that do not touch it."""
     places: tuple[Feature, ...] = ()
+    """Points with a `place`, anywhere on the map."""
     has_metro: bool = False
+    """True if the map has an underground railway anywhere."""
     skipped: Counter[str] = field(default_factory=Counter)
+    """Number of objects without usable geometry, by reason."""
 
     @property
     def box(self) -> Any:
@@ -65,7 +73,7 @@ class Features:
         return shapely.box(*self.frame.bounds)
 
     def pieces(self, line: Feature) -> Iterator[Any]:
-        """The pieces of a line inside the frame, as shapely has them."""
+        """Yield the pieces of a line inside the frame as shapely lines."""
         import shapely
 
         for part in shapely.get_parts(shapely.intersection(line.shape, self.box)):
@@ -74,7 +82,7 @@ class Features:
 
 
 def collect(data: MapData, frame: MapFrame) -> Features:
-    """The features of a map."""
+    """Collect the features of a map."""
     import shapely
 
     shaper = _Shaper(data, frame)
@@ -105,7 +113,7 @@ def collect(data: MapData, frame: MapFrame) -> Features:
 
 
 def is_area(way: Way) -> bool:
-    """Whether a way's tags say that it encloses something."""
+    """True if a way's tags mean that it encloses an area."""
     tags = way.tags
     if len(way.nodes) < 4 or way.nodes[0] != way.nodes[-1] or tags.get("area") == "no":
         return False
@@ -126,7 +134,7 @@ def _is_metro(tags: dict[str, str]) -> bool:
 
 
 class _Shaper:
-    """Turns ways and relations into shapes; knows each node's place once it has been asked for."""
+    """Turns ways and relations into shapes. Places of nodes in metres are computed on demand and cached."""
 
     def __init__(self, data: MapData, frame: MapFrame) -> None:
         import shapely
@@ -140,14 +148,14 @@ class _Shaper:
         self._gapped: set[int] = set()
 
     def point(self, ref: int) -> tuple[float, float]:
-        """A node's place in metres; `KeyError` if the map lacks it."""
+        """Place of a node in metres. Raises `KeyError` if the map lacks it."""
         if ref not in self._points:
             x, y = from_geodetic(*self._data.nodes[ref], self._origin)
             self._points[ref] = (round(x, 3), round(y, 3))
         return self._points[ref]
 
     def is_inside(self, shape: Any) -> bool:
-        """True for a shape that touches the frame."""
+        """True if a shape touches the frame."""
         return bool(shape.intersects(self._box))
 
     def closed(self) -> Iterator[Feature]:
@@ -181,7 +189,10 @@ class _Shaper:
             yield Feature(ref, tags, shape)
 
     def _count_gaps(self, ways: Iterable[Way], kept: Iterable[Feature]) -> Iterator[Feature]:
-        """What is kept as it is; counts the nodes in the frame that ways name and the map lacks, each way's once."""
+        """Yield the features unchanged, and count the nodes in the frame that their ways name and the map lacks.
+
+        The nodes of each way are counted once.
+        """
         for feature in kept:
             for way in ways if self.is_inside(feature.shape) else ():
                 lost = sum(ref not in self._data.nodes for ref in way.nodes)
@@ -191,14 +202,14 @@ class _Shaper:
             yield feature
 
     def _line(self, way: Way) -> Any:
-        """The way through the nodes that the map has, across gaps; None with fewer than two."""
+        """The way through the nodes that the map has, across gaps; None with fewer than two nodes."""
         import shapely
 
         kept = self._points_of(ref for ref in way.nodes if ref in self._data.nodes)
         return shapely.LineString(kept) if len(kept) > 1 else None
 
     def _lines(self, way: Way) -> Any:
-        """The way in pieces, apart where the map lacks nodes (extracts cut at a box leave such ends)."""
+        """The way in pieces, divided where the map lacks nodes, as in extracts that are cut at a box."""
         import shapely
 
         runs = [self._points_of(run) for known, run in groupby(way.nodes, self._data.nodes.__contains__) if known]
@@ -215,10 +226,10 @@ class _Shaper:
         line = self._line(way)
         if line is None or len(line.coords) < 3:
             return None
-        return sound(shapely.Polygon(line.coords))
+        return repaired_polygons(shapely.Polygon(line.coords))
 
     def _assembled(self, relation: MapRelation) -> Any:
-        """Rings of the outer ways less rings of the inner ones; None if the outer ways leave no ring."""
+        """Polygons of the outer ways minus those of the inner ones; None if the outer ways give no ring."""
         import shapely
 
         outer = self._rings(relation, inner=False)
@@ -226,34 +237,34 @@ class _Shaper:
             return None
         inner = self._rings(relation, inner=True)
         if inner is None or inner.is_empty:
-            return sound(outer)
+            return repaired_polygons(outer)
         if inner.contains(outer):  # the roles are swapped
             outer, inner = inner, outer
-        return sound(shapely.difference(outer, inner))
+        return repaired_polygons(shapely.difference(outer, inner))
 
     def _rings(self, relation: MapRelation, *, inner: bool) -> Any:
         import shapely
 
         named = (ref for kind, ref, role in relation.members if kind == "w" and (role == "inner") is inner)
-        refs = list(dict.fromkeys(named))  # a member named twice is one
+        refs = list(dict.fromkeys(named))  # a member that is listed twice counts once
         lines = [self._line(self._ways[ref]) for ref in refs if ref in self._ways]
-        found = [line for line in lines if line is not None]
-        if not found or (not inner and len(found) < len(refs) and not all(line.is_ring for line in found)):
+        present = [line for line in lines if line is not None]
+        if not present or (not inner and len(present) < len(refs) and not all(line.is_ring for line in present)):
             return None
-        if len(found) < len(refs):
+        if len(present) < len(refs):
             self.skipped["multipolygons with members missing"] += 1
-        rings, *rest = shapely.polygonize_full(found)
+        rings, *rest = shapely.polygonize_full(present)
         if not inner and not rings.is_empty and any(not part.is_empty for part in rest[:2]):
             self.skipped["multipolygons with loose ends"] += 1
-        return shapely.union_all([sound(ring) for ring in shapely.get_parts(rings)])
+        return shapely.union_all([repaired_polygons(ring) for ring in shapely.get_parts(rings)])
 
 
 def _claims_area(way: Way) -> bool:
     return "building" in way.tags or "building:part" in way.tags or "landuse" in way.tags
 
 
-def sound(shape: Any) -> Any:
-    """The polygons of a shape, repaired where it crosses itself."""
+def repaired_polygons(shape: Any) -> Any:
+    """The polygons of a shape, repaired if it intersects itself."""
     import shapely
 
     return shape if shape.is_valid else shapely.make_valid(shape, method="structure", keep_collapsed=False)

@@ -1,7 +1,7 @@
-"""Bridges for walking and cycling, which the road network leaves out, with the stairs and ramps that lead up to them.
+"""Bridges for pedestrians and cyclists, which the road network leaves out, with the stairs and ramps up to them.
 
-Pieces of bridge that meet form one, as high as the highest street, railway or bridge under any of them asks for; one
-over water or grass alone lies on the ground's level. Stairs and paths that begin at its ends rise to it.
+Pieces of bridge that meet form one bridge. Its elevation is the highest that any street, railway or bridge below
+requires. A bridge over water or grass alone lies at ground level. Stairs and paths that begin at its ends rise to it.
 """
 
 from __future__ import annotations
@@ -19,15 +19,19 @@ from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
 
 WIDTHS_M = {"footway": 3.5, "path": 2.5, "cycleway": 3.5, "pedestrian": 6.0}
+"""Usual widths of decks, metres (chosen)."""
 GRADES = {"steps": 0.5, "footway": 0.1, "path": 0.1, "cycleway": 0.06, "pedestrian": 0.1}
+"""Rise over run of ways that lead up to a deck (chosen)."""
 LEVEL_M = 0.15
+"""Elevation of a deck at ground level, metres (chosen)."""
 THICKNESS_M = 0.6
+"""Thickness of a deck, metres (chosen)."""
 MOST_M = 30.0
-"""No path is wider."""
+"""Greatest width of a path, metres (chosen)."""
 
 
 def footbridges(features: Features, roads: Iterable[Road]) -> Iterator[Bridge]:
-    """The decks and what leads up to them. A way that is among `roads` has its deck already."""
+    """The decks and the ways up to them. A way among `roads` already has its deck."""
     known = {road.id.lstrip("-").split("#")[0] for road in roads}
     bridges = [f for f in features.lines if _is_footbridge(f.tags) and f.ref[1:] not in known]
     heights = _heights(bridges, features)
@@ -51,7 +55,7 @@ def _is_footbridge(tags: dict[str, str]) -> bool:
 
 
 def _heights(bridges: list[Feature], features: Features) -> list[float]:
-    """The height of each bridge: what it passes over, then the highest of all that it is joined to."""
+    """Elevation of each bridge, metres: over what it crosses, then the highest of all bridges that it is joined to."""
     import shapely
 
     if not bridges:
@@ -59,24 +63,24 @@ def _heights(bridges: list[Feature], features: Features) -> list[float]:
     streets = [f for f in features.lines if is_surface_way(f.tags)]
     raised = bridge_heights(features)
     tree = shapely.STRtree([f.shape for f in streets])
-    found = []
+    elevations = []
     for bridge in bridges:
         crossed = (streets[int(k)] for k in tree.query(bridge.shape, predicate="crosses"))
         under = (raised.get(f.ref, 0.0) + LAYER_M for f in crossed if layer(f.tags) < layer(bridge.tags))
-        found.append(max(under, default=LEVEL_M))
+        elevations.append(max(under, default=LEVEL_M))
     joints = shapely.STRtree([f.shape for f in bridges])
     pairs = [(int(a), int(b)) for a, b in joints.query([f.shape for f in bridges], predicate="touches").T]
-    for _ in bridges:  # as many rounds as the longest chain, at most
-        before = list(found)
+    for _ in bridges:  # at most as many rounds as the longest chain has members
+        before = list(elevations)
         for a, b in pairs:
-            found[a] = found[b] = max(found[a], found[b])
-        if found == before:
+            elevations[a] = elevations[b] = max(elevations[a], elevations[b])
+        if elevations == before:
             break
-    return found
+    return elevations
 
 
 def _ramps(way: Feature, grade: float, ends: dict[tuple[float, float], float], features: Features) -> Iterator[Bridge]:
-    """A way that begins or ends at a raised deck: the part of it that leads down to the ground."""
+    """The part of a way from a raised deck down to the ground, if the way begins or ends at one."""
     for number, path in enumerate(map(_corners, features.pieces(way))):
         for side, points in enumerate((path, path[::-1])):
             height = ends.get(points[0], 0.0)
@@ -85,18 +89,18 @@ def _ramps(way: Feature, grade: float, ends: dict[tuple[float, float], float], f
 
 
 def _descent(points: list[tuple[float, float]], height: float, grade: float) -> tuple[Vector, ...]:
-    """Down along a line from its beginning; steeper than `grade` where the line is too short for it."""
+    """The line descending from its beginning; steeper than `grade` if the line is too short."""
     lengths = [dist(a, b) for a, b in pairwise(points)]
     grade = max(grade, height / sum(lengths))
-    found: list[Vector] = [(*points[0], height)]
+    path: list[Vector] = [(*points[0], height)]
     for (a, b), length in zip(pairwise(points), lengths, strict=True):
-        top = found[-1][2]
+        top = path[-1][2]
         share = min(1.0, top / (grade * length)) if length > 0.0 else 1.0
         low = max(0.0, round(top - grade * length * share, 3))
-        found.append((round(a[0] + share * (b[0] - a[0]), 3), round(a[1] + share * (b[1] - a[1]), 3), low))
+        path.append((round(a[0] + share * (b[0] - a[0]), 3), round(a[1] + share * (b[1] - a[1]), 3), low))
         if low == 0.0:
             break
-    return tuple(found)
+    return tuple(path)
 
 
 def _deck(name: str, number: int, way: Feature, path: tuple[Vector, ...]) -> Bridge:

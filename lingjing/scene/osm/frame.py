@@ -1,4 +1,4 @@
-"""Which part of a map becomes the city, and its local frame: metres east and north of the middle of that part."""
+"""The part of a map that becomes the city, and its local frame: metres east and north of the centre of that part."""
 
 from __future__ import annotations
 
@@ -12,42 +12,46 @@ from lingjing.scene.osm.map_data import DegreeBox, MapData, Way
 from lingjing.scene.osm.tags import VEHICLES, is_set
 
 LARGEST_M = 60_000.0
-"""A side beyond that is no city, and the projection about one point no longer fits it."""
+"""Longest side of a city, metres (chosen): beyond it one projection no longer fits."""
 
 SMALLEST_M = 5.0
-"""A side below that holds nothing."""
+"""Shortest side of a city, metres (chosen)."""
 
 FARTHEST_DEG = 85.0
-"""Nearer to a pole meridians run together so fast that a box in degrees is no rectangle; no town lies there."""
+"""Greatest latitude, degrees (chosen): nearer to a pole, meridians converge so fast that a box in degrees is no
+rectangle."""
 
 WORLD = (-180.0, -90.0, 180.0, 90.0)
-"""The part that programs state which do not look at what they write."""
+"""The part that some programs state for every file, without regard to its content."""
 
 MARGIN_DEG = 0.0006
-"""Ground kept around the outermost buildings where nobody says what the map covers: about 60 m."""
+"""Margin around the outermost buildings if the map states no part, degrees (chosen: about 60 m)."""
 
 REACH_DEG = 0.005
-"""How far from its buildings a map's nearest street still is theirs, where none runs among them: about 500 m."""
+"""Distance from the buildings within which the nearest streets are included, if none runs among them, degrees (chosen:
+about 500 m)."""
 
 _Choice = Callable[[Way], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class MapFrame:
-    """`box` in degrees, why it is that one, the origin (latitude, longitude) and the bounds in metres about it.
-
-    `notes` say what of the map lies outside of a box that nobody asked for.
-    """
+    """The chosen part of a map."""
 
     box: DegreeBox
+    """West, south, east, north; degrees."""
     because: str
+    """Reason of the choice, for messages."""
     origin: tuple[float, float]
+    """Latitude and longitude of the frame's origin, degrees."""
     bounds: tuple[float, float, float, float]
+    """West, south, east, north about the origin; metres."""
     notes: tuple[str, ...] = ()
+    """Remarks about parts of the map outside of a box that the user did not request."""
 
 
 def parse_box(text: str) -> DegreeBox:
-    """`W,S,E,N` in degrees. `UsageError` if it is malformed or crosses the antimeridian."""
+    """Parse `W,S,E,N` in degrees. Raises `UsageError` if it is malformed or crosses the antimeridian."""
     hint = "give west,south,east,north in degrees: --bbox=121.49,31.22,121.52,31.25"
     try:
         west, south, east, north = (float(part) for part in text.split(","))
@@ -64,9 +68,10 @@ def parse_box(text: str) -> DegreeBox:
 
 
 def choose(data: MapData, box: DegreeBox | None) -> MapFrame:
-    """The frame of a map: the box asked for, else the one the file states, else around its buildings or roads.
+    """Choose the frame of a map: the requested box, else the part that the file states, else around its buildings or
+    roads.
 
-    `UsageError` where that crosses the antimeridian, is too large, or has no data in it.
+    Raises `UsageError` if the part crosses the antimeridian, is too large, or has no data.
     """
     if box is not None:
         _check_data(data, box)
@@ -76,8 +81,8 @@ def choose(data: MapData, box: DegreeBox | None) -> MapFrame:
     fault = _fault(data, data.box)
     if fault:
         frame = _around(data)
-        said = f"the file states {fault} ({_text(data.box)}), which was not gone by"
-        return replace(frame, notes=(*frame.notes, said))
+        remark = f"the file states {fault} ({_text(data.box)}), which was ignored"
+        return replace(frame, notes=(*frame.notes, remark))
     frame = frame_of(data.box, "stated in the file")
     return replace(
         frame, notes=_left_outside(data, data.box, frame.because, {"building": _is_built, "road": _is_street})
@@ -85,7 +90,7 @@ def choose(data: MapData, box: DegreeBox | None) -> MapFrame:
 
 
 def _fault(data: MapData, box: DegreeBox) -> str:
-    """The kind of a stated part that says nothing of what the file holds; empty for one that does."""
+    """The fault of a stated part that does not describe the file's content; empty without a fault."""
     west, south, east, north = box
     if west == east or south >= north:
         return "an empty part"
@@ -101,7 +106,7 @@ def _check_data(data: MapData, box: DegreeBox) -> None:
 
 
 def frame_of(box: DegreeBox, because: str) -> MapFrame:
-    """The frame about a box's middle. `UsageError` if it is too large or too small for a city, or next to a pole."""
+    """The frame about a box's centre. Raises `UsageError` if it is too large or small for a city, or near a pole."""
     west, south, east, north = box
     if max(abs(south), abs(north)) > FARTHEST_DEG:
         raise UsageError(
@@ -136,7 +141,10 @@ def frame_of(box: DegreeBox, because: str) -> MapFrame:
 
 
 def _around(data: MapData) -> MapFrame:
-    """Extracts keep whole ways, so their outermost nodes say little: a river may lead 50 km away."""
+    """The frame around buildings, roads or all data.
+
+    The outermost nodes decide only in the last case: extracts keep whole ways, so a river may extend 50 km.
+    """
     built, driven = _places(data, "building"), _places(data, "highway")
     if len(built) > 2:
         return _among(data, _grown(_bounds(built)))
@@ -146,7 +154,9 @@ def _around(data: MapData) -> MapFrame:
 
 
 def _among(data: MapData, box: DegreeBox) -> MapFrame:
-    """The frame around buildings: grown to the streets near them where none runs among them. Says what it leaves."""
+    """The frame around buildings, enlarged to the streets near them if none runs among them. Notes name what is
+    outside.
+    """
     roads = [way for way in data.ways if _is_street(way)]
     frame = frame_of(box, "around its buildings")
     if roads and all(_is_outside(data, road, box) for road in roads):
@@ -160,7 +170,7 @@ def _among(data: MapData, box: DegreeBox) -> MapFrame:
 
 
 def _left_outside(data: MapData, box: DegreeBox, because: str, kinds: Mapping[str, _Choice]) -> tuple[str, ...]:
-    """A note of what lies wholly outside of a part, by kind, and of the box with it; none where nothing does."""
+    """A note about objects wholly outside of a part, with the box that would include them; empty without any."""
     counts, corners = [], [(box[1], box[0]), (box[3], box[2])]
     for kind, chosen in kinds.items():
         lines = [_nodes(data, way) for way in data.ways if chosen(way) and _is_outside(data, way, box)]
@@ -171,12 +181,12 @@ def _left_outside(data: MapData, box: DegreeBox, because: str, kinds: Mapping[st
     if not counts:
         return ()
     lie = "lies" if counts[0].startswith("1 ") and len(counts) == 1 else "lie"
-    said, wide = f"{' and '.join(counts)} {lie} outside the part {because}", _grown(_bounds(corners))
+    remark, wide = f"{' and '.join(counts)} {lie} outside the part {because}", _grown(_bounds(corners))
     try:
         frame_of(wide, because)
     except UsageError:
-        return (f"{said}, too far away to be built with it",)
-    return (f"{said}; the box with all is --bbox={','.join(f'{value:.4f}' for value in wide)}",)
+        return (f"{remark}, too far away to be built with it",)
+    return (f"{remark}; the box with all is --bbox={','.join(f'{value:.4f}' for value in wide)}",)
 
 
 def _is_street(way: Way) -> bool:

@@ -1,7 +1,7 @@
 """Surfaces painted on the ground: land uses, parks, woods, squares, car parks, footpaths.
 
-What covers much is painted before what covers little, and coarse kinds (a residential quarter) before fine ones (a
-pitch). Water takes its place out of all of them.
+Large areas are painted before small ones, and coarse kinds (a residential quarter) before fine ones (a pitch). Water is
+subtracted from all of them.
 """
 
 from __future__ import annotations
@@ -42,20 +42,21 @@ SURFACES: dict[str, dict[str, str]] = {
     "highway": {"pedestrian": "plaza", "footway": "sidewalk", "platform": "sidewalk", "service": "asphalt",
                 "residential": "asphalt", "path": "sidewalk", "steps": "sidewalk"},
 }  # fmt: skip
-"""Tag → surface; the last one that fits counts."""
+"""Tag → surface; the last match counts."""
 
 ORDER = ("residential", "commercial", "industrial", "grass", "park", "sand", "concrete", "forest", "plaza", "parking",
          "asphalt", "sidewalk", "pitch")  # fmt: skip
-"""Coarse to fine."""
+"""Painting order of surfaces, coarse to fine."""
 
 PATHS_M = {"footway": 2.2, "pedestrian": 5.0, "path": 1.6, "cycleway": 2.4, "steps": 2.4, "corridor": 0.0, "track": 2.6}
-"""Usual widths of ways that the road network leaves out."""
+"""Usual widths of ways that the road network leaves out, metres (chosen)."""
 
 SIMPLIFY_M = 0.15
+"""Tolerance of simplified outlines, metres (chosen)."""
 
 
 def areas(features: Features, wet: Any) -> tuple[PaintedArea, ...]:
-    """The painted surfaces of the frame, in the order of painting."""
+    """The painted surfaces of the frame, in painting order. `wet`: shapely geometry of the waters."""
     import shapely
 
     shapely.prepare(wet)
@@ -80,20 +81,20 @@ def areas(features: Features, wet: Any) -> tuple[PaintedArea, ...]:
 
 
 def surface_of(tags: dict[str, str]) -> str:
-    """The surface that an area's tags ask for, or an empty word."""
+    """The surface of an area by its tags; empty for none."""
     if is_set(tags, "building") or is_set(tags, "building:part") or tags.get("natural") == "water":
         return ""
     if _is_hidden(tags):
         return ""
-    found = [table[tags[key]] for key, table in SURFACES.items() if tags.get(key) in table]
-    return found[-1] if found else ""
+    surfaces = [table[tags[key]] for key, table in SURFACES.items() if tags.get(key) in table]
+    return surfaces[-1] if surfaces else ""
 
 
 # -- private
 
 
 def _is_hidden(tags: dict[str, str]) -> bool:
-    """Underground car parks and platforms, squares on bridges."""
+    """True for underground car parks and platforms, and for squares on bridges."""
     if tags.get("parking") in ("underground", "multi-storey", "rooftop"):
         return True
     moves = any(key in tags for key in ("highway", "railway", "amenity"))
@@ -101,12 +102,12 @@ def _is_hidden(tags: dict[str, str]) -> bool:
 
 
 def _paths(lines: Iterable[Feature]) -> list[Any]:
-    """Paths on the ground, widened."""
-    found = []
+    """Paths on the ground as polygons."""
+    shapes = []
     for line in lines:
         width = PATHS_M.get(line.tags.get("highway", ""), 0.0)
         hidden = is_below(line.tags) or layer(line.tags) != 0 or is_set(line.tags, "bridge")
         if width > 0.0 and not hidden and line.tags.get("footway") != "crossing":
-            said = metres(line.tags, "width") or width
-            found.append(line.shape.buffer(min(max(said, 0.6), 30.0) / 2.0, quad_segs=1))
-    return found
+            stated = metres(line.tags, "width") or width
+            shapes.append(line.shape.buffer(min(max(stated, 0.6), 30.0) / 2.0, quad_segs=1))
+    return shapes

@@ -1,7 +1,7 @@
-"""The heights of a building: what its tags state, in metres or in storeys, and the rest from its storeys.
+"""Heights of a building: those that its tags state, in metres or in storeys, completed from an estimate of storeys.
 
-Follows OpenStreetMap's Simple 3D Buildings: `height` and `building:levels` include what is under `min_height` and
-`building:min_level`; `height` includes the roof and levels do not.
+Follows OpenStreetMap's Simple 3D Buildings: `height` and `building:levels` include the part below `min_height` and
+`building:min_level`. `height` includes the roof, levels do not.
 """
 
 from __future__ import annotations
@@ -12,38 +12,45 @@ from typing import NamedTuple
 from lingjing.scene.osm.tags import metres, number, storeys
 
 HEIGHT_KEYS = ("height", "building:height", "est_height")
+"""Keys of a height in metres, by priority."""
 LEVEL_KEYS = ("building:levels", "levels", "building:level", "building:floors")
+"""Keys of a number of storeys, by priority."""
 TALLEST_M = 1000.0
+"""Greatest plausible height, metres (chosen)."""
 LOWEST_M = 0.5
-"""A building is between these, else its height is a mistake."""
+"""Least plausible height, metres (chosen). A tagged height outside of these two is ignored."""
 
 STANDING = {"storage_tank": 12.0, "silo": 18.0, "chimney": 40.0, "tower": 20.0, "water_tower": 30.0, "gasometer": 25.0,
             "communications_tower": 100.0, "lighthouse": 20.0, "cooling_tower": 60.0}  # fmt: skip
-"""Things of `man_made` that are buildings, and their heights where untagged."""
+"""Values of `man_made` that are buildings → height without a tag, metres (chosen)."""
 
 
 class BuildingHeights(NamedTuple):
-    """Base, top and roof of a building in metres (the roof is part of the top), and its storeys."""
+    """The heights of a building."""
 
     base_m: float
+    """Elevation of the base, metres."""
     top_m: float
+    """Elevation of the highest point, the roof included, metres."""
     roof_m: float
+    """Height of the roof, metres."""
     levels: int
+    """Number of storeys."""
 
 
 def tagged_height_m(tags: Mapping[str, str]) -> float | None:
-    """The height that a building's tags state in metres; None for none, or for one that no building has."""
+    """The tagged height in metres; None without a plausible one."""
     heights = (metres(tags, key) for key in HEIGHT_KEYS)
     return next((height for height in heights if height is not None and LOWEST_M <= height <= TALLEST_M), None)
 
 
 def tagged_levels(tags: Mapping[str, str]) -> float | None:
-    """The storeys that a building's tags state; 0 for one whose roof begins at the ground."""
+    """The tagged storeys; 0 for a building that consists of a roof alone. None without any."""
     return storeys(tags, *LEVEL_KEYS)
 
 
 def is_tagged(tags: Mapping[str, str]) -> bool:
-    """True for a building whose tags state its height or its storeys."""
+    """True if a building's tags state its height or its storeys."""
     return tagged_height_m(tags) is not None or tagged_levels(tags) is not None
 
 
@@ -52,8 +59,8 @@ def heights(
 ) -> BuildingHeights:
     """The heights of a building.
 
-    `untagged_storeys` count where the tags state neither a height nor storeys; `narrow_m` is the shorter side of the
-    footprint, from which the height of an untagged roof follows.
+    `untagged_storeys`: used if the tags state neither a height nor storeys. `narrow_m`: shorter side of the footprint,
+    from which the height of an untagged roof follows.
     """
     stated_m, levels = tagged_height_m(tags), tagged_levels(tags)
     roof_m = _roof_height(tags, roof, narrow_m)
@@ -63,7 +70,7 @@ def heights(
         lowest = number(tags, "building:min_level")
         base = 0.0 if lowest is None else _floor_height(lowest, levels, top - roof_m, storey_m)
     if tags.get("building") in ("roof", "carport") and base == 0.0 and "building:part" not in tags:
-        base = max(0.0, top - roof_m - 0.5)  # a canopy: nothing under it
+        base = max(0.0, top - roof_m - 0.5)  # a canopy is open below
     base = base if 0.0 <= base < top else 0.0
     roof_m = min(roof_m, top - base)
     count = levels if levels is not None and levels >= 1.0 else (top - base - roof_m) / storey_m
@@ -74,14 +81,14 @@ def heights(
 
 
 def _top_m(tags: Mapping[str, str], levels: float | None, storey_m: float, roof_m: float, untagged: int) -> float:
-    """The top of a building without a height of its own."""
+    """The top of a building without a tagged height, metres."""
     if levels is not None:
         return levels * storey_m + roof_m if levels * storey_m + roof_m >= LOWEST_M else storey_m
     return STANDING.get(tags.get("man_made", ""), untagged * storey_m + roof_m)
 
 
 def _floor_height(lowest: float, levels: float | None, walls_m: float, storey: float) -> float:
-    """Where a level begins; by the building's own storeys where its tags state how many it has."""
+    """Height at which a level begins, metres; by the building's own storeys if their number is tagged."""
     return lowest * (walls_m / levels if levels and levels >= lowest else storey)
 
 

@@ -1,4 +1,4 @@
-"""Looks of a building: facade, roof and colours, from its tags, else by use and chance. Colours are linear RGB."""
+"""Looks of a building: facade, roof and colours, from its tags, else random by use. Colours are linear RGB."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lingjing.scene.osm.uses import LOW
 
 @dataclass(frozen=True, slots=True)
 class BuildingKind:
-    """The facades and wall colours of a use to draw from."""
+    """The facades and wall colours of a use, for random choice."""
 
     facades: tuple[str, ...]
     walls: tuple[LinearRgb, ...]
@@ -37,12 +37,13 @@ KINDS: dict[str, BuildingKind] = {
     "school": BuildingKind(("ribbon", "punched"), (*_PLASTER, _BRICK[1])),
     "public": BuildingKind(("punched", "ribbon"), (*_STONE, _PLASTER[2])),
 }
+"""Looks by use."""
 
 _OLD_OFFICE = BuildingKind(("punched", "punched", "ribbon"), (*_STONE, *_PLASTER[:2], _BRICK[2]))
-"""How an office looks among low blocks: cities of towers clad theirs in glass, old towns do not."""
+"""Looks of an office among low blocks. Glass facades are typical only of cities with towers."""
 
 _OLD_TOP_M = 36.0
-"""The offices of a town of low blocks that look like it are at most so high."""
+"""Greatest height of offices with `_OLD_OFFICE`, metres (chosen)."""
 
 _MATERIALS: dict[str, LinearRgb] = {
     "glass": _GLASS[0], "mirror": _GLASS[3], "brick": _BRICK[0], "concrete": linear(170, 167, 160),
@@ -52,6 +53,7 @@ _MATERIALS: dict[str, LinearRgb] = {
     "slate": linear(84, 88, 94), "tar_paper": linear(70, 70, 70), "grass": linear(96, 128, 72),
     "timber_framing": _PLASTER[2], "cement_block": linear(160, 158, 150),
 }  # fmt: skip
+"""Colour by the value of `building:material` or `roof:material`."""
 _TILES = (linear(158, 84, 62), linear(136, 70, 54), linear(110, 84, 74), linear(92, 92, 96))
 _FLAT = (linear(150, 148, 144), linear(124, 122, 120), linear(168, 164, 156), linear(104, 106, 108))
 
@@ -61,16 +63,16 @@ _ROOFS = {
     "cone": "pyramidal", "conical": "pyramidal", "saltbox": "gabled", "skillion": "flat", "spherical": "dome",
     "side_hipped": "hipped", "hipped-and-gabled": "hipped",
 }  # fmt: skip
+"""Value of `roof:shape` → roof of `Building`."""
 
 
 def stream(seed: int, name: str) -> Random:
-    """The chance of one thing, whatever else the map holds."""
+    """The random stream of one thing, independent of the rest of the map."""
     return Random(int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:16], "big"))
 
 
 def kind_of(use: str, top_m: float, around_m: float) -> BuildingKind:
-    """What a building of a use is drawn like: its kind, but that of an old office for a low one where buildings around
-    are at most `around_m` high."""
+    """The looks of a building by use. A low office among buildings of at most `around_m` looks like an old one."""
     old = use == "office" and top_m <= _OLD_TOP_M and around_m <= LOW_TOWN_M
     return _OLD_OFFICE if old else KINDS[use]
 
@@ -89,25 +91,25 @@ def facade_of(tags: Mapping[str, str], use: str, kind: BuildingKind, height_m: f
 
 
 def wall_colour(tags: Mapping[str, str], kind: BuildingKind, facade: str, chance: Random) -> LinearRgb:
-    """The walls' colour: said, or the material's, or one that suits the use."""
+    """Colour of the walls: tagged, or that of the material, or one of the kind's."""
     pick = chance.choice(_GLASS if facade == "curtain" else kind.walls)
-    said = colour(tags, "building:colour", "building:color", "building:facade:colour", "colour")
-    return said or _MATERIALS.get(tags.get("building:material", ""), pick)
+    tagged = colour(tags, "building:colour", "building:color", "building:facade:colour", "colour")
+    return tagged or _MATERIALS.get(tags.get("building:material", ""), pick)
 
 
 def roof_colour(tags: Mapping[str, str], roof: str, chance: Random) -> LinearRgb:
-    """The roof's colour: said, or the material's, or one that suits its shape."""
+    """Colour of the roof: tagged, or that of the material, or one that suits its shape."""
     pick = chance.choice(_FLAT if roof == "flat" else _TILES)
-    said = colour(tags, "roof:colour", "roof:color", "building:roof:colour")
-    return said or _MATERIALS.get(tags.get("roof:material", ""), pick)
+    tagged = colour(tags, "roof:colour", "roof:color", "building:roof:colour")
+    return tagged or _MATERIALS.get(tags.get("roof:material", ""), pick)
 
 
 def roof_of(tags: Mapping[str, str], use: str, chance: Random) -> str:
-    """The roof's shape; houses without one are often gabled."""
+    """Shape of the roof. Houses without a tag are often gabled."""
     drawn = chance.random()
-    said = _ROOFS.get(tags.get("roof:shape", tags.get("building:roof:shape", "")))
-    if said is not None:
-        return said
+    tagged = _ROOFS.get(tags.get("roof:shape", tags.get("building:roof:shape", "")))
+    if tagged is not None:
+        return tagged
     if tags.get("building") in ("church", "cathedral", "chapel", "barn"):
         return "gabled"
     return "gabled" if use == "house" and "building:part" not in tags and drawn < 0.7 else "flat"

@@ -1,14 +1,14 @@
-"""The normalised contents of a map: each object once, as it stands now, without metadata.
+"""The normalised content of a map: each object once, in its current state, without metadata.
 
-Every reader of maps fills a `MapCollector`, whatever the file's format; nothing else makes a `MapData`, and whatever is
-built from a map is built from that alone. The collector settles what files leave open:
+Readers of all formats fill a `MapCollector`, which alone makes a `MapData`. Everything that is built from a map is
+built from its `MapData`. The collector resolves what files leave open:
 
-- Of an object that stands in the file several times (history files, joined extracts) the highest version counts, of
-  equal versions the later. If that one is deleted (`visible="false"`, JOSM's `action="delete"`), the object is gone.
-- Several stated parts of the Earth become the smallest box around them.
-- Geometry that is written into ways and relations (Overpass `out geom`) becomes nodes and ways.
-- Negative ids (objects that were never uploaded) become positive ones, for netconvert writes `-` for the other
-  direction of a way.
+- If an object occurs several times (history files, merged extracts), the highest version counts; of equal versions the
+  later. If that one is deleted (`visible="false"`, JOSM's `action="delete"`), the object is removed.
+- Several stated parts of the Earth become their bounding box.
+- Geometry inside ways and relations (Overpass `out geom`) becomes nodes and ways.
+- Negative ids (objects that were never uploaded) become positive, because netconvert marks the other direction of a way
+  with `-`.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ LatLon = tuple[float, float]
 """Latitude, longitude in degrees."""
 
 Member = tuple[str, int, str]
-"""Kind (`n`, `w` or `r`), id, role."""
+"""Kind (`n`, `w` or `r`), id and role of a relation's member."""
 
 LONGEST_TEXT = 1024
-"""Characters of a tag's key or value: OpenStreetMap's database takes 255, libosmium 1024 bytes."""
+"""Most characters of a tag's key or value (chosen: OpenStreetMap's database permits 255, libosmium 1024 bytes)."""
 
 LARGEST_ID = (1 << 62) - 1
-"""Beyond that an id does not fit into the 64 bits of other programs once it has been moved."""
+"""Largest id that is read: larger ones would exceed 64 bits after their sign is changed."""
 
 LANELET_TYPES = frozenset(
     (
@@ -39,12 +39,12 @@ LANELET_TYPES = frozenset(
         "pedestrian_marking", "bike_marking",
     )
 )  # fmt: skip
-"""Values of `type` of the relations and the ways of which Lanelet2 maps consist."""
+"""Values of `type` of the relations and ways in Lanelet2 maps."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapSpot:
-    """A node that has tags; degrees."""
+    """A node with tags. Latitude and longitude in degrees."""
 
     id: int
     tags: dict[str, str]
@@ -54,7 +54,7 @@ class MapSpot:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A line through nodes, closed if its first node is its last."""
+    """A line through nodes. It is closed if its first node is its last."""
 
     id: int
     tags: dict[str, str]
@@ -72,28 +72,29 @@ class MapRelation:
 
 @dataclass(frozen=True, slots=True)
 class MapData:
-    """A normalised map, each kind in the order of ids.
-
-    `nodes`: places by id. `box`: the part of the Earth that the file states, None if it states none. `skipped`: what
-    the file holds and this does not, by reason. `notes`: remarks of the file, for the reader.
-    """
+    """A normalised map. Objects of each kind are in the order of ids."""
 
     nodes: dict[int, LatLon]
+    """Place of each node by id."""
     spots: tuple[MapSpot, ...]
+    """Nodes with tags."""
     ways: tuple[Way, ...]
     relations: tuple[MapRelation, ...]
     box: DegreeBox | None
+    """Part of the Earth that the file states; None if it states none."""
     skipped: Counter[str] = field(default_factory=Counter)
+    """Number of objects left out, by reason."""
     notes: tuple[str, ...] = ()
+    """Remarks of the file that are shown to the user."""
 
 
 ItemT = TypeVar("ItemT", MapSpot, Way, MapRelation)
 
 
 class MapCollector:
-    """Takes the objects of a file in any order and gives them normalised.
+    """Collects the objects of a file, in any order, and normalises them.
 
-    `version` is the object's, 0 where the file has none or one that is no number. `gone` means that it is deleted.
+    `version`: the object's version, 0 if the file has none. `deleted`: True if the file marks the object as deleted.
     """
 
     def __init__(self) -> None:
@@ -110,19 +111,19 @@ class MapCollector:
         self._drawn_lines: dict[int, tuple[LatLon | None, ...]] = {}
 
     def add_box(self, box: DegreeBox) -> None:
-        """A part of the Earth that the file states."""
+        """Add a part of the Earth that the file states."""
         if self.box is None:
             self.box = box
         else:
             west, south, east, north = self.box
             self.box = min(west, box[0]), min(south, box[1]), max(east, box[2]), max(north, box[3])
 
-    def add_node(self, ref: int, place: LatLon | None, tags: dict[str, str], version: int, *, gone: bool) -> None:
-        """A node; without a place it is nowhere and left out."""
+    def add_node(self, ref: int, place: LatLon | None, tags: dict[str, str], version: int, *, deleted: bool) -> None:
+        """Add a node. A node without a place is left out."""
         if not self._is_latest(0, ref, version):
             return
         self._spots.pop(ref, None)
-        if gone or place is None:
+        if deleted or place is None:
             self._nodes.pop(ref, None)
             return
         self._nodes[ref] = place
@@ -130,14 +131,14 @@ class MapCollector:
             self._spots[ref] = MapSpot(ref, tags, *place)
 
     def add_way(
-        self, ref: int, nodes: Sequence[int | LatLon | None], tags: dict[str, str], version: int, *, gone: bool
+        self, ref: int, nodes: Sequence[int | LatLon | None], tags: dict[str, str], version: int, *, deleted: bool
     ) -> None:
-        """A way through nodes by id, or through places where the file names no nodes (None: cut off there)."""
+        """Add a way through nodes, given by ids, or by places in files without node ids. None marks a gap."""
         if not self._is_latest(1, ref, version):
             return
         self._ways.pop(ref, None)
         self._drawn_lines.pop(ref, None)
-        if gone:
+        if deleted:
             return
         self._has_lanelets = self._has_lanelets or tags.get("type") in LANELET_TYPES
         known = tuple(node for node in nodes if isinstance(node, int))
@@ -146,14 +147,14 @@ class MapCollector:
         self._ways[ref] = Way(ref, tags, known)
 
     def add_relation(
-        self, ref: int, members: Sequence[Member], tags: dict[str, str], version: int, *, gone: bool
+        self, ref: int, members: Sequence[Member], tags: dict[str, str], version: int, *, deleted: bool
     ) -> None:
-        """A relation; only multipolygons and turn restrictions are kept."""
+        """Add a relation. Only multipolygons and turn restrictions are kept."""
         if not self._is_latest(2, ref, version):
             return
         self._relations.pop(ref, None)
         kind = tags.get("type", "")
-        if gone:
+        if deleted:
             return
         if kind in LANELET_TYPES:
             self._has_lanelets = True
@@ -161,15 +162,15 @@ class MapCollector:
             self._relations[ref] = MapRelation(ref, tags, tuple(members))
 
     def draw_node(self, ref: int, place: LatLon) -> None:
-        """The place of a node as a way or a relation has it."""
+        """Add the place of a node that a way or a relation contains."""
         self._drawn_places.setdefault(ref, place)
 
     def draw_way(self, ref: int, line: Sequence[LatLon | None]) -> None:
-        """The line of a way as a relation has it; None where it is cut off."""
+        """Add the line of a way that a relation contains. None marks a gap."""
         self._drawn_lines.setdefault(ref, tuple(line))
 
     def finish(self) -> MapData:
-        """The normalised map."""
+        """Return the normalised map."""
         for ref, place in self._drawn_places.items():
             self._nodes.setdefault(ref, place)
         if self._drawn_lines:
@@ -181,18 +182,18 @@ class MapCollector:
         return _with_positive_ids(data)
 
     def is_lanelet(self) -> bool:
-        """True if this is a map of Lanelet2: lanes, and not one street or building."""
+        """True if this is a Lanelet2 map: it has lanes, and no street or building."""
         built = any("highway" in way.tags or "building" in way.tags for way in self._ways.values())
         return self._has_lanelets and not built
 
     def places(self) -> Iterator[LatLon]:
-        """Where the nodes are."""
+        """Yield the places of the nodes."""
         return iter(self._nodes.values())
 
     # -- private
 
     def _is_latest(self, kind: int, ref: int, version: int) -> bool:
-        """True if no higher version of the object was taken before."""
+        """True if no higher version of the object was added before."""
         versions = self._versions[kind]
         if version < versions.get(ref, 0):
             return False
@@ -201,7 +202,7 @@ class MapCollector:
         return True
 
     def _lay_lines(self) -> None:
-        """Give ways that are known by their places nodes: those that lie there, else new ones."""
+        """Give nodes to ways that are known by places only: existing nodes at these places, else new ones."""
         by_place = {place: ref for ref, place in self._nodes.items()}
         fresh = _above((*self._nodes, *(ref for way in self._ways.values() for ref in way.nodes)))
         missing = fresh
@@ -224,7 +225,7 @@ def _by_id(items: dict[int, ItemT]) -> tuple[ItemT, ...]:
 
 
 def _above(refs: Sequence[int]) -> int:
-    """A round number above all ids, the same for most files, so that ids made from it seldom change."""
+    """A power of two above all ids. It is the same for most files, so that derived ids seldom change."""
     return 1 << max(40, max(map(abs, refs), default=0).bit_length())
 
 

@@ -1,4 +1,4 @@
-"""Read OpenStreetMap PBF into a `MapCollector`; the only module that imports osmium."""
+"""Read OpenStreetMap PBF into a `MapCollector`. This is the only module that imports osmium."""
 
 from __future__ import annotations
 
@@ -14,54 +14,59 @@ from lingjing.scene.osm.map_data import LARGEST_ID, DegreeBox, LatLon, MapCollec
 from lingjing.scene.osm.source import HINT, MapFile, bomb
 
 FEW = 100_000
-"""Objects, tags and references that any file may hold, however small it is."""
+"""Number of objects, tags and references that any file may hold, however small it is (chosen)."""
 
 _NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""Characters that no XML can hold; a PBF can, and netconvert reads XML."""
+"""Characters that XML cannot hold. They are removed, because netconvert reads XML."""
 
 
 class _PbfItem(NamedTuple):
-    """An object as osmium has it, in Python's own types.
-
-    `nodes` are a way's, `places` those of them that the way itself brings (files without untagged nodes, which
-    `osmium add-locations-to-ways` writes), `members` a relation's.
-    """
+    """An object of osmium, converted to Python's own types."""
 
     kind: str
+    """`n`, `w` or `r`."""
     id: int
     version: int
-    gone: bool
+    deleted: bool
+    """True if the object is deleted."""
     tags: dict[str, str]
     place: LatLon | None
+    """Place of a node; None without one."""
     nodes: tuple[int, ...]
+    """Ids of a way's nodes."""
     places: tuple[tuple[int, LatLon], ...]
+    """Places that the way itself carries for its nodes (files that `osmium add-locations-to-ways` writes)."""
     members: tuple[Member, ...]
+    """Members of a relation."""
 
 
 def read_pbf(source: MapFile, collector: MapCollector) -> None:
-    """Fill the collector. `UsageError` for a damaged file, one that unpacks without end, or without osmium."""
+    """Fill the collector.
+
+    Raises `UsageError` if the file is damaged or unpacks to an implausible size, or if osmium is not installed.
+    """
     box = _box(source)
     if box is not None:
         collector.add_box(box)
-    left = max(FEW, source.path.stat().st_size)
+    budget = max(FEW, source.path.stat().st_size)
     for item in _items(source):
-        left -= 1 + len(item.tags) + len(item.nodes) + len(item.members)
-        if left < 0:  # before anything is made of it
+        budget -= 1 + len(item.tags) + len(item.nodes) + len(item.members)
+        if budget < 0:  # checked before any object is created
             raise bomb(source.path, "it holds more than it has bytes")
         if not -LARGEST_ID <= item.id <= LARGEST_ID:
             collector.skipped["objects without a number"] += 1
         elif item.kind == "n":
-            collector.add_node(item.id, item.place, item.tags, item.version, gone=item.gone)
+            collector.add_node(item.id, item.place, item.tags, item.version, deleted=item.deleted)
         elif item.kind == "w":
-            collector.add_way(item.id, item.nodes, item.tags, item.version, gone=item.gone)
+            collector.add_way(item.id, item.nodes, item.tags, item.version, deleted=item.deleted)
             for ref, place in item.places:
                 collector.draw_node(ref, place)
         else:
-            collector.add_relation(item.id, item.members, item.tags, item.version, gone=item.gone)
+            collector.add_relation(item.id, item.members, item.tags, item.version, deleted=item.deleted)
 
 
 def versions() -> dict[str, str]:
-    """Version of what reads PBF, known without loading it."""
+    """Version of the library that reads PBF, found without loading it."""
     try:
         return {"osmium": metadata.version("osmium")}
     except metadata.PackageNotFoundError:
@@ -73,12 +78,12 @@ def versions() -> dict[str, str]:
 
 @contextmanager
 def _blaming(source: MapFile) -> Iterator[None]:
-    """Whatever osmium raises over a file is the file's fault, for osmium documents no set of errors."""
+    """Turn every exception of osmium into a `UsageError` about the file: osmium does not document its exceptions."""
     try:
         yield
     except ImportError:
         raise UsageError("reading .pbf maps needs the package `osmium`", hint=install_line("maps")) from None
-    except Exception as error:  # noqa: BLE001 - damaged files find kinds of errors that no list has
+    except Exception as error:  # noqa: BLE001 - damaged files raise exceptions that osmium does not document
         raise UsageError(f"`{source.path}` is not OpenStreetMap data: {error}", hint=HINT) from None
 
 
@@ -106,7 +111,7 @@ def _item(item: Any) -> _PbfItem:
         kind="n" if item.is_node() else "w" if item.is_way() else "r",
         id=item.id,
         version=item.version,
-        gone=item.deleted or not item.visible,
+        deleted=item.deleted or not item.visible,
         tags={_text(tag.k): _text(tag.v) for tag in item.tags},
         place=(item.location.lat, item.location.lon) if located else None,
         nodes=tuple(node.ref for node in item.nodes) if item.is_way() else (),

@@ -1,9 +1,9 @@
-"""The `map` scene: a city that `lingjing scene build` wrote, or one built from a map file and kept in the cache.
+"""The `map` scene: a city that `lingjing scene build` wrote, or one built from a map file and cached.
 
-Options: `folder`, a city's folder; or `file` (also `map`), an OpenStreetMap file, with `bbox` (`"W,S,E,N"`, degrees)
-for a part of it and `default_levels` for buildings whose tags state no height. Paths are relative to the working
-folder. A mission's `datum` gives the elevation of the waters.
-What the map leaves open is drawn as by `lingjing scene build` with its default seed, whatever the mission's.
+Options: `folder` (a city's folder), or `file` (also `map`; an OpenStreetMap file), with `bbox` (`"W,S,E,N"` in degrees)
+for a part of it and `default_levels` for buildings without tagged height. Paths are relative to the working folder. A
+mission's `datum` gives the elevation of the waters. Random details are those of `lingjing scene build` with its default
+seed, whatever the mission's seed.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from lingjing.mission.kinds import check_scene
 from lingjing.scene.city import City
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.frame import parse_box
-from lingjing.scene.store import read_store, whole
+from lingjing.scene.store import intact_city, read_store
 
 
 def city_of(spec: SceneSpec) -> City:
-    """The city of a spec. `UsageError` for options it does not know, or that name no city."""
+    """The city of a spec. Raises `UsageError` for options that are unknown or name no city."""
     check_scene(spec)
     name = next(name for name in ("folder", "file", "map") if name in spec.options)
     path = str(spec.options[name])
@@ -45,7 +45,7 @@ def city_of(spec: SceneSpec) -> City:
 def _stored(folder: Path) -> City:
     try:
         city = read_store(folder.absolute())
-        if whole(folder.absolute()) is None:
+        if intact_city(folder.absolute()) is None:
             raise UsageError(
                 f"the city in `{folder}` is damaged: its files are not those that were written",
                 hint="build it again: lingjing scene build",
@@ -74,7 +74,8 @@ def _default_levels(spec: SceneSpec) -> int | None:
 
 
 def _check_origin(spec: SceneSpec, city: City) -> None:
-    """A mission's own origin must be the city's: places in degrees were already turned into metres about it."""
+    """Check that a mission's own origin is the city's: its places in degrees are already in metres about that
+    origin."""
     if spec.origin == SceneSpec(kind="").origin:
         return
     apart = dist((0.0, 0.0), from_geodetic(*spec.origin, city.origin))
@@ -86,7 +87,9 @@ def _check_origin(spec: SceneSpec, city: City) -> None:
 
 
 def _at_level(city: City, datum_m: float) -> City:
-    """The city with its waters at the mission's datum; 0 is the ground's and means that the mission says nothing."""
+    """The city with its waters at the mission's datum. A datum of 0, the ground's elevation, means that none is
+    declared.
+    """
     if datum_m == 0.0:
         return city
     if datum_m > -0.3:

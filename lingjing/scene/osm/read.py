@@ -1,7 +1,7 @@
-"""Read OpenStreetMap files (XML and PBF, packed or not): recognise, parse, normalise.
+"""Read OpenStreetMap files (XML and PBF, compressed or not): recognise, parse, normalise.
 
-Every other module sees the `MapData` that comes out here, netconvert too (`streets` writes its document from it), so
-the order of a file, its format, its history and its metadata make no difference.
+All other modules use the resulting `MapData`, and so does netconvert (`streets` writes its input from it). So the order
+of a file, its format, its history and its metadata make no difference.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from lingjing.scene.osm.xml_format import read_xml
 
 
 def read(path: Path) -> MapData:
-    """The normalised contents of a file.
+    """Return the normalised content of a file.
 
-    `UsageError` if it is missing, empty, not whole, no OpenStreetMap data of streets and houses, or unpacks without
-    end.
+    Raises `UsageError` if it is missing, empty, incomplete, no OpenStreetMap data of streets and houses, or unpacks to
+    an implausible size.
     """
     source = recognise(path)
     collector = MapCollector()
@@ -35,7 +35,7 @@ def read(path: Path) -> MapData:
 
 
 def check(path: Path) -> None:
-    """`UsageError` unless there is a file that is not empty and does not begin as another kind of file does."""
+    """Raise `UsageError` if the file is missing or empty, or begins like a file of another format."""
     recognise(path)
 
 
@@ -49,7 +49,7 @@ def digest(path: Path) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what decides how a file is read."""
+    """Versions of the libraries that read map files."""
     return pbf_format.versions()
 
 
@@ -63,7 +63,7 @@ def _no_nodes_hint(data: MapData) -> str:
 
 
 def _lanelet(path: Path, collector: MapCollector) -> UsageError:
-    """Lanelet2 writes its lanes in OpenStreetMap's XML."""
+    """The error for a Lanelet2 map, which stores lanes in OpenStreetMap's XML."""
     hint = "give the OpenStreetMap data of the same place"
     places = list(collector.places())
     if places:

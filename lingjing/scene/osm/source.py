@@ -1,7 +1,7 @@
-"""The bytes of a map file: how they are packed, which format they are in, and their stream without the packing.
+"""The bytes of a map file: recognition of compression and format, and the uncompressed stream.
 
-The content decides, never the name: a map may be called `interpreter`, or end in `.osm` though it is packed. A file in
-a foreign format is refused with the format's name and the way to a map from it.
+The content decides, never the name: a map may be called `interpreter`, or end in `.osm` though it is compressed. A file
+in another format is rejected with that format's name and advice how to get a map from it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,17 @@ from typing import IO, Literal, cast
 from lingjing.errors import UsageError
 
 STRETCH = 100
-"""How many times its own size a map may unpack to: map XML shrinks to a tenth or a twentieth, bombs to a thousandth."""
+"""Most times its own size that a map may unpack to (chosen): map XML shrinks to 1/10 or 1/20, zip bombs to 1/1000."""
 
 HINT = "give the map as it was downloaded (.osm, .osm.gz, .osm.bz2 or .osm.pbf)"
 OVERPASS_HINT = "ask Overpass for `[out:xml]` instead of `[out:json]`, with `(._;>;); out;` at the end"
 
 _WINDOW = 64 << 20
+"""Unpacked bytes between two checks of `STRETCH`."""
 _CHUNK = 1 << 18
+"""Bytes of one read."""
 _HEAD = 1 << 16
+"""Bytes at the beginning by which a format is recognised."""
 
 Packing = Literal["", "gzip", "bzip2"]
 Encoding = Literal["xml", "pbf"]
@@ -45,7 +48,7 @@ _MARKS: tuple[tuple[bytes, str, str], ...] = (
     (b"\xff\xd8\xff", "a picture", HINT),
     (b"version https://git-lfs", "a Git LFS pointer, the map itself is elsewhere", "fetch it: git lfs pull"),
 )
-"""Beginnings of files that are no maps: the bytes, the format, the way out."""
+"""First bytes of files that are no maps, the format, and advice."""
 
 _BRACKETED: tuple[tuple[bytes, str, str], ...] = (
     (rb"\A\s*\[\s*(?:out|timeout|maxsize|bbox)\s*:", "a query to Overpass", "send it to Overpass and give the answer"),
@@ -58,14 +61,14 @@ _BRACKETED: tuple[tuple[bytes, str, str], ...] = (
         "GeoJSON has lost the nodes that streets share: download the place's OpenStreetMap data (.osm or .osm.pbf)",
     ),
 )
-"""Texts that begin with a bracket: a pattern, the format, the way out."""
+"""Texts that begin with a bracket: a pattern, the format, and advice."""
 
 _PAGE = re.compile(rb"(?>\s+|<\?xml[^>]*>|<!--.*?-->)*+(?:<!doctype\s+html|<html[\s>])", re.IGNORECASE | re.DOTALL)
-"""The beginning of a web page. Nothing is matched in a second way: a file of blanks and comments would take forever."""
+"""The beginning of a web page. The possessive quantifier prevents exponential backtracking on blanks and comments."""
 
 _TITLE = re.compile(rb"<title[^>]*>(.*?)</title>", re.IGNORECASE | re.DOTALL)
 _ERROR = re.compile(rb"</strong>\s*:\s*([^<]{1,200})")
-"""The sentence in which an error page of Overpass says what went wrong."""
+"""The sentence in which an error page of Overpass states the error."""
 
 _OPL = re.compile(rb"[nwr]-?\d+ [vdctiuTxyNM]")
 _PBF = re.compile(rb"\x00\x00..\x0a\x09OSMHeader", re.DOTALL)
@@ -73,24 +76,24 @@ _PBF = re.compile(rb"\x00\x00..\x0a\x09OSMHeader", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class MapFile:
-    """A file that looks like a map."""
+    """A file that was recognised as a map."""
 
     path: Path
     packing: Packing
     encoding: Encoding
 
     def chunks(self) -> Generator[bytes, None, None]:
-        """The unpacked bytes. `UsageError` if they cannot be unpacked or become far more than maps do."""
+        """Yield the uncompressed bytes. Raises `UsageError` if they are damaged, or far more than a map has."""
         try:
             with self.path.open("rb") as file, closing(_plain(file, self.packing)) as plain:
-                before = count = 0
+                position = count = 0
                 while chunk := plain.read(_CHUNK):
                     yield chunk
                     count += len(chunk)
                     if self.packing and count >= _WINDOW:
-                        if count > STRETCH * (file.tell() - before):
+                        if count > STRETCH * (file.tell() - position):
                             raise bomb(self.path, f"it unpacks to more than {STRETCH} times its size")
-                        before, count = file.tell(), 0
+                        position, count = file.tell(), 0
         except (OSError, EOFError, zlib.error) as error:
             why = (isinstance(error, OSError) and error.strerror) or str(error)
             problem = "is not OpenStreetMap data, it cannot be unpacked" if self.packing else "cannot be read"
@@ -99,7 +102,7 @@ class MapFile:
 
 
 def recognise(path: Path) -> MapFile:
-    """The file as a source of map data. `UsageError` if it is missing, empty or recognisably something else."""
+    """Recognise the format of a file. Raises `UsageError` if it is missing, empty or of a known other format."""
     head = _head(path)
     packing: Packing = next((packing for mark, packing in _PACKED if head.startswith(mark)), "")
     if packing:
@@ -115,7 +118,7 @@ def recognise(path: Path) -> MapFile:
 
 
 def bomb(path: Path, why: str) -> UsageError:
-    """The error for a file that holds more than files of its size do."""
+    """The error for a file that unpacks to an implausible size."""
     return UsageError(f"`{path}` is no map: {why}", hint=HINT)
 
 
@@ -158,8 +161,8 @@ def _refuse_foreign(path: Path, head: bytes) -> None:
             raise UsageError(f"`{path}` is not OpenStreetMap data: it is {kind}", hint=hint)
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if text.startswith((b"{", b"[")):
-        found = next(((kind, hint) for mark, kind, hint in _BRACKETED if re.search(mark, head)), ("JSON", HINT))
-        raise UsageError(f"`{path}` is no map in XML or PBF: it is {found[0]}", hint=found[1])
+        kind_and_hint = next(((kind, hint) for mark, kind, hint in _BRACKETED if re.search(mark, head)), ("JSON", HINT))
+        raise UsageError(f"`{path}` is no map in XML or PBF: it is {kind_and_hint[0]}", hint=kind_and_hint[1])
     if _PAGE.match(text):
         raise _web_page(path, head)
     if _OPL.match(text):
@@ -172,15 +175,15 @@ def _refuse_foreign(path: Path, head: bytes) -> None:
 
 
 def _beginning(text: bytes) -> str:
-    """The first words of a text, or that there is none."""
+    """The first words of a text, or a statement that it is none."""
     words = " ".join(text[:40].decode("ascii", "replace").split())
     return f"it begins with `{words}`" if words.isascii() and words.isprintable() and words else "it is no text"
 
 
 def _web_page(path: Path, head: bytes) -> UsageError:
-    """Servers answer with a page where they cannot answer with a map."""
-    said = _ERROR.search(head) or _TITLE.search(head[:4096])
-    words = " ".join(said[1].decode("utf-8", "replace").split())[:120] if said else ""
+    """The error for a web page: servers answer with one if they cannot deliver the map."""
+    sentence = _ERROR.search(head) or _TITLE.search(head[:4096])
+    words = " ".join(sentence[1].decode("utf-8", "replace").split())[:120] if sentence else ""
     title = f", `{words}`" if words.isprintable() and words else ""
     return UsageError(
         f"`{path}` is not OpenStreetMap data: it is a web page (HTML){title}",

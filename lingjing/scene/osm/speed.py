@@ -1,8 +1,8 @@
-"""The permitted speed of a street for cars, from the many ways to write it.
+"""The permitted speed of a street for cars, from the many notations of it.
 
-`maxspeed` has numbers in km/h and other units, lists, words, and names of zones (`DE:urban`, `AT:zone:30`). Of a list
-the lowest counts, because it is permitted on the whole street. Values that hold only at times (`80 @ (wet)`) are not
-read. Words that name no speed (`sign`, `signals`, `variable`) leave the street the speed of its kind.
+`maxspeed` holds numbers in km/h and other units, lists, words, and names of zones (`DE:urban`, `AT:zone:30`). The
+lowest value of a list counts, because it is permitted on the whole street. Values that apply only at times (`80 @
+(wet)`) are not read. Words without a speed (`sign`, `signals`, `variable`) leave the street the speed of its kind.
 
 Source: the wiki of OpenStreetMap, pages `Key:maxspeed`, `Key:source:maxspeed` and `Default speed limits`.
 """
@@ -13,17 +13,20 @@ import re
 from collections.abc import Mapping, Sequence
 
 WALK_KMH = 7.0
-"""`walk`: German courts take 4 to 7 km/h for a walking pace."""
+"""Speed of `walk`, km/h: German courts take 4 to 7 km/h for a walking pace."""
 
 NONE_KMH = 130.0
-"""`none`: the speed that Germany recommends where it sets no limit."""
+"""Speed of `none`, km/h: the recommended speed in Germany where no limit applies."""
 
 FASTEST_KMH = 400.0
-"""Limits above this are mistakes: no public road permits more."""
+"""Greatest plausible limit, km/h (chosen): no public road permits more."""
 
 _MPH = 1.609344
+"""Kilometres of a mile."""
 _KEYS = ("maxspeed:motorcar", "maxspeed:motor_vehicle", "maxspeed")
+"""Keys of a speed, by priority."""
 _IMPLIED = ("maxspeed:type", "source:maxspeed", "zone:maxspeed", "zone:traffic")
+"""Keys that name a kind of limit, by priority."""
 _UNITS = {"": 1.0, "kmh": 1.0, "kph": 1.0, "kmph": 1.0, "mph": _MPH, "knots": 1.852, "kn": 1.852}
 _WORDS = {"walk": WALK_KMH, "walking_pace": WALK_KMH, "none": NONE_KMH, "unlimited": NONE_KMH, "no": NONE_KMH}
 
@@ -31,7 +34,7 @@ _AT_TIMES = re.compile(r"[^;|]*@\s*(?:\([^)]*\)?|[^;|]*)")
 _SEPARATORS = re.compile(r"[;|/&]|,(?!\d(?!\d))|\bor\b|(?<=[\da-z])\s*[-–]\s*(?=\d)")
 _NUMBER = re.compile(r"[~<≤=]*\s*(\d{1,4}(?:[.,]\d+)?)\s*([a-z]*)")
 _WITHIN = re.compile(r"(?<![\w.,+:-])(\d{1,3})\s*(?:km|(kmh|kph|mph))?(?!\w|[.,]\d)")
-"""A speed among words that say nothing to us: `50 (30)`, `ca. 50`, `50?`."""
+"""A speed among other words: `50 (30)`, `ca. 50`, `50?`."""
 
 _COUNTRY = r"(?:([a-z]{2})(?:-[a-z]{2,3})?:)?"
 _ZONE_NUMBER = re.compile(_COUNTRY + r"(?:zone)?:?\s*(\d{1,3})\s*(mph)?")
@@ -42,7 +45,7 @@ _ZONES = {
     "cyclestreet": 30.0, "school": 30.0, "zone": 30.0, "pedestrian_zone": WALK_KMH,
     "nsl_restricted": 30 * _MPH, "nsl_single": 60 * _MPH, "nsl_dual": 70 * _MPH,
 }  # fmt: skip
-"""Limits of kinds of zones in most countries, km/h."""
+"""Limits by kind of zone in most countries, km/h."""
 
 _NATIONAL = {
     "urban": {
@@ -60,11 +63,11 @@ _NATIONAL = {
     },
     "living_street": {"de": WALK_KMH, "at": WALK_KMH, "nl": 15.0, "rs": 10.0, "uz": 30.0},
 }  # fmt: skip
-"""Limits that differ from `_ZONES`, by the country that a value names."""
+"""Limits that differ from `_ZONES`, km/h, by the country that a value names."""
 
 
 def limits(tags: Mapping[str, str]) -> tuple[float | None, float | None]:
-    """The permitted speeds along and against a street, km/h; None where no tag names one."""
+    """The permitted speeds along and against a street, km/h; None if no tag states one."""
     both = _first(tags, _KEYS) or next(filter(None, (_implied_kmh(tags.get(key, "")) for key in _IMPLIED)), None)
     forward, backward = (
         _first(tags, [f"{key}:{direction}" for key in _KEYS]) or both for direction in ("forward", "backward")
@@ -73,12 +76,12 @@ def limits(tags: Mapping[str, str]) -> tuple[float | None, float | None]:
 
 
 def limit_kmh(text: str) -> float | None:
-    """The lowest speed that a value names, km/h; None if it names none."""
+    """The lowest speed that a value states, km/h; None if it states none."""
     plain = text.casefold().replace("km/h", "kmh")
     always = _AT_TIMES.sub("", plain) if "@" in plain else plain
     values = [_single(part) for part in _with_units([part.strip() for part in _SEPARATORS.split(always)])]
     if all(value is None for value in values):
-        values = [_single("".join(found.groups(""))) for found in _WITHIN.finditer(always)]
+        values = [_single("".join(match.groups(""))) for match in _WITHIN.finditer(always)]
     return min((value for value in values if value is not None), default=None)
 
 
@@ -86,19 +89,19 @@ def limit_kmh(text: str) -> float | None:
 
 
 def _first(tags: Mapping[str, str], keys: Sequence[str]) -> float | None:
-    found = (limit_kmh(tags[key]) for key in keys if key in tags)
-    return next((value for value in found if value is not None), None)
+    speeds = (limit_kmh(tags[key]) for key in keys if key in tags)
+    return next((value for value in speeds if value is not None), None)
 
 
 def _with_units(parts: list[str]) -> list[str]:
-    """The parts of a list; numbers have the unit of the last part where that alone has one (`20-30 mph`)."""
+    """The parts of a list. Numbers get the unit of the last part if it is the only one with a unit (`20-30 mph`)."""
     if len(parts) > 1 and parts[-1].endswith("mph") and "mph" not in "".join(parts[:-1]):
         return [f"{part} mph" if part.isdecimal() else part for part in parts]
     return parts
 
 
 def _implied_kmh(text: str) -> float | None:
-    """The speed of the zone that a value names alone: these keys have free texts too (`survey 2020-05-30`)."""
+    """The speed of the zone that a value names; these keys also contain free texts (`survey 2020-05-30`)."""
     zones = (_of_zone(part.strip()) for part in text.casefold().split(";"))
     return min((zone for zone in zones if zone is not None), default=None)
 

@@ -1,12 +1,15 @@
-"""The storeys of a building whose tags do not state them: a range by its use, its footprint and the place it is in.
+"""Storeys of a building without tagged height: a range from its use, its footprint and its place.
 
-Three things limit the range of a use. *The place*: a settlement of so many people hardly has ordinary buildings of more
-than so many metres (`TALLEST`); in an unknown place none of more than `UNKNOWN_M` is assumed. *The form*: among
-houses (a small median footprint) a building has one to three storeys. *Its own footprint*: one too deep for daylight is
-a hall, a small one is low. The land use around a building makes no tower of it; a tower's own tag does.
+Three things limit the range of a use:
 
-The numbers are chosen for cities of our day, with the reasons given beside them; they are no statistics. Where enough
-buildings around have tagged heights, those count instead (`lingjing.scene.osm.neighbours`).
+- *The place*: almost all ordinary buildings of a settlement with so many inhabitants are below a height (`TALLEST`). In
+  an unknown place none is assumed above `UNKNOWN_M`.
+- *The neighbourhood*: among houses (a small median footprint) a building has one to three storeys.
+- *Its own footprint*: one too deep for daylight is a hall; a small one is low.
+
+The land use around a building does not make it a tower; its own tag does. The numbers are chosen for present-day
+cities, with the reasons beside them; they are no statistics. If enough buildings around it have tagged heights, those
+decide instead (`lingjing.scene.osm.neighbours`).
 """
 
 from __future__ import annotations
@@ -22,88 +25,107 @@ from lingjing.scene.osm.uses import LOW, own_use, word_of
 
 
 class StoreyRange(NamedTuple):
-    """The fewest, usual and most storeys to draw from."""
+    """A range of storeys with its mode, for a triangular distribution."""
 
     fewest: float
+    """Least number of storeys."""
     usual: float
+    """Most frequent number of storeys."""
     most: float
+    """Greatest number of storeys."""
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingSite:
-    """The ground of a building and the settlement around it.
-
-    `deep_m` is twice its area over its perimeter, `footprint_m2` the median footprint of the ordinary buildings around,
-    `people` the inhabitants of the settlement, None where the map does not show them.
-    """
+    """The ground of a building and the settlement around it."""
 
     area_m2: float
+    """Footprint, square metres."""
     deep_m: float = 0.0
+    """Twice its area over its perimeter, metres: half the side of a square."""
     footprint_m2: float = inf
+    """Median footprint of the ordinary buildings around, square metres."""
     people: float | None = None
+    """Inhabitants of the settlement; None if the map does not show them."""
 
 
 STOREY_M = {"residential": 3.0, "house": 2.9, "commercial": 4.0, "office": 3.8, "industrial": 5.0, "warehouse": 8.0,
             "school": 3.7, "public": 4.2}  # fmt: skip
-"""A storey's height by use; that of a large hall for `industrial` and `warehouse`."""
+"""Height of a storey by use, metres; for `industrial` and `warehouse` that of a large hall."""
 
 LOW_STOREY_M = 3.0
+"""Height of a garage or a shed, metres (chosen)."""
 CANOPY_M = 4.5
-"""The heights of a garage or a shed, and of a roof on posts (a lorry needs 4 m)."""
+"""Height of a roof on posts, metres (chosen: a lorry needs 4 m)."""
 
-SMALL_HALL_M2, LARGE_HALL_M2 = 80.0, 1500.0
-"""Halls up to the first size are as high as a garage, those from the second on as high as their use's storey."""
+SMALL_HALL_M2 = 80.0
+"""Footprint up to which a hall is as high as a garage, square metres (chosen)."""
+LARGE_HALL_M2 = 1500.0
+"""Footprint from which a hall has the full storey height of its use, square metres (chosen)."""
 
 RANGES = {
     "residential": StoreyRange(4, 6, 14), "house": StoreyRange(1, 2, 3), "commercial": StoreyRange(2, 4, 8),
     "office": StoreyRange(6, 14, 30), "industrial": StoreyRange(1, 2, 3), "warehouse": StoreyRange(1, 1, 1),
     "school": StoreyRange(3, 4, 5), "public": StoreyRange(2, 3, 5),
 }  # fmt: skip
-"""Storeys by use, among blocks in a city of millions."""
+"""Storeys by use, among large blocks in a city of millions (chosen)."""
 
 _SINGLE = LOW | {"bungalow", "cabin", "static_caravan", "allotment_house", "barn", "farm_auxiliary", "stable",
                  "cowshed", "sty", "boathouse", "supermarket"}  # fmt: skip
+"""Values of `building` with one storey."""
 _WORSHIP = {"church", "cathedral", "chapel", "mosque", "temple", "shrine", "synagogue", "religious"}
+"""Values of `building` for places of worship."""
 _TOWERS = {"tower": StoreyRange(6, 8, 12), "tower_block": StoreyRange(8, 12, 20), "skyscraper": StoreyRange(20, 30, 45)}
+"""Storeys by values of `building` that name a tower (chosen)."""
 
 TALLEST = ((1_000.0, 9.0), (10_000.0, 12.0), (50_000.0, 16.5), (200_000.0, 27.0), (1_000_000.0, 55.0),
            (5_000_000.0, 115.0))  # fmt: skip
-"""Inhabitants of a settlement → metres; the walls of all but one in a hundred of its buildings stay below. Chosen."""
+"""Inhabitants of a settlement → metres; the walls of 99 % of its buildings are lower (chosen)."""
 
 UNKNOWN_M = 18.0
-"""The same where the map does not show the size of the place: six storeys of flats, the most without a lift."""
+"""The same for a place of unknown size, metres: six storeys of flats, the most without a lift (chosen)."""
 
-HOUSES_M2, BLOCKS_M2 = 200.0, 400.0
-"""Median footprints of a town of houses and of one of blocks. A detached house covers 80 to 180 m², a terraced one
-less, a slab or a perimeter block 400 m² and more."""
+HOUSES_M2 = 200.0
+"""Median footprint up to which a town consists of houses, square metres (chosen: a detached house
+covers 80 to 180 m²)."""
+BLOCKS_M2 = 400.0
+"""Median footprint from which a town consists of blocks, square metres (chosen: slabs and perimeter
+blocks cover more)."""
 
 DEEP_M = 18.0
-"""Twice the area over the perimeter: daylight keeps flats below (a slab 12 m deep has 10, a tower of 30 by 30 m 15), a
-hall of 40 by 50 m has 22."""
+"""Twice the area over the perimeter from which a building is a hall, metres (chosen). Daylight keeps flats below: a
+slab 12 m deep has 10, a tower of 30 by 30 m 15, a hall of 40 by 50 m 22."""
 
-TINY_M2, OUTBUILDING_M2, OUTBUILDING = 25.0, 60.0, 0.45
-"""Footprints of one storey: below the first, and below the second if also below this share of the median around."""
+TINY_M2 = 25.0
+"""Footprint below which a building has one storey, square metres (chosen)."""
+OUTBUILDING_M2 = 60.0
+"""Footprint below which a building may be an outbuilding of one storey, square metres (chosen)."""
+OUTBUILDING = 0.45
+"""Share of the median footprint around below which such a building is an outbuilding (chosen)."""
 
 STOREY_M2 = 40.0
-"""A small footprint carries a storey, and one more for each of these."""
+"""Square metres of a small footprint for each storey above the first (chosen)."""
 
-SMALL_M2, SMALL_INFERRED_M2 = 400.0, 160.0
-"""Small footprints, where the storeys are drawn and where they are those of neighbours."""
+SMALL_M2 = 400.0
+"""Footprint below which drawn storeys are limited by `STOREY_M2`, square metres (chosen)."""
+SMALL_INFERRED_M2 = 160.0
+"""The same for storeys inferred from neighbours, square metres (chosen)."""
 
 SLENDER = 14.0
-"""A building is at most so many times as high as `BuildingSite.deep_m`, which is half the side of a square tower."""
+"""Greatest height of a building over `BuildingSite.deep_m` (chosen): 7 for a square tower's side."""
 
 LOW_TOWN_M = 27.0
-"""A town whose buildings stay below it is one of low blocks: nine storeys of flats."""
+"""Height of ordinary buildings up to which a town consists of low blocks, metres (chosen: nine storeys of flats)."""
 
 _LOW = StoreyRange(1.0, 2.0, 3.0)
+"""Storeys of a building without stated use in a town of houses."""
 _LOW_FLATS = StoreyRange(2.0, 3.0, 4.0)
-"""Storeys in a town of houses: of what does not name its use, and of what names flats or offices. Five in six
-residential buildings in Germany have one or two dwellings (Destatis)."""
+"""Storeys of stated flats or offices in a town of houses. Five in six residential buildings in Germany have one or two
+dwellings (Destatis)."""
 
 
 def storey_m(tags: Mapping[str, str], use: str, area_m2: float) -> float:
-    """The height of a storey: by use, and for halls by the footprint too."""
+    """Height of a storey by use, metres; for halls by the footprint too."""
     word = tags.get("building", "")
     if word == "roof":
         return CANOPY_M
@@ -116,7 +138,7 @@ def storey_m(tags: Mapping[str, str], use: str, area_m2: float) -> float:
 
 
 def tallest_m(people: float | None) -> float:
-    """The height that the walls of an ordinary building stay below in a settlement of so many people."""
+    """Height that the walls of an ordinary building do not exceed in a settlement of so many inhabitants, metres."""
     if people is None:
         return UNKNOWN_M
     if people <= TALLEST[0][0]:
@@ -128,7 +150,7 @@ def tallest_m(people: float | None) -> float:
 
 
 def is_single(tags: Mapping[str, str], use: str, site: BuildingSite) -> bool:
-    """True for a building of one storey: by its kind, or as small as an outbuilding."""
+    """True for a building of one storey: by its kind, or because it is as small as an outbuilding."""
     if tags.get("building") in _SINGLE or site.area_m2 < TINY_M2:
         return True
     if use in ("industrial", "warehouse") and site.area_m2 < SMALL_HALL_M2:
@@ -138,7 +160,7 @@ def is_single(tags: Mapping[str, str], use: str, site: BuildingSite) -> bool:
 
 
 def usual_storeys(tags: Mapping[str, str], use: str, site: BuildingSite) -> StoreyRange:
-    """The storeys of a building by its use, its ground and its place."""
+    """The range of a building's storeys by its use, its ground and its place."""
     word, own = word_of(tags), own_use(tags)
     if word in _TOWERS:
         return _TOWERS[word]
@@ -156,12 +178,12 @@ def usual_storeys(tags: Mapping[str, str], use: str, site: BuildingSite) -> Stor
 
 
 def draw(around: StoreyRange, chance: Random) -> int:
-    """Storeys out of a range."""
+    """Draw a number of storeys from a range."""
     return max(1, round(chance.triangular(around.fewest, around.most, around.usual)))
 
 
-def carried(storeys: int, site: BuildingSite, floor_m: float, small_m2: float) -> int:
-    """As many of the storeys as a footprint carries: few below `small_m2`, and none of a needle."""
+def limit_storeys(storeys: int, site: BuildingSite, floor_m: float, small_m2: float) -> int:
+    """The storeys, limited by the footprint: few below `small_m2`, and no needle (`SLENDER`)."""
     if site.area_m2 < small_m2:
         storeys = min(storeys, 1 + int(site.area_m2 / STOREY_M2))
     return min(storeys, max(1, int(SLENDER * site.deep_m / floor_m)))
@@ -171,5 +193,5 @@ def carried(storeys: int, site: BuildingSite, floor_m: float, small_m2: float) -
 
 
 def _may_be_hall(own: str, use: str, most_m: float) -> bool:
-    """True for a deep building that does not name its use, and for a shop where no malls in towers are."""
+    """True for a deep building without stated use, and for a shop in a town without towers."""
     return (not own and use in ("residential", "office", "commercial")) or (own == "commercial" and most_m < LOW_TOWN_M)

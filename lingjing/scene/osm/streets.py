@@ -1,9 +1,9 @@
-"""The streets of a map for netconvert: a plain `.osm` of them alone, in the order of ids.
+"""The streets of a map for netconvert: a plain `.osm` with only the streets, in the order of ids.
 
-Whatever a map's format, order and other contents are, the same streets give the same bytes, so their network is made
-once. netconvert knows neither OpenStreetMap's hierarchy of access nor most of its speed limits, so the document
-has both in words that it knows: speeds are numbers in km/h, and a street whose permissions are not those of its kind
-gets a variant of that kind, `residential|closed`.
+The same streets give the same bytes, independent of the map's format, order and other content, so their network is made
+once. netconvert supports neither OpenStreetMap's hierarchy of access keys nor most notations of speed limits. So the
+document states both in a form that it supports: speeds are numbers in km/h, and a street with unusual permissions gets
+a variant of its kind, `residential|closed`.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from lingjing.scene.osm.tags import VEHICLES
 _SERVICES = "private emergency authority army vip pedestrian bicycle"
 _TRAFFIC = f"{_SERVICES} passenger taxi bus coach delivery truck trailer motorcycle moped evehicle"
 VARIANTS = {"closed": _SERVICES, "bus": f"{_SERVICES} bus coach", "open": f"{_TRAFFIC} hov", "destination": _TRAFFIC}
-"""SUMO's classes of vehicles on streets whose permissions are not those of their kind. No two are equal, for netconvert
-joins edges that permit the same."""
+"""Vehicle classes of SUMO on the variants of a kind of street. No two are equal, because netconvert merges edges with
+equal permissions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Streets:
-    """The document, empty if no way for vehicles touches the frame; `variants`: kinds of streets in it to their
-    permissions, where these are not SUMO's own."""
+    """The streets of a map as input for netconvert."""
 
     document: str
+    """OpenStreetMap XML; empty if no way for vehicles touches the frame."""
     variants: Mapping[str, str]
+    """Kinds of streets in the document that SUMO does not define → permitted vehicle classes."""
 
 
 def streets(data: MapData, features: Features) -> Streets:
-    """The streets that touch the frame, with each node's height in its tag `ele`."""
+    """The streets that touch the frame, with each node's elevation in its tag `ele`."""
     west, south, east, north = features.frame.box
     inside = {ref for ref, (lat, lon) in data.nodes.items() if west <= lon <= east and south <= lat <= north}
     ways = [way for way in data.ways if "highway" in way.tags and not inside.isdisjoint(way.nodes)]
@@ -74,7 +75,7 @@ def streets(data: MapData, features: Features) -> Streets:
 
 
 def street_tags(tags: Mapping[str, str]) -> dict[str, str]:
-    """A way's tags as netconvert is to read them."""
+    """A way's tags in the form for netconvert."""
     plain = {key: text for key, text in tags.items() if key != THROUGH_KEY and _fits(key.split(":")[0], text)}
     forward, backward = limits(tags)
     if forward is not None:
@@ -85,7 +86,7 @@ def street_tags(tags: Mapping[str, str]) -> dict[str, str]:
         plain = _permitted(plain)
     else:
         plain["highway"] = tags["highway"].replace("|", "_")
-    plain.pop("access", None)  # netconvert takes its `no` for the last word
+    plain.pop("access", None)  # netconvert lets `access=no` override all more specific keys
     return plain
 
 
@@ -99,21 +100,21 @@ def _member(kind: str, ref: int, role: str) -> str:
 
 
 _MOST = {"lanes": 20.0, "width": 100.0, "maxspeed": 0.0, "zone": 0.0}
-"""The most that a tag of that first word may say: toll plazas have twenty lanes; no road is as wide as that. Speeds are
-written anew."""
+"""Greatest plausible value of tags with that first word (chosen: toll plazas have twenty lanes; no road is 100 m wide).
+Speeds (0) are dropped and written anew."""
 
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 
 _TYPE_KEYS = ("railway", "service", "waterway", "aeroway", "aerialway", "route", "usage", "highspeed", "cycleway")
-"""Keys of which netconvert makes further kinds of one way, which would undo a variant."""
+"""Keys from which netconvert derives further kinds of a way, which would override a variant."""
 
 _INNER = ("parking_aisle", "driveway", "drive-through")
-"""Service roads that lead to one place, and that no traffic is to be sent through."""
+"""Service roads that lead to one place and carry no through traffic."""
 
 
 def _permitted(tags: dict[str, str]) -> dict[str, str]:
-    """The tags with the variant of their kind, and the directions, in which cars and buses may drive."""
+    """The tags with the variant of the kind, and the directions, that cars and buses may use."""
     ways = [access(tags, CAR_KEYS, direction) for direction in ("forward", "backward")]
     buses = [access(tags, BUS_KEYS, direction) for direction in ("forward", "backward")]
     oneway = _oneway(tags)
@@ -135,7 +136,7 @@ def _permitted(tags: dict[str, str]) -> dict[str, str]:
 
 
 def _oneway(tags: Mapping[str, str]) -> str:
-    """`yes`, `-1`, `no` or nothing: the most special key that says in which direction cars drive."""
+    """`yes`, `-1`, `no` or empty: the most specific key that states the direction for cars."""
     keys = ("oneway:motorcar", "oneway:motor_vehicle", "oneway:vehicle", "oneway")
     text = next((tags[key] for key in keys if key in tags), "").strip().casefold()
     known = {"true": "yes", "1": "yes", "yes": "yes", "-1": "-1", "reverse": "-1", "no": "no", "false": "no", "0": "no"}

@@ -1,7 +1,6 @@
-"""What stands in the open and is no building: piers, walls and hedges, and the decks under raised roads.
+"""Open-air structures that are no buildings: piers, walls and hedges, and the decks under raised roads.
 
-A deck follows its lanes, so it goes on under a ramp that the map does not call a bridge, down to where it meets the
-ground.
+A deck follows its lanes. So it continues under a ramp that the map does not tag as a bridge, down to the ground.
 """
 
 from __future__ import annotations
@@ -22,35 +21,38 @@ from lingjing.scene.osm.features import Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
 
 DECK_M = 0.9
-"""A raised way lower than this above the ground is drawn on it; higher, it gets a deck."""
+"""Height over the ground from which a raised way gets a deck, metres (chosen). A lower one is drawn on the ground."""
 
 BURIED_M = -1.0
-"""What runs lower than this is out of sight."""
+"""Elevation below which a road is invisible, metres (chosen)."""
 
 LAP_M = 0.012
-"""How far neighbouring lanes reach over each other; the line between them, half on each, gets narrower by it."""
+"""Overlap of neighbouring lanes, metres (chosen); half of it narrows the line between them on each side."""
 
 GAP_M = 0.06
-"""The widest gap between lanes that is closed: more is no fault of rounding."""
+"""Widest gap between lanes that is closed, metres (chosen): a wider one is no rounding error."""
 
 FACING_M = 0.045
-"""The same towards the other direction of a street, whose bends netconvert rounds for itself: up to 4 cm apart."""
+"""The same towards the opposite direction of a street, metres: netconvert rounds its bends separately, up to 4 cm
+apart."""
 
 PIER_TOP_M = 0.3
+"""Elevation of the top of piers, metres (chosen)."""
 PILES_M = 12.0
+"""Distance between piles, metres (chosen)."""
 WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.0), "hedge": (0.9, 1.2)}
-"""`barrier` → usual thickness and height in metres."""
+"""`barrier` → usual thickness and height, metres (chosen)."""
 
 
 def is_visible(road: Road) -> bool:
-    """Whether a road is seen: no tunnel, and not wholly under the ground."""
+    """True if a road is visible: no tunnel, and not wholly under the ground."""
     return not road.tunnel and any(point[2] > BURIED_M for lane in road.lanes for point in lane.shape)
 
 
-def lapped(road: Road) -> Road:
-    """The road with its driving lanes a little wider, so that no ground shows between them.
+def overlap_lanes(road: Road) -> Road:
+    """Widen the driving lanes of a road a little, so that no ground shows between them.
 
-    netconvert rounds the points of each lane to the centimetre, and lays out each for itself.
+    netconvert places each lane separately and rounds its points to the centimetre.
     """
     wider = [0.0] * len(road.lanes)
     for k, (right, left) in enumerate(pairwise(road.lanes)):
@@ -66,10 +68,10 @@ def lapped(road: Road) -> Road:
     return msgspec.structs.replace(road, lanes=tuple(lanes))
 
 
-def cut_off(road: Road, bounds: Extent) -> Road | None:
-    """The part of a road that is in the frame: of each lane its longest stretch there. None if there is none.
+def clip_road(road: Road, bounds: Extent) -> Road | None:
+    """Clip a road to the frame: of each lane its longest section there. None if nothing is left.
 
-    A net keeps whole edges that touch the frame, and one of a bridge or an expressway may lead a kilometre out of it.
+    A network keeps whole edges that touch the frame; one of a bridge or an expressway may extend a kilometre beyond it.
     """
     if all(_holds(bounds, point) for lane in road.lanes for point in lane.shape):
         return road
@@ -79,31 +81,31 @@ def cut_off(road: Road, bounds: Extent) -> Road | None:
 
 
 def is_open(junction: Junction) -> bool:
-    """Whether a junction is not under the ground."""
+    """True if a junction is above the ground."""
     return junction.elevation_m > BURIED_M
 
 
 def is_inside(junction: Junction, bounds: Extent) -> bool:
-    """Whether a junction touches the frame."""
+    """True if a junction touches the frame."""
     return any(_holds(bounds, (x, y, 0.0)) for x, y in junction.polygon)
 
 
 def decks(roads: Iterable[Road]) -> Iterator[Bridge]:
-    """The structures under roads: under bridges, level ones over water too, and under what is above the ground."""
+    """Yield the structures under roads: all bridges, including level ones over water, and every raised section."""
     for road in roads:
         if road.lanes:
             path, width = middle(road)
-            for number, stretch in enumerate([path] if road.bridge else raised(path)):
+            for number, stretch in enumerate([path] if road.bridge else raised_sections(path)):
                 name = f"deck-{road.id}" + (f"-{number}" if number else "")
                 yield Bridge(id=name, path=stretch, width_m=round(width + 1.0, 2), name=road.name)
 
 
 def middle(road: Road) -> tuple[tuple[Vector, ...], float]:
-    """The centre line of all lanes of a road and their width together."""
+    """The centre line of all lanes of a road, and their total width in metres."""
     width = sum(lane.width_m for lane in road.lanes)
     first, last = road.lanes[0], road.lanes[-1]
     if len(first.shape) == len(last.shape):
-        # Outer edges, not lane centres: lanes may differ in width, and sidewalks do.
+        # Uses the outer edges, not the lane centres, because lanes may differ in width (sidewalks do).
         share = (width - first.width_m / 2.0 - last.width_m / 2.0) or 1.0
         across = (width / 2.0 - first.width_m / 2.0) / share
         path = tuple(_mix(a, b, across) for a, b in zip(first.shape, last.shape, strict=True))
@@ -111,9 +113,9 @@ def middle(road: Road) -> tuple[tuple[Vector, ...], float]:
     return road.lanes[len(road.lanes) // 2].shape, width
 
 
-def raised(path: tuple[Vector, ...]) -> list[tuple[Vector, ...]]:
-    """The stretches of a path that are higher than `DECK_M`, cut where it passes that height."""
-    found: list[list[Vector]] = []
+def raised_sections(path: tuple[Vector, ...]) -> list[tuple[Vector, ...]]:
+    """The sections of a path that are higher than `DECK_M`, cut where it crosses that height."""
+    sections: list[list[Vector]] = []
     for a, b in pairwise(path):
         low, high = sorted((a[2], b[2]))
         if high <= DECK_M:
@@ -122,15 +124,15 @@ def raised(path: tuple[Vector, ...]) -> list[tuple[Vector, ...]]:
         if low < DECK_M:
             crossing = _mix(a, b, (DECK_M - a[2]) / (b[2] - a[2]))
             start, end = (crossing, b) if a[2] < DECK_M else (a, crossing)
-        if found and found[-1][-1] == start:
-            found[-1].append(end)
+        if sections and sections[-1][-1] == start:
+            sections[-1].append(end)
         else:
-            found.append([start, end])
-    return [tuple(stretch) for stretch in found]
+            sections.append([start, end])
+    return [tuple(stretch) for stretch in sections]
 
 
 def piers(features: Features, level_m: float) -> Iterator[Solid]:
-    """Decks of piers and jetties on piles, over water at `level_m`."""
+    """Yield the decks of piers and jetties, and their piles, over water at `level_m`."""
     for feature in (*features.areas, *features.lines):
         if feature.tags.get("man_made") not in ("pier", "breakwater", "groyne") or is_set(feature.tags, "building"):
             continue
@@ -148,7 +150,8 @@ def piers(features: Features, level_m: float) -> Iterator[Solid]:
 
 
 def walls(features: Features, free: Any) -> Iterator[Solid]:
-    """Walls and hedges, a solid for each straight piece; none across a road (`free` is a prepared geometry of them)."""
+    """Yield walls and hedges, one solid for each straight piece. `free`: prepared geometry that none may cross
+    (roads)."""
     for line in features.lines:
         kind = line.tags.get("barrier", "")
         if kind not in WALLS or is_below(line.tags) or layer(line.tags) != 0:
@@ -168,11 +171,13 @@ def walls(features: Features, free: Any) -> Iterator[Solid]:
 
 
 def _gap(right: Lane, left: Lane) -> float:
-    """The widest gap between two lanes at the points of their centre lines; below zero where they overlap."""
+    """The widest gap between two lanes at the points of their centre lines, metres; negative if they overlap."""
     import shapely
 
     lines = [shapely.LineString([point[:2] for point in lane.shape]) for lane in (right, left)]
-    apart = max(float(shapely.distance(shapely.points(one.coords), other).max()) for one, other in (lines, lines[::-1]))
+    apart = max(
+        float(shapely.distance(shapely.points(line.coords), other).max()) for line, other in (lines, lines[::-1])
+    )
     return apart - (right.width_m + left.width_m) / 2.0
 
 
@@ -199,7 +204,7 @@ def _longest_within(path: tuple[Vector, ...], bounds: Extent) -> tuple[Vector, .
 
 
 def _within(a: Vector, b: Vector, bounds: Extent) -> tuple[float, float] | None:
-    """The shares of a segment between which it is inside a box (Liang and Barsky), None if it is outside."""
+    """The shares of a segment between which it is inside a box (Liang and Barsky); None if it is outside."""
     west, south, east, north = bounds
     first, last = 0.0, 1.0
     for start, step, low, high in ((a[0], b[0] - a[0], west, east), (a[1], b[1] - a[1], south, north)):
@@ -223,7 +228,7 @@ def _piles(name: str, outline: Polygon, level_m: float) -> Iterator[Solid]:
         length = hypot(bx - ax, by - ay)
         for k in range(ceil(length / PILES_M) if length > 2.0 else 0):
             share = (k + 0.5) / ceil(length / PILES_M)
-            # a little inside of the edge, which an anticlockwise outline has on its left
+            # a little inside the edge: the interior of an anticlockwise outline is on its left
             x = ax + share * (bx - ax) - 0.5 * (by - ay) / length
             y = ay + share * (by - ay) + 0.5 * (bx - ax) / length
             pile = ((x - 0.25, y - 0.25), (x + 0.25, y - 0.25), (x + 0.25, y + 0.25), (x - 0.25, y + 0.25))
@@ -233,7 +238,7 @@ def _piles(name: str, outline: Polygon, level_m: float) -> Iterator[Solid]:
 
 
 def _strip(a: tuple[float, ...], b: tuple[float, ...], thick: float) -> Polygon:
-    """The rectangle around a straight piece, anticlockwise; empty for none."""
+    """The rectangle around a straight piece, anticlockwise; empty for a piece that is too short."""
     length = hypot(b[0] - a[0], b[1] - a[1])
     if length < 0.2:
         return ()

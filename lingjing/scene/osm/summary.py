@@ -1,4 +1,4 @@
-"""`scene.json`: what a built city came from and what is in it, for people and for the cache."""
+"""`scene.json`: source and content of a built city, for users and for the cache."""
 
 from __future__ import annotations
 
@@ -12,49 +12,60 @@ from lingjing.scene.osm.buildings import HeightCounts
 from lingjing.scene.osm.frame import MapFrame
 
 SUMMARY_FILE = "scene.json"
+"""Name of the file in a city's folder."""
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 
 
 class MapSource(msgspec.Struct, frozen=True, kw_only=True):
-    """The map file: its name without folders, and what identifies its content."""
+    """The map file."""
 
     name: str
+    """Name without folders."""
     sha256: str
+    """SHA-256 of the bytes."""
     bytes: int
+    """Size."""
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """`key` identifies source, options and versions together: equal keys mean equal cities.
-
-    `box` is west, south, east, north in degrees, `origin` latitude and longitude, `bounds_m` west, south, east, north
-    about it. `heights` counts the buildings by the source of their heights, None in a folder that was built before it
-    was counted. `skipped` counts what the map holds and the city does not, by reason; `notes` are for the reader.
-    """
+    """The content of `scene.json`."""
 
     format: Literal["lingjing-scene/1"] = "lingjing-scene/1"
     key: str
+    """Hash of source, options and versions: equal keys mean equal cities."""
     city: str
+    """The city's id."""
     attribution: str
     source: MapSource
     box: tuple[float, float, float, float]
+    """West, south, east, north; degrees."""
     box_is: str
+    """Reason why this part of the map was chosen."""
     origin: tuple[float, float]
+    """Latitude and longitude, degrees."""
     bounds_m: tuple[float, float, float, float]
+    """West, south, east, north about the origin; metres."""
     options: dict[str, float | str | None]
+    """Options of the build."""
     counts: dict[str, int]
+    """Number of pieces of each kind; see `counts`."""
     heights: HeightCounts | None = None
+    """Number of buildings by the source of their heights; None in a folder that was built before this was counted."""
     skipped: dict[str, int]
+    """Number of the map's objects that are not in the city, by reason."""
     notes: tuple[str, ...]
+    """Remarks for the user."""
     versions: dict[str, str]
+    """Versions of this project and of the libraries that decide the result."""
 
 
 def encode(summary: Summary) -> bytes:
-    """The file's bytes, ending in a newline."""
+    """Return the file's bytes. They end in a newline."""
     return msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n"
 
 
 def read_summary(folder: Path) -> Summary | None:
-    """The summary in a city's folder; None if there is none (not every city comes from a map)."""
+    """Read the summary in a city's folder; None if there is none, since not every city comes from a map."""
     try:
         return msgspec.json.decode((folder / SUMMARY_FILE).read_bytes(), type=Summary)
     except (OSError, msgspec.DecodeError, msgspec.ValidationError):
@@ -62,17 +73,18 @@ def read_summary(folder: Path) -> Summary | None:
 
 
 _ONE = {"that do not": "that does not", "straight lines": "a straight line", "missing nodes": "a missing node"}
+"""Plural → singular, for reasons in `skipped`."""
 
 
 def reason_text(count: int, reason: str) -> str:
-    """A line of `skipped` in words: the reasons are in the plural, one of a kind is not."""
+    """A line of `skipped` in words. Reasons are stored in the plural."""
     if count != 1:
         return f"{count} {reason}"
     things, *rest = reason.split(" ")
-    told = " ".join((things.removesuffix("s"), *rest))
-    for many, one in _ONE.items():
-        told = told.replace(many, one)
-    return f"1 {told}"
+    text = " ".join((things.removesuffix("s"), *rest))
+    for plural, singular in _ONE.items():
+        text = text.replace(plural, singular)
+    return f"1 {text}"
 
 
 def heights_text(heights: HeightCounts) -> str:
@@ -81,12 +93,12 @@ def heights_text(heights: HeightCounts) -> str:
     if heights.inferred:
         inferred += f" (largest {heights.tallest_inferred_m:g} m)"
     drawn = f"{heights.drawn} drawn" + (f" (largest {heights.tallest_drawn_m:g} m)" if heights.drawn else "")
-    asked = f", {heights.default} by --default-levels" if heights.default else ""
-    return f"{heights.tagged} tagged, {inferred}, {drawn}{asked}"
+    by_default = f", {heights.default} by --default-levels" if heights.default else ""
+    return f"{heights.tagged} tagged, {inferred}, {drawn}{by_default}"
 
 
 def counts(pieces: Pieces, frame: MapFrame) -> dict[str, int]:
-    """How much there is of each kind; lanes in metres, areas in square metres."""
+    """The number of pieces of each kind, the tallest building in metres, and the area in square metres."""
     west, south, east, north = frame.bounds
     return {
         "buildings": len(pieces.buildings),

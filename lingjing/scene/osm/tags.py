@@ -1,7 +1,7 @@
-"""Numbers and colours of tags: lengths with units, storeys, people, layers, colours. Nonsense counts as no value.
+"""Values of tags: lengths with units, storeys, inhabitants, layers, colours. An invalid value counts as missing.
 
-People write one length in many ways (`30`, `+30`, `30 m`, `30米`, `3-5`, `100 ft`, `6'2"`); OpenStreetMap's own rules
-(<https://wiki.openstreetmap.org/wiki/Map_features/Units>) are the first of the ways that are read, not the only one.
+Mappers write one length in many ways (`30`, `+30`, `30 m`, `30米`, `3-5`, `100 ft`, `6'2"`). The rules of OpenStreetMap
+(<https://wiki.openstreetmap.org/wiki/Map_features/Units>) are supported, and other common notations too.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ VEHICLES = {
     for kind in ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "service")
     for link in ("", "_link")
 } | {"living_street"}
-"""Values of `highway` that make a road network worth a try."""
+"""Values of `highway` for vehicles: a map without any of them gets no road network."""
 
 _NUMBER = r"-?(?:\d+(?:[.,]\d+)?|[.,]\d+)"
 _UNITS = {
@@ -28,6 +28,7 @@ _UNITS = {
           "公尺"),
     1000.0: ("km",),
 }  # fmt: skip
+"""Metres of a unit → its names."""
 _METRES = {unit: factor for factor, units in _UNITS.items() for unit in units}
 _UNIT = "|".join(sorted(filter(None, _METRES), key=len, reverse=True))
 _LENGTH = re.compile(
@@ -38,20 +39,20 @@ _FEET = re.compile(
 )
 _THOUSANDS = re.compile(r"(\d),(\d{3})(?=\s*(?:ft|feet|foot|'))")
 _QUALIFIER = re.compile(r"^(?:~|≈|±|<|>|=|\+|(?:ca|approx|circa|about|est|约|約)\.?|地上)\s*")
-"""Words and signs before a number that is an estimate, or counts what is over the ground; the number counts."""
+"""Words and signs before a number that mark an estimate or a count above the ground. They are ignored."""
 
 _ASIDE = re.compile(r"\s*(?:\(.*\)|/\s*[\d.,]+\s*(?:ft|feet|m)\b.*|±.*|\?+|地下.*)$")
-"""What follows a number and does not change it: `12 m (39 ft)`, `12 m / 40 ft`, `12 ± 1`, `5?`."""
+"""Additions after a number that do not change it: `12 m (39 ft)`, `12 m / 40 ft`, `12 ± 1`, `5?`."""
 
 _STOREY_WORD = r"(?:f|fl|floors?|levels?|lvls?|stor(?:e?y|ies|eys)|etagen?|geschosse?|层|層|楼|樓|階)?"
 _STOREYS = re.compile(
     rf"(?P<low>{_NUMBER})[\s-]*{_STOREY_WORD}(?:\s*(?:-|~|to)\s*(?P<high>{_NUMBER}))?\s*{_STOREY_WORD}\+?"
 )
 _OVER_GROUND = re.compile(r"(?:b\d*\s*\+\s*)?(?:g|gf|r|rdc|p|ground)\s*\+\s*(?P<upper>\d+)(?:\s*\+.*)?")
-"""The ground floor and so many above it, as in `G+4` (South Asia, the Gulf), `R+4` (French), `P+4` (Balkans)."""
+"""The ground floor and a number of floors above it: `G+4` (South Asia, the Gulf), `R+4` (French), `P+4` (Balkans)."""
 
 _WITH_ROOF = re.compile(r"(?P<walls>\d+)\s*\+\s*(?:\d+|[a-z]+)")
-"""Full storeys and those in the roof, as in `4+1` or `3+D`."""
+"""Full storeys and those in the roof: `4+1` or `3+D`."""
 
 _PEOPLE = re.compile(
     r"(?P<whole>\d{1,3}(?:[ .,']\d{3})+|\d+)(?P<part>[.,]\d{1,2})?\s*(?P<scale>万|萬|million|mio|k\b)?(?!\d)"
@@ -60,13 +61,13 @@ _SCALES = {None: 1.0, "k": 1e3, "万": 1e4, "萬": 1e4, "million": 1e6, "mio": 1
 _SIGNS = str.maketrans({"′": "'", "’": "'", "‘": "'", "´": "'", "`": "'", "″": '"', "”": '"', "“": '"', "–": "-",
                         "—": "-", "−": "-", "〜": "~", "½": ".5", "至": "-", "到": "-"})  # fmt: skip
 _LONGEST = 80
-"""Characters of a value; a longer one is a text, no number."""
+"""Most characters of a value with a number (chosen); a longer one is prose."""
 
 _HEX = re.compile(r"^#?(?P<digits>[0-9a-fA-F]{6}|[0-9a-fA-F]{3})$")
 
 
 def metres(tags: Mapping[str, str], *keys: str) -> float | None:
-    """The length in metres of the first of some keys that gives one; the first of a list, the middle of a range."""
+    """The length in metres of the first key that has one: the first value of a list, the middle of a range."""
     for key in keys:
         length = _length(_plain(tags.get(key, "").split(";")[0]))
         if length is not None:
@@ -75,9 +76,10 @@ def metres(tags: Mapping[str, str], *keys: str) -> float | None:
 
 
 def storeys(tags: Mapping[str, str], *keys: str) -> float | None:
-    """The storeys of the first of some keys that counts them: 0 to 200; the middle of a range.
+    """The storeys of the first key that has them, 0..200; the middle of a range.
 
-    Lists that name each floor from the ground on (`0;1;2`, `0-4`) count as many as they name; others give their first.
+    Lists that name each floor from the ground on (`0;1;2`, `0-4`) count the floors they name; other lists give their
+    first.
     """
     for key in keys:
         count = _storeys(tags.get(key, ""))
@@ -87,7 +89,7 @@ def storeys(tags: Mapping[str, str], *keys: str) -> float | None:
 
 
 def people(tags: Mapping[str, str]) -> float | None:
-    """The inhabitants that `population` gives: `12500`, `12 500`, `~12,500`, `12.5万`."""
+    """The inhabitants in `population`: `12500`, `12 500`, `~12,500`, `12.5万`."""
     match = _PEOPLE.match(_plain(tags.get("population", "").split(";")[0]))
     if match is None or (match["part"] and not match["scale"]):
         return None
@@ -97,7 +99,7 @@ def people(tags: Mapping[str, str]) -> float | None:
 
 
 def number(tags: Mapping[str, str], key: str) -> float | None:
-    """A plain number, the first of a list."""
+    """A plain number; the first of a list."""
     try:
         return _finite(float(tags.get(key, "").split(";")[0].strip().replace(",", ".")))
     except ValueError:
@@ -106,19 +108,19 @@ def number(tags: Mapping[str, str], key: str) -> float | None:
 
 def layer(tags: Mapping[str, str]) -> int:
     """The layer above (positive) or below the ground; a bridge without one is on 1, a tunnel on -1."""
-    said = number(tags, "layer")
-    if said is not None and abs(said) <= 10:
-        return int(said)
+    stated = number(tags, "layer")
+    if stated is not None and abs(stated) <= 10:
+        return int(stated)
     return 1 if is_set(tags, "bridge") else -1 if is_set(tags, "tunnel") else 0
 
 
 def is_set(tags: Mapping[str, str], key: str) -> bool:
-    """Whether a key is there and does not say no."""
+    """True if a key is present and its value is not negative."""
     return tags.get(key, "no") not in ("no", "false", "0", "")
 
 
 def is_below(tags: Mapping[str, str]) -> bool:
-    """Whether something lies under the ground or inside a building and is not seen from outside."""
+    """True if something lies under the ground or inside a building, and is invisible from outside."""
     return (
         tags.get("location") in ("underground", "indoor")
         or tags.get("indoor", "no") != "no"
@@ -129,19 +131,19 @@ def is_below(tags: Mapping[str, str]) -> bool:
 
 
 def colour(tags: Mapping[str, str], *keys: str) -> LinearRgb | None:
-    """The first of some keys that names a colour (`#rrggbb`, `#rgb` or a CSS name)."""
+    """The colour of the first key that has one (`#rrggbb`, `#rgb` or a CSS name), as linear RGB."""
     for key in keys:
         text = tags.get(key, "").split(";")[0].strip().lower().replace(" ", "").replace("_", "")
         if text:
-            found = _HEX.match(text)
-            rgb = _named(f"#{found['digits']}" if found else text)
+            digits = _HEX.match(text)
+            rgb = _named(f"#{digits['digits']}" if digits else text)
             if rgb is not None:
                 return rgb
     return None
 
 
 def linear(red: int, green: int, blue: int) -> LinearRgb:
-    """Bytes of sRGB as linear RGB (IEC 61966-2-1)."""
+    """Convert sRGB bytes to linear RGB (IEC 61966-2-1)."""
     first, second, third = (_linear(value / 255.0) for value in (red, green, blue))
     return first, second, third
 
@@ -150,7 +152,7 @@ def linear(red: int, green: int, blue: int) -> LinearRgb:
 
 
 def _plain(text: str) -> str:
-    """A value without what does not change it: widths of characters, typographic signs, case, words around numbers."""
+    """A value without irrelevant differences: width of characters, typographic signs, case, words around numbers."""
     if len(text) > _LONGEST:
         return ""
     plain = unicodedata.normalize("NFKC", text.translate(_SIGNS)).strip().lower()
@@ -182,7 +184,7 @@ def _storeys(text: str) -> float | None:
     if not counts:
         return None
     (low, high), last = counts[0], counts[-1][1]
-    if low <= 0.0 < last:  # floors by their numbers, the ground floor is 0
+    if low <= 0.0 < last:  # numbers of floors, with the ground floor as 0
         return last + 1.0
     if [count for count, _ in counts] == [1.0 + k for k in range(len(counts))] and len(counts) > 2:
         return last
@@ -194,7 +196,7 @@ def _value(text: str) -> float:
 
 
 def _finite(value: float) -> float | None:
-    """Python reads `inf`, `nan` and numbers of four hundred digits; nothing is built from them."""
+    """The value if it is finite. Python also parses `inf`, `nan` and numbers of four hundred digits."""
     return value if isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""Trees: those on the map, along mapped rows, and sown in parks and woods by the seed.
+"""Trees: those on the map, along mapped rows, and scattered in parks and woods by the seed.
 
 No tree stands in water, in a building, on a road or on a pitch.
 """
@@ -16,25 +16,26 @@ from lingjing.scene.osm.looks import stream
 from lingjing.scene.osm.tags import metres
 
 ROW_M = 8.0
-"""Between the trees of a row."""
+"""Distance between the trees of a row, metres (chosen)."""
 
 SOWN_M = {"park": (14.0, 0.6), "forest": (7.0, 0.85), "grass": (26.0, 0.35)}
-"""Surface → side of the square that one tree may stand in, and the chance that one does."""
+"""Surface → side of the square with at most one tree, metres, and the probability of that tree (chosen)."""
 
 FIELDS = ("pitch", "plaza", "parking", "asphalt", "sidewalk", "sand", "concrete")
-"""Surfaces on which no tree is sown."""
+"""Surfaces without trees."""
 
 USUAL_M = 8.0
-"""Height of a tree of scale 1, for those whose height is mapped."""
+"""Height of a tree of scale 1, metres; mapped heights are scaled by it."""
 
 MOST_PER_AREA = 10_000
-"""A larger wood is sown more thinly, all over."""
+"""Most trees of one area (chosen). A larger wood gets a wider spacing."""
 
 _MOST_SPOTS = 1_000_000
+"""Most squares of one area (chosen)."""
 
 
 def trees(features: Features, areas: tuple[PaintedArea, ...], built: Any, seed: int) -> Iterator[Prop]:
-    """The trees of the frame; `built` is where none can stand (see `taken`)."""
+    """The trees of the frame. `built`: geometry without trees (see `occupied_area`)."""
     box = features.box
     for spot in features.spots:
         if spot.tags.get("natural") == "tree":
@@ -45,8 +46,8 @@ def trees(features: Features, areas: tuple[PaintedArea, ...], built: Any, seed: 
     yield from _sown(areas, built, seed)
 
 
-def taken(wet: Any, buildings: Iterable[Building], roads: Iterable[Road]) -> Any:
-    """Water, buildings and roads with a little room around them, prepared for questions."""
+def occupied_area(wet: Any, buildings: Iterable[Building], roads: Iterable[Road]) -> Any:
+    """Water, buildings and roads with a margin, as a prepared geometry."""
     import shapely
 
     houses = [shapely.Polygon(building.polygon).buffer(1.5, quad_segs=1) for building in buildings]
@@ -56,7 +57,7 @@ def taken(wet: Any, buildings: Iterable[Building], roads: Iterable[Road]) -> Any
 
 
 def pavement(roads: Iterable[Road]) -> Any:
-    """What lanes cover, with a margin of half a metre."""
+    """The area of lanes with a margin of 0.5 m."""
     import shapely
 
     lanes = [
@@ -84,8 +85,7 @@ def _row(ref: str, line: Any, tags: dict[str, str], box: Any, chance: Random) ->
 
 
 def _sown(areas: tuple[PaintedArea, ...], built: Any, seed: int) -> Iterator[Prop]:
-    """Trees of green areas: at most one in each square of a grid, so that none crowd; where areas overlap the one
-    painted last decides."""
+    """Trees of green areas, at most one in each square of a grid. Where areas overlap, the one painted last decides."""
     import shapely
 
     shapes = [shapely.Polygon(area.polygon, area.holes) for area in areas]
@@ -111,7 +111,7 @@ def _sown(areas: tuple[PaintedArea, ...], built: Any, seed: int) -> Iterator[Pro
 
 
 def _side(shape: Any, surface: str) -> float:
-    """Side of the square that one tree may stand in: the surface's, wider where there would be too many."""
+    """Side of the square with at most one tree: the surface's, wider if there would be too many trees."""
     side, share = SOWN_M[surface]
     west, south, east, north = shape.bounds
     many, spots = shape.area * share / side**2, (east - west) * (north - south) / side**2

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from lingjing.scene.osm.heights import STANDING, tagged_height_m, tagged_levels
 
 USES = ("residential", "house", "commercial", "office", "industrial", "warehouse", "school", "public")
+"""Uses of buildings."""
 
 _WORDS = {
     "house": (
@@ -42,25 +43,27 @@ _WORKS = ("works", "wastewater_plant", "water_works", "pumping_station")
 _SPORTS = ("sports_centre", "sports_hall", "stadium", "swimming_pool", "ice_rink", "fitness_centre")
 LOW = {"garage", "garages", "carport", "carports", "shed", "kiosk", "hut", "service", "roof", "tent", "toilets",
        "pavilion", "greenhouse", "container", "outbuilding"}  # fmt: skip
-"""Values of `building` that are one low storey."""
+"""Values of `building` with one low storey."""
 
 _LANDMARKS = {"church", "cathedral", "chapel", "mosque", "temple", "shrine", "synagogue", "religious", "tower",
               "skyscraper", "water_tower", "silo", "storage_tank", "chimney", "transformer_tower", "stadium",
               "grandstand", "monument", "lighthouse", "windmill", "castle", "ruins"}  # fmt: skip
+"""Values of `building` that stand out of their surroundings."""
 
 TOWERS = ("tower", "tower_block", "skyscraper")
-"""Values of `building` for what is tall wherever it stands."""
+"""Values of `building` that are tall in any place."""
 
 _TALL_M = 60.0
+"""Height from which a building without stated use is an office, metres (chosen)."""
 
 
 def word_of(tags: Mapping[str, str]) -> str:
-    """The value of `building`, or of `building:part` where there is none."""
+    """The value of `building`, or of `building:part` without it."""
     return tags.get("building", tags.get("building:part", ""))
 
 
 def own_use(tags: Mapping[str, str]) -> str:
-    """The use that a building's own tags name; empty where they name none."""
+    """The use that a building's own tags state; empty if they state none."""
     word = word_of(tags)
     if word in _USE_OF:
         return _USE_OF[word]
@@ -92,7 +95,9 @@ def use_of(tags: Mapping[str, str], around: str) -> str:
 
 
 def is_landmark(tags: Mapping[str, str]) -> bool:
-    """True for what stands out of its surroundings by its kind (a church, a silo): its height says nothing of them."""
+    """True for a kind that stands out of its surroundings (a church, a silo), so that its height does not describe
+    them.
+    """
     return word_of(tags) in _LANDMARKS or tags.get("man_made") in STANDING or tags.get("amenity") == "place_of_worship"
 
 
@@ -102,7 +107,7 @@ def is_tower(tags: Mapping[str, str]) -> bool:
 
 
 def rises(tags: Mapping[str, str], use: str) -> bool:
-    """True for a use that grows with its neighbours: flats, offices, hotels, and what does not name its use."""
+    """True for a use that grows with its neighbours: flats, offices, hotels, and buildings without stated use."""
     own = own_use(tags)
     if own != "commercial":
         return use in ("residential", "office") or (not own and use == "commercial")

@@ -1,8 +1,8 @@
 """Waters: rivers, lakes and basins as mapped, waterways widened from their lines, and the sea behind the coastline.
 
-All waters of a map lie at one level, below the ground. A coastline runs with the land on its left and the water on its
-right (OpenStreetMap's rule); cut at the frame it divides it into faces, each of which is land or sea by what the lines
-around it say.
+All waters of a map lie at one level below the ground. A coastline has land on its left and water on its right
+(OpenStreetMap's rule). Clipped to the frame, coastlines divide it into faces; the lines around a face decide whether it
+is land or sea.
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_set, layer, metres
 
 LEVEL_M = -1.5
-"""Elevation of the waters of a map unless somebody says otherwise; the ground is at 0."""
+"""Default elevation of a map's waters, metres (chosen); the ground is at 0."""
 
 WIDTHS_M = {"river": 20.0, "canal": 10.0, "stream": 3.0, "fairway": 0.0}
+"""Usual widths of waterways that are mapped as lines, metres (chosen)."""
 LANDLOCKED = {"basin", "reservoir"}
+"""Values of `landuse` that are waters."""
 SIMPLIFY_M = 0.1
+"""Tolerance of simplified outlines, metres (chosen)."""
 
 
 def wet(features: Features) -> Any:
-    """Everything that is water in the frame, as one shapely geometry."""
+    """All water in the frame, as one shapely geometry."""
     import shapely
 
     bodies = [f.shape for f in features.areas if _is_water(f)]
@@ -39,11 +42,11 @@ def wet(features: Features) -> Any:
 def waters(area: Any, level_m: float) -> tuple[Water, ...]:
     """The bodies of a wet geometry, the largest first."""
     shapes = sorted(polygons(area), key=lambda part: (-part.area, part.bounds))
-    found = []
+    bodies = []
     for shape in shapes:
         for outline, *holes in filter(None, (rings(shape),)):
-            found.append(Water(polygon=outline, holes=(*holes,), level_m=level_m))
-    return tuple(found)
+            bodies.append(Water(polygon=outline, holes=(*holes,), level_m=level_m))
+    return tuple(bodies)
 
 
 # -- private
@@ -61,25 +64,25 @@ def _is_water(feature: Feature) -> bool:
 
 
 def _strips(features: Features) -> list[Any]:
-    """Waterways that are mapped as lines, as wide as they say or as is usual."""
-    found = []
+    """Waterways that are mapped as lines, widened to their tagged or usual width."""
+    strips = []
     for line in features.lines:
         usual = WIDTHS_M.get(line.tags.get("waterway", ""), 0.0)
         if usual > 0.0 and not is_set(line.tags, "tunnel") and layer(line.tags) >= 0:
             width = metres(line.tags, "width", "est_width") or usual
-            found.append(line.shape.buffer(min(width, 400.0) / 2.0, quad_segs=2, cap_style="flat"))
-    return found
+            strips.append(line.shape.buffer(min(width, 400.0) / 2.0, quad_segs=2, cap_style="flat"))
+    return strips
 
 
 def _is_mapped(strip: Any, mapped: Any) -> bool:
-    """Whether a widened line mostly runs through water that is mapped as an area."""
+    """True if a widened line mostly runs through water that is mapped as an area."""
     import shapely
 
     return bool(shapely.intersection(strip, mapped).area > 0.5 * strip.area)
 
 
 def _sea(features: Features) -> list[Any]:
-    """The faces of the frame that lie on the right-hand side of the coastline."""
+    """The faces of the frame on the right-hand side of the coastline."""
     import shapely
 
     coast = [
@@ -102,8 +105,10 @@ def _sea(features: Features) -> list[Any]:
 
 
 def _mended(coast: list[Any], features: Features) -> list[Any]:
-    """Straight lines that close a coast with loose ends inside the frame, as extracts leave them: between an end and
-    a beginning that are nearer to each other than to the edge, else on to the edge."""
+    """Straight lines that close the gaps of a coast inside the frame, which extracts leave.
+
+    They connect an end with a beginning that are nearer to each other than to the edge, else an end with the edge.
+    """
     import shapely
 
     rim = features.box.exterior
@@ -112,20 +117,20 @@ def _mended(coast: list[Any], features: Features) -> list[Any]:
     begins = [point for point in sorted(starts - ends) if inner[point] > 0.01]
     stops = [point for point in sorted(ends - starts) if inner[point] > 0.01]
     pairs = sorted((dist(stop, begin), stop, begin) for stop in stops for begin in begins)
-    found: list[Any] = []
+    closures: list[Any] = []
     done: set[tuple[float, ...]] = set()
     for length, stop, begin in pairs:
         if length < min(inner[stop], inner[begin]) and done.isdisjoint((stop, begin)):
-            found.append(shapely.LineString([stop, begin]))
+            closures.append(shapely.LineString([stop, begin]))
             done |= {stop, begin}
-    found += [_led_on(point, inner[point], rim) for point in (*begins, *stops) if point not in done]
-    if found:
-        features.skipped["gaps of the coastline, closed with straight lines"] += len(found)
-    return found
+    closures += [_led_on(point, inner[point], rim) for point in (*begins, *stops) if point not in done]
+    if closures:
+        features.skipped["gaps of the coastline, closed with straight lines"] += len(closures)
+    return closures
 
 
 def _led_on(point: tuple[float, ...], distance: float, rim: Any) -> Any:
-    """The line from a point to the nearest on the edge and a metre on, so that rounding cannot leave it short."""
+    """The line from a point to the nearest point of the edge and 1 m beyond, so that rounding cannot leave a gap."""
     import shapely
 
     nearest = rim.interpolate(rim.project(shapely.Point(point)))
@@ -135,7 +140,8 @@ def _led_on(point: tuple[float, ...], distance: float, rim: Any) -> Any:
 
 
 def _drowns(face: Any, features: Features) -> bool:
-    """Whether most of the city would be in the sea: then the coastline cannot be read, and its face stays land."""
+    """True if the face would put most buildings into the sea. Then the coastline is invalid, and the face stays
+    land."""
     import shapely
 
     houses = [f.shape.representative_point() for f in features.areas if is_set(f.tags, "building")]
@@ -148,7 +154,7 @@ def _drowns(face: Any, features: Features) -> bool:
 
 
 def _votes(coast: list[Any], faces: list[Any]) -> list[float]:
-    """For each face, metres of coast that say water less metres that say land."""
+    """For each face: metres of coast with the face on the water side, minus metres with it on the land side."""
     import shapely
 
     tree = shapely.STRtree(faces)

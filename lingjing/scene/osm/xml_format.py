@@ -1,8 +1,8 @@
-"""Read OpenStreetMap XML into a `MapCollector`, in one pass and with the standard library's expat alone.
+"""Read OpenStreetMap XML into a `MapCollector`, in one pass with the standard library's expat.
 
-Only ids, places, versions, tags and references are looked at: metadata (user, changeset, timestamp and whatever
-programs add) may have any form. Read are the files of the OpenStreetMap API, planet extracts, JOSM, Osmosis and
-Overpass in all its ways to print geometry.
+Only ids, places, versions, tags and references are read. Metadata (user, changeset, timestamp and additions of
+programs) may have any form. Supported are files of the OpenStreetMap API, planet extracts, JOSM, Osmosis and Overpass
+with all its forms of geometry.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from lingjing.scene.osm.map_data import (
 from lingjing.scene.osm.source import HINT, MapFile
 
 LONGEST_TOKEN = 8 << 20
-"""Bytes of one element's start: expat reads an unfinished one anew with each chunk."""
+"""Most bytes of one start tag (chosen): expat parses an unfinished tag again with each chunk, which is quadratic."""
 
 _Attributes = dict[str, str]
 _KINDS = {"node": "n", "way": "w", "relation": "r"}
 _CUT = re.compile(r"error|time[d]?[ -]?out|out of memory|abort|exceed|incomplete|too many|truncat", re.IGNORECASE)
-"""Words of a remark by which Overpass says that its answer is not whole."""
+"""Words of a remark by which Overpass reports that its answer is incomplete."""
 
 _BUDGET = re.compile(r"runtime remark: timeout is \d+( and maxsize is \d+)?\.?\s*", re.IGNORECASE)
-"""The part of a remark by which Overpass repeats what it was asked to keep to."""
+"""The part of an Overpass remark that repeats the limits of the query."""
 
 _ELSEWHERE = "download the place's OpenStreetMap data instead (.osm or .osm.pbf)"
 _ROOTS: dict[str, tuple[str, str]] = {
@@ -50,11 +50,11 @@ _ROOTS: dict[str, tuple[str, str]] = {
     "osm-derived": ("Overpass data with derived elements", "ask Overpass for nodes, ways and relations"),
     "diff": ("a patch", _ELSEWHERE),
 }
-"""Root elements of XML that is no map: what it is, the way out."""
+"""Root elements of XML that is no map → description, advice."""
 
 
 def read_xml(source: MapFile, collector: MapCollector) -> None:
-    """Fill the collector. `UsageError` for what is no XML, no map, cut off, or off the Earth."""
+    """Fill the collector. Raises `UsageError` for a file that is no XML, no map, incomplete or not on Earth."""
     handler = _Handler(source, collector)
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -74,7 +74,7 @@ def read_xml(source: MapFile, collector: MapCollector) -> None:
                     hint="no map needs that: download it again, or take the element out",
                 )
         parser.Parse(b"", True)
-    except (expat.ExpatError, LookupError, ValueError) as error:  # the latter two: encodings that Python lacks
+    except (expat.ExpatError, LookupError, ValueError) as error:  # the last two: unknown encodings
         raise _broken(source, error, handler.has_root) from None
     handler.check()
 
@@ -97,7 +97,9 @@ _UNCLOSED = expat.errors.codes[expat.errors.XML_ERROR_UNCLOSED_TOKEN]
 
 
 class _Handler:
-    """Expat's callbacks. One item (node, way or relation) is open at a time; what stands in none is the file's."""
+    """Callbacks for expat. At most one item (node, way or relation) is open; elements outside of items belong to the
+    file.
+    """
 
     def __init__(self, source: MapFile, collector: MapCollector) -> None:
         self.has_root = False
@@ -112,7 +114,7 @@ class _Handler:
         self._remark: list[str] | None = None
         self._remarks: list[str] = []
         self._wrong = ""
-        """The first thing that makes the file unfit, said when it is known to be a map."""
+        """The first fault of the file. It is reported at the end, when the file is known to be a map."""
         self._starts: dict[str, Callable[[_Attributes], None]] = {
             "tag": self._start_tag, "nd": self._start_nd, "member": self._start_member, "bounds": self._start_bounds,
             "bound": self._start_bound, "remark": self._start_remark, "action": self._start_action,
@@ -148,7 +150,7 @@ class _Handler:
         )
 
     def check(self) -> None:
-        """`UsageError` for what the file says or holds that makes it unfit, known only at its end."""
+        """Raise `UsageError` for faults that are known only at the end of the file."""
         cut = next((text for text in self._remarks if _CUT.search(text)), "")
         if cut:
             raise UsageError(
@@ -182,14 +184,16 @@ class _Handler:
         if ref is None:
             self._collector.skipped["objects without a number"] += 1
             return
-        gone = attributes.get("action") == "delete" or attributes.get("visible") == "false"
+        deleted = attributes.get("action") == "delete" or attributes.get("visible") == "false"
         version = _version(attributes.get("version"))
         if kind == "node":
-            self._collector.add_node(ref, None if gone else self._place(attributes), self._tags, version, gone=gone)
+            self._collector.add_node(
+                ref, None if deleted else self._place(attributes), self._tags, version, deleted=deleted
+            )
         elif kind == "way":
-            self._collector.add_way(ref, self._nodes, self._tags, version, gone=gone)
+            self._collector.add_way(ref, self._nodes, self._tags, version, deleted=deleted)
         else:
-            self._collector.add_relation(ref, self._members, self._tags, version, gone=gone)
+            self._collector.add_relation(ref, self._members, self._tags, version, deleted=deleted)
 
     def _start_tag(self, attributes: _Attributes) -> None:
         key, value = attributes.get("k", ""), attributes.get("v", "")
@@ -232,12 +236,14 @@ class _Handler:
     # -- the file's own
 
     def _start_bounds(self, attributes: _Attributes) -> None:
-        """What the file covers; inside of an item it is what Overpass says of that alone."""
+        """The part that the file covers. Inside an item the element is Overpass's statement about that item, and
+        ignored.
+        """
         if not self._kind:
             self._add_box([attributes.get(key, "") for key in ("minlon", "minlat", "maxlon", "maxlat")])
 
     def _start_bound(self, attributes: _Attributes) -> None:
-        """The same as Osmosis writes it: south, west, north, east."""
+        """The same in the form of Osmosis: south, west, north, east."""
         sides = attributes.get("box", "").split(",")
         if not self._kind and len(sides) == 4:
             self._add_box([sides[1], sides[0], sides[3], sides[2]])
@@ -265,7 +271,7 @@ class _Handler:
         return UsageError(f"`{self._source.path}` is not OpenStreetMap data: it is {kind}", hint=hint)
 
     def _place(self, attributes: _Attributes) -> LatLon | None:
-        """Where attributes say that something is; None if they do not."""
+        """The place that attributes state; None if they state none."""
         latitude, longitude = attributes.get("lat"), attributes.get("lon")
         if latitude is None or longitude is None:
             return None
@@ -288,7 +294,7 @@ def _id(text: str) -> int | None:
 
 
 def _version(text: str | None) -> int:
-    """0 where there is none: then the order in the file decides."""
+    """The version as a number; 0 without one, so that the order in the file decides."""
     return 0 if text is None else max(0, _id(text) or 0)
 
 
