@@ -17,7 +17,6 @@ import numpy as np
 
 from lingjing.kernel.barrier import Barrier, PolicyBarrier
 from lingjing.kernel.visibility import Projector
-from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.mission.instantiate import instantiate
 from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.policy_processes.barrier import AgentPolicy, ProcessBarrier
@@ -25,6 +24,7 @@ from lingjing.play.policy_processes.messages import LoadPolicy
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
 from lingjing.plugins.loading import UNRECORDED
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Picture
+from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.trace.images import encode_jpeg
 from lingjing.trace.records import CameraPose
 

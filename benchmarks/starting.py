@@ -25,10 +25,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from lingjing.dsl.loading.shipped import find_mission
-from lingjing.kernel.world.forking import ForkServer
 from lingjing.play import parallel
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
+from lingjing.processes.fork_client import ForkServer
 
 ROOT = Path(__file__).parents[1]
 POLICY = f"{Path(__file__).with_name('stopping.py')}:Stop"

@@ -16,10 +16,10 @@ import lingjing
 from agents.tests.chat_server import serve
 from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking, play
 from lingjing.data import data_path
-from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.play.episode import Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
 from lingjing.play.report import EpisodeReport
+from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.trace.call_store import CALLS_NAME, CallReader
 
 

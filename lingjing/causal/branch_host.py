@@ -26,8 +26,8 @@ from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, check, check_trace
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import InfrastructureError, UsageError, error_of
-from lingjing.kernel.world.forking import environment, started_to_last
-from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
+from lingjing.processes.channel import Channel, ChannelClosedError
+from lingjing.processes.fork_client import environment, start_to_last
 from lingjing.trace.reader import Trace
 
 HostProgress = Callable[[str, int, int], None]
@@ -54,10 +54,10 @@ class BranchHost:
         self.unused_s = 0.0
         self.agreements: dict[tuple[str, str], tuple[int, ...]] = {}
         self._progress: HostProgress = progress or (lambda what, done, due: None)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        ours, theirs = socket.socketpair()
         command = [sys.executable, "-P", "-m", "lingjing.causal.branch_process"]
         try:
-            self._process = started_to_last(
+            self._process = start_to_last(
                 [*command, "--fd", str(theirs.fileno()), "--parent", str(os.getpid())],
                 environment(()),
                 (theirs.fileno(),),
@@ -68,7 +68,7 @@ class BranchHost:
             raise InfrastructureError(f"the branch host cannot be started: {error}") from error
         finally:
             theirs.close()
-        self._channel = PacketSocket(ours)
+        self._channel = Channel(ours)
         try:
             self._progress("starting", 0, 0)
             self._send(OpenTrace(options=options))

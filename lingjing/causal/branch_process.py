@@ -11,13 +11,11 @@ from __future__ import annotations
 import argparse
 import gc
 import os
-import random
 import signal
 import socket
 import sys
 import time
 import traceback
-from pathlib import Path
 from typing import NoReturn
 
 import msgspec
@@ -28,8 +26,8 @@ from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
 from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
-from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
-from lingjing.kernel.world.parent_death import die_with
+from lingjing.processes.channel import Channel, ChannelClosedError
+from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
 from lingjing.terminal import guard_streams
 
 HELD_MOST = 32
@@ -108,22 +106,22 @@ def main() -> None:
     parser.add_argument("--fd", type=int, required=True)
     parser.add_argument("--parent", type=int, required=True)
     options = parser.parse_args()
-    die_with(options.parent)
+    end_with_parent(options.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     guard_streams()
     os.set_inheritable(options.fd, False)
-    _Server(PacketSocket(socket.socket(fileno=options.fd))).run()
+    _Server(Channel(socket.socket(fileno=options.fd))).run()
     _write_out()
     os._exit(0)  # no shutdown of the interpreter: what its policies left behind is not to hold it up
 
 
 class _Server:
-    def __init__(self, channel: PacketSocket) -> None:
+    def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._episode: RedrivenEpisode | None = None
         self._queue: BranchQueue | None = None
-        self._held: dict[int, socket.socket] = {}
+        self._held: dict[int, Channel] = {}
 
     def run(self) -> None:
         decoder: msgspec.msgpack.Decoder[HostRequest] = msgspec.msgpack.Decoder(HostRequest)
@@ -140,6 +138,8 @@ class _Server:
             raise
         except LingjingError as error:
             self._say(HostFailed(message=str(error), hint=error.hint, exit_code=error.exit_code))
+        except SeveralThreadsError as error:
+            self._say(_refusal_of_threads(error))
         except Exception as error:  # noqa: BLE001 - a fault of ours, which the caller raises
             traceback.print_exc()
             said = f"the branch host failed: {type(error).__name__}: {error}"
@@ -184,38 +184,35 @@ class _Server:
     def _hold(self) -> None:
         """Leave a copy of this process at the boundary that was reached."""
         assert self._episode is not None
-        _refuse_threads()
         if len(self._held) >= HELD_MOST:
             for boundary in list(self._held)[1::2]:
                 self._held.pop(boundary).close()
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        chance, parent = random.getstate(), os.getpid()
+        ours, theirs = socket.socketpair()
+        parent = os.getpid()
         _write_out()
-        if os.fork() == 0:
-            random.setstate(chance)  # a fork starts it anew
-            self._stand_still(theirs, ours, parent)
-        theirs.close()
-        self._held[self._episode.tick] = ours
+        with theirs:
+            if fork(keep_random=True) == 0:
+                ours.close()
+                self._stand_still(Channel(theirs), parent)
+        self._held[self._episode.tick] = Channel(ours)
 
-    def _stand_still(self, requests: socket.socket, others_end: socket.socket, parent: int) -> NoReturn:
+    def _stand_still(self, requests: Channel, parent: int) -> NoReturn:
         try:
-            die_with(parent)
-            others_end.close()
+            end_with_parent(parent)
             for end in self._held.values():
                 end.close()
             signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # ended branches are nobody's zombies
             while True:
-                data, descriptors, _, _ = socket.recv_fds(requests, 1 << 20, 1, socket.MSG_CMSG_CLOEXEC)
-                if not data:
-                    os._exit(0)
-                self._fork_branch(msgspec.msgpack.decode(data, type=BranchPlan), descriptors[0])
+                packet = requests.receive()
+                self._fork_branch(msgspec.msgpack.decode(packet.payload, type=BranchPlan), packet.descriptors[0])
+        except ChannelClosedError:
+            os._exit(0)
         finally:
             os._exit(0)
 
     def _fork_branch(self, plan: BranchPlan, output: int) -> None:
-        chance, parent, before = random.getstate(), os.getpid(), time.process_time()
-        if os.fork() == 0:
-            random.setstate(chance)
+        parent, before = os.getpid(), time.process_time()
+        if fork(keep_random=True) == 0:
             fork_s = cpu_of(parent) - before
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             self._be_branch(plan, output, fork_s, parent)
@@ -223,13 +220,13 @@ class _Server:
 
     def _be_branch(self, plan: BranchPlan, output: int, fork_s: float, parent: int) -> NoReturn:
         try:
-            die_with(parent)
+            end_with_parent(parent)
             started = time.process_time()
-            channel = socket.socket(fileno=output)
+            channel = Channel(socket.socket(fileno=output))
             introduce(channel)
             result = self._played(plan)
             spent = time.process_time() - started + fork_s
-            channel.sendall(msgspec.msgpack.encode(msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)))
+            channel.send(msgspec.msgpack.encode(msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)))
         finally:
             _write_out()
             os._exit(0)
@@ -260,20 +257,20 @@ class _Server:
         camera_s, unused_s = self._episode.camera.cpu_s, self._queue.unused_s
         self._say(BranchPlayed(index=index, result=result, camera_s=camera_s, unused_s=unused_s))
 
-    def _begin(self, plan: BranchPlan) -> socket.socket:
+    def _begin(self, plan: BranchPlan) -> Channel:
         """Ask the nearest boundary before the branch for it; where its result is to be read. `InfrastructureError` if
         the process that holds it has ended."""
         boundary = max(one for one in self._held if one <= plan.at)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        ours, theirs = socket.socketpair()
         with theirs:
             try:
-                socket.send_fds(self._held[boundary], [msgspec.msgpack.encode(plan)], [theirs.fileno()])
-            except OSError as error:
+                self._held[boundary].send(msgspec.msgpack.encode(plan), (theirs.fileno(),))
+            except ChannelClosedError as error:
                 ours.close()
                 raise InfrastructureError(
                     f"the process that holds boundary {boundary} for branches has ended", hint="it was killed"
                 ) from error
-        return ours
+        return Channel(ours)
 
 
 def _write_out() -> None:
@@ -282,14 +279,13 @@ def _write_out() -> None:
     sys.stderr.flush()
 
 
-def _refuse_threads() -> None:
-    threads = len(list(Path("/proc/self/task").iterdir()))
-    if threads != 1:
-        raise UsageError(
-            f"the episode cannot be branched: its policies keep {threads - 1} more thread{'s' * (threads > 2)}, "
-            "and a thread has no copy",
-            hint="a policy that is to be branched runs in the thread that asks it",
-        )
+def _refusal_of_threads(error: SeveralThreadsError) -> HostFailed:
+    more = error.count - 1
+    return HostFailed(
+        message=f"the episode cannot be branched: its policies keep {more} more thread{'s' * (more > 1)}, "
+        "and a thread has no copy",
+        hint="a policy that is to be branched runs in the thread that asks it",
+    )
 
 
 if __name__ == "__main__":

@@ -10,47 +10,54 @@ from __future__ import annotations
 import os
 import select
 import signal
-import socket
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import msgspec
 
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
+from lingjing.processes.channel import Channel, ChannelClosedError
+from lingjing.processes.deadlines import Deadline, WallDeadline
 
-_READ = 1 << 16
 _PID_BYTES = 4
+"""Bytes of a process id, a C integer."""
 
 
 @dataclass
 class _Running:
-    """A branch that runs: our end of its channel, what has come of its result, and how it can be ended."""
+    """A branch that runs. `channel`: this process's end. `answer`: its encoded result. `pid`, `pidfd`: its process, 0
+    and -1 until it has introduced itself."""
 
     key: bytes
-    channel: socket.socket
-    told: bytearray = field(default_factory=bytearray)
+    channel: Channel
+    answer: bytes | bytearray = b""
     pid: int = 0
     pidfd: int = -1
 
-    def read(self) -> bool:
-        """Take what has come; False at the end."""
-        data, descriptors, _, _ = socket.recv_fds(self.channel, _READ, 1, socket.MSG_CMSG_CLOEXEC)
-        if descriptors:  # the first packet, which no other is glued to, says which process it is
-            self.pid, self.pidfd = int.from_bytes(data, "little"), descriptors[0]
+    def read(self, deadline: Deadline | None = None) -> bool:
+        """Read the next packet, or wait for it until the deadline; False at the end of the channel."""
+        try:
+            packet = self.channel.receive(deadline)
+        except TimeoutError:
+            return True
+        except ChannelClosedError:
+            return False
+        if packet.descriptors:
+            self.pid, self.pidfd = int.from_bytes(packet.payload, "little"), packet.descriptors[0]
         else:
-            self.told += data
-        return bool(data)
+            self.answer = packet.payload
+        return True
 
     def result(self) -> BranchResult:
-        """What it has told."""
+        """Its result."""
         lost = BranchResult(
             failed="the process of the branch ended without a word",
             hint="it was killed, or a policy that ran in it ended it",
         )
-        return msgspec.msgpack.decode(self.told, type=BranchResult) if self.told else lost
+        return msgspec.msgpack.decode(self.answer, type=BranchResult) if self.answer else lost
 
     def close(self) -> None:
         self.channel.close()
@@ -75,7 +82,7 @@ class BranchQueue:
     `introduce` on the channel that is returned, writes its result there and closes it. `unused_s` are CPU seconds of
     branches that were begun ahead for nothing."""
 
-    def __init__(self, begin: Callable[[BranchPlan], socket.socket], jobs: int) -> None:
+    def __init__(self, begin: Callable[[BranchPlan], Channel], jobs: int) -> None:
         self._begin = begin
         self._jobs = jobs
         self._running: dict[int, _Running] = {}
@@ -120,7 +127,7 @@ class BranchQueue:
         """Those that end, at least one packet of one later."""
         for descriptor, _ in self._poller.poll():
             one = self._running[descriptor]
-            if not one.read():
+            if not one.read(WallDeadline(0.0)):
                 self._poller.unregister(descriptor)
                 del self._running[descriptor]
                 one.close()
@@ -142,10 +149,10 @@ class BranchQueue:
             tell(number, result)
 
 
-def introduce(channel: socket.socket) -> None:
+def introduce(channel: Channel) -> None:
     """Say which process this is, so that it can be ended."""
     pidfd = os.pidfd_open(os.getpid())
     try:
-        socket.send_fds(channel, [os.getpid().to_bytes(_PID_BYTES, "little")], [pidfd])
+        channel.send(os.getpid().to_bytes(_PID_BYTES, "little"), (pidfd,))
     finally:
         os.close(pidfd)

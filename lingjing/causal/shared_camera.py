@@ -27,13 +27,13 @@ from lingjing.kernel.world.engine_group import start_engines
 from lingjing.kernel.world.frames import without_pixels
 from lingjing.kernel.world.guarded_calls import absent, no_sensor
 from lingjing.kernel.world.messages import Failed, PictureReply, decoded_reply, encoded
-from lingjing.kernel.world.packets import ChannelClosedError, PacketSocket
-from lingjing.kernel.world.parent_death import die_with
 from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import load_frame, store_frame
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
+from lingjing.processes.channel import Channel, ChannelClosedError
+from lingjing.processes.linux import end_with_parent, fork
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState
@@ -54,13 +54,14 @@ class SharedCamera:
 
     def __init__(self, trace: Trace, city: City, host: PluginHost) -> None:
         self._tick_s = trace.header.instance.clock.tick_s
-        self._asking, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._channel: tuple[int, PacketSocket] | None = None
+        ours, theirs = socket.socketpair()
+        self._asking = Channel(ours)
+        self._channel: tuple[int, Channel] | None = None
         parent = os.getpid()
-        self._process = os.fork()
+        self._process = fork()
         if self._process == 0:
             self._asking.close()
-            _serve(theirs, trace, city, host, parent)
+            _serve(Channel(theirs), trace, city, host, parent)
         theirs.close()
 
     @property
@@ -84,19 +85,19 @@ class SharedCamera:
         except ChannelClosedError:
             raise InfrastructureError("the camera of the branches has ended") from None
 
-    def _opened(self) -> PacketSocket:
+    def _opened(self) -> Channel:
         if self._channel is None or self._channel[0] != os.getpid():
-            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+            ours, theirs = socket.socketpair()
             with theirs:
                 try:
-                    socket.send_fds(self._asking, [b"c"], [theirs.fileno()])
-                except OSError as error:
+                    self._asking.send(b"", (theirs.fileno(),))
+                except ChannelClosedError:
                     ours.close()
-                    raise ChannelClosedError(str(error)) from error
-            self._channel = os.getpid(), PacketSocket(ours)
+                    raise
+            self._channel = os.getpid(), Channel(ours)
         return self._channel[1]
 
-    def _answer(self, channel: PacketSocket, request: CaptureRequest) -> StoredFrame | Absent:
+    def _answer(self, channel: Channel, request: CaptureRequest) -> StoredFrame | Absent:
         packet = channel.receive()
         try:
             reply = decoded_reply(packet.payload)
@@ -112,10 +113,10 @@ class SharedCamera:
             packet.close()
 
 
-def _serve(asking: socket.socket, trace: Trace, city: City, host: PluginHost, parent: int) -> NoReturn:
+def _serve(asking: Channel, trace: Trace, city: City, host: PluginHost, parent: int) -> NoReturn:
     """Serve until nobody holds the other end of the socket."""
     try:
-        die_with(parent)
+        end_with_parent(parent)
         _Service(asking, trace, city, host).run()
     except BaseException:  # a fault of ours, told to whoever looks for why the camera has ended
         traceback.print_exc()
@@ -126,13 +127,13 @@ def _serve(asking: socket.socket, trace: Trace, city: City, host: PluginHost, pa
 
 
 class _Service:
-    def __init__(self, asking: socket.socket, trace: Trace, city: City, host: PluginHost) -> None:
+    def __init__(self, asking: Channel, trace: Trace, city: City, host: PluginHost) -> None:
         self._asking = asking
         self._trace, self._city, self._host = trace, city, host
         self._pictures: BranchPictures | None = None
         self._poller = select.poll()
         self._poller.register(asking, select.POLLIN)
-        self._channels: dict[int, PacketSocket] = {}
+        self._channels: dict[int, Channel] = {}
 
     def run(self) -> None:
         while True:
@@ -143,11 +144,14 @@ class _Service:
                     return
 
     def _let_in(self) -> bool:
-        data, descriptors, _, _ = socket.recv_fds(self._asking, 1, 1, socket.MSG_CMSG_CLOEXEC)
-        for descriptor in descriptors:
-            self._channels[descriptor] = PacketSocket(socket.socket(fileno=descriptor))
+        try:
+            packet = self._asking.receive()
+        except ChannelClosedError:
+            return False
+        for descriptor in packet.descriptors:
+            self._channels[descriptor] = Channel(socket.socket(fileno=descriptor))
             self._poller.register(descriptor, select.POLLIN)
-        return bool(data)
+        return True
 
     def _draw(self, descriptor: int) -> None:
         channel = self._channels[descriptor]
@@ -157,7 +161,7 @@ class _Service:
             self._poller.unregister(descriptor)
             self._channels.pop(descriptor).close()
 
-    def _answer(self, channel: PacketSocket, asked: _Wanted) -> None:
+    def _answer(self, channel: Channel, asked: _Wanted) -> None:
         try:
             pictures = self._ready()
             for index, wanted in enumerate(asked.requests):

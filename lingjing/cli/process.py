@@ -91,9 +91,10 @@ def _count_interrupts(reading: int) -> None:
 
 def end_everything() -> NoReturn:
     """Kill every process below this one, in whatever session, and leave."""
-    from lingjing.kernel.world.descendants import adopt, end_children
+    from lingjing.processes.descendants import end_children
+    from lingjing.processes.linux import adopt_orphans
 
-    adopt()
+    adopt_orphans()
     end_children(set())
     with suppress(OSError, ValueError):
         restore_terminal()

@@ -21,12 +21,12 @@ from lingjing.cli.results import exit_code, explain, print_episode, print_json, 
 from lingjing.dsl.loading.load import load_noted
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
-from lingjing.kernel.world.descendants import be_told_of_the_end_of
 from lingjing.mission.model import Mission
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
 from lingjing.play.parallel import EpisodeTask, play_apart, play_here, policy_server
 from lingjing.play.report import INTERRUPTED, EpisodeReport, summarise
+from lingjing.processes.linux import set_parent_death_signal
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +94,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def handler(args: argparse.Namespace) -> int:
     """Play, print, and answer with the exit code."""
-    if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
+    if args.end_with is not None and not set_parent_death_signal(args.end_with, signal.SIGTERM):
         raise KeyboardInterrupt
     warn_of_broken_plugins()
     errors = ErrorCollector()

@@ -15,7 +15,7 @@ from lingjing.cli.arguments import parse_whole
 from lingjing.cli.files import check_output, say_if_cut, say_written, write_output
 from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
-from lingjing.kernel.world.descendants import be_told_of_the_end_of
+from lingjing.processes.linux import set_parent_death_signal
 from lingjing.trace.reader import Trace
 
 
@@ -43,7 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def handler(args: argparse.Namespace) -> int:
     """Write the file, or show the episode until an interrupt."""
-    if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
+    if args.end_with is not None and not set_parent_death_signal(args.end_with, signal.SIGTERM):
         return ExitCode.INTERRUPTED
     budget, port = parse_whole("--pictures", args.pictures, 2000), parse_whole("--port", args.port, 65535)
     if args.follow:

@@ -9,25 +9,18 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import ctypes
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable
 
-_SET_PARENT_DEATH_SIGNAL = 1
-"""PR_SET_PDEATHSIG of prctl(2)."""
-
-_SET_CHILD_SUBREAPER = 36
-"""PR_SET_CHILD_SUBREAPER of prctl(2): what loses its parent below this process becomes its child."""
+from lingjing.processes.linux import adopt_orphans, end_with_parent
 
 
 def main(descriptor: int, name: str, value: str) -> None:
     """Write the stages and the trial, and end this process."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
-        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    end_with_parent(os.getppid())
+    adopt_orphans()
     myself = os.getpid()
 
     def enter(stage: str) -> None:

@@ -25,7 +25,6 @@ from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
-from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
@@ -40,6 +39,7 @@ from lingjing.play.report import ABORTED, EpisodeReport, report_of
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.processes.fork_client import ForkServerClient
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.displacement import displacements, in_words, moved_bodies
 from lingjing.scene.surroundings import surroundings

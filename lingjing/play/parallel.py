@@ -18,13 +18,13 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import msgspec
 
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, error_of
-from lingjing.kernel.world.descendants import adopting
-from lingjing.kernel.world.forking import ForkedProcess, ForkServer, ForkServerClient
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
 from lingjing.play.report import ABORTED, EpisodeReport, end_without_result
+from lingjing.processes.descendants import adopting
+from lingjing.processes.fork_client import ForkedProcess, ForkServer, ForkServerClient
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
@@ -46,7 +46,7 @@ def play_here(
     """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
     A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. The workers are
-    started by the fork server, if there is one (`lingjing.kernel.world.forking`), the processes of policies by the
+    started by the fork server, if there is one (`lingjing.processes.fork_client`), the processes of policies by the
     policy server; without one policies play here.
     """
     from lingjing.play.episode import EpisodeInterrupted, Session

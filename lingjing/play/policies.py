@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 
 from lingjing.errors import ErrorCollector, UsageError
-from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.mission.instance import AgentSpec, GivenOption, Instance
 from lingjing.mission.model import Mission
 from lingjing.play.option_sharing import share_arguments
@@ -21,6 +20,7 @@ from lingjing.play.policy_files import is_file, load_policy
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.processes.fork_client import ForkServerClient
 from lingjing.suggest import nearest_or
 
 

@@ -13,7 +13,6 @@ from functools import partial
 from msgspec.structs import replace
 
 from lingjing.errors import ErrorCollector, MissionError, UsageError
-from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import GivenOption, Instance
 from lingjing.mission.instantiate import instantiate
@@ -25,6 +24,7 @@ from lingjing.play.recorded_calls import check_calls
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.processes.fork_client import ForkServerClient
 from lingjing.trace.seals import read_key
 
 

@@ -13,11 +13,11 @@ from lingjing.bench.suite import Suite, find_suite, json_schema, read_document, 
 from lingjing.cli.main import main
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
-from lingjing.kernel.world.descendants import children
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
+from lingjing.processes.descendants import children
 from tests.bench.suite_kit import SMALL
 
 

@@ -22,7 +22,6 @@ import pytest
 import lingjing
 from lingjing.errors import LingjingError, UsageError
 from lingjing.kernel.ambient_random import generator_states, has_moved
-from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE, AgentPolicy, ProcessBarrier
@@ -31,6 +30,7 @@ from lingjing.play.policy_processes.messages import LoadPolicy
 from lingjing.play.policy_processes.output import MOST_BYTES
 from lingjing.play.policy_processes.preloading import SERVES
 from lingjing.plugins.loading import UNRECORDED
+from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import DecisionRecord
 

@@ -4,21 +4,19 @@ In the order of a call:
 
 - `contract`    what the kernel asks (`World`) and gets (`WorldBoundary`, `StoredFrame`)
 - `process`     `ProcessWorld`: a world process and a camera process; `inline` `InlineWorld`: all in the caller
-- `camera`      the camera process as the caller sees it; `deadlines` that a busy machine does not shorten
+- `camera`      the camera process as the caller sees it
 - `selection`   which engines an instance needs and where each runs
 - `cosimulation`   the coupling of the engines: a tick as macro-steps
 - `engine_group`   the engines of one process ← `boundary_checks` (what a boundary must be) ← `guarded_calls`
 - `stocks`      declared states that no engine keeps; `times` how long each engine has taken
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
-- `handle`      the caller's end of a worker ← `launch` (its process) ← `packets` (framing) ← `messages`, `shared`
-- `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `handlers` (its answer to each request)
+- `handle`      the caller's end of a worker ← `launch` (its process) ← `messages`, `shared`
+- `worker`      the far end, `python -m lingjing.kernel.world.worker` or a fork ← `handlers` (its answers)
 - `held_cities`   cities that a process holds for its forks; `placed_worlds` worlds that stand at boundary 0 (a fork
   server's), `held_starts` the same of one caller; `first_pictures` the pictures of boundary 0
-- `forking`     a command's fork server as its callers see it ← `fork_server`, the process that episodes and workers are
-  forked from: `forks` (the processes that it has forked), `becoming` (the first steps of each), `idle_cameras` (camera
-  processes for the next episode), `world_holders` (placed worlds)
-- `parent_death`   a process that ends with its parent; `descendants` ends what processes leave behind
 - `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends
+
+Starting, forking and ending processes, channels and deadlines are `lingjing.processes`.
 
 Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes
 wrong with an engine is one `InfrastructureError` that names it, after which `reset` starts afresh.
@@ -31,8 +29,8 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from lingjing.kernel.world.contract import World
-    from lingjing.kernel.world.forking import ForkServerClient
     from lingjing.plugins.host import PluginHost
+    from lingjing.processes.fork_client import ForkServerClient
 
 __all__ = ["WorldKind", "open_world"]
 

@@ -11,12 +11,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.guarded_calls import absent
 from lingjing.kernel.world.handle import Worker
 from lingjing.kernel.world.messages import Capture, PictureReply, Prepare, Ready, Reset, encoded
 from lingjing.kernel.world.shared import load_frame
 from lingjing.plugins.engine import CaptureRequest
+from lingjing.processes.deadlines import OwnDeadline
 from lingjing.trace.records import Absent, BodyState
 
 START_S = 300.0

@@ -17,9 +17,7 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.deadlines import Deadline, OwnDeadline, own_clock_of_s
-from lingjing.kernel.world.forking import ForkedProcess, ForkServerClient, WorkerPlace, WorkerSettings
-from lingjing.kernel.world.launch import ErrorOutput, WorkerProcess, launch
+from lingjing.kernel.world.launch import WorkerPlace, WorkerProcess, WorkerSettings, launch
 from lingjing.kernel.world.messages import (
     Close,
     Closed,
@@ -32,8 +30,11 @@ from lingjing.kernel.world.messages import (
     decoded_reply,
     encoded,
 )
-from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
 from lingjing.kernel.world.shared import CallMonitor, CurrentCall, progress_memory
+from lingjing.processes.channel import Channel, ChannelClosedError, Packet
+from lingjing.processes.deadlines import Deadline, OwnDeadline, own_clock_of_s
+from lingjing.processes.fork_client import ForkedProcess, ForkServerClient
+from lingjing.processes.output import OutputTail
 
 ReplyT = TypeVar("ReplyT", bound=WorkerMessage)
 
@@ -56,7 +57,7 @@ class Worker:
         pidfd: int,
         end: socket.socket,
         progress: int,
-        words: ErrorOutput,
+        words: OutputTail,
         *,
         process: WorkerProcess | None = None,
         parent: Worker | None = None,
@@ -71,7 +72,7 @@ class Worker:
         self._owner = os.getpid()
         self._process = process
         self._pidfd = pidfd
-        self._channel = PacketSocket(end)
+        self._channel = Channel(end)
         self._progress = CallMonitor(progress)
         os.close(progress)
         self._words = words
@@ -153,7 +154,7 @@ class Worker:
 
     def fork(self, deadline: OwnDeadline) -> Worker:
         """A copy of this worker, bit for bit, in a process of its own."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        ours, theirs = socket.socketpair()
         progress = progress_memory()
         try:
             self.send(encoded(Fork()), deadline, (theirs.fileno(), progress))

@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.kernel.world.cosimulation import CoSimulation, macro_steps
-from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
 from lingjing.kernel.world.guarded_calls import absent, no_episode, no_sensor
 from lingjing.kernel.world.selection import select_engines
@@ -24,6 +23,7 @@ from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
+from lingjing.processes.deadlines import OwnDeadline
 from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command
 

@@ -9,73 +9,43 @@ from __future__ import annotations
 
 import fcntl
 import os
-import select
 import socket
 import subprocess
 import sys
-from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
+
+import msgspec
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.forking import ForkServerClient, WorkerPlace, WorkerSettings, environment, started_to_last
 from lingjing.kernel.world.shared import progress_memory
+from lingjing.processes.fork_client import ForkServerClient, environment, start_to_last
+from lingjing.processes.fork_requests import Template
+from lingjing.processes.output import OutputTail
 
-_TAIL_BYTES = 16_384
+WorkerPlace = Literal["world", "camera"]
+
 _PIPE_BYTES = 1_048_576
+"""Room for the output of one worker while the caller waits for the other one. The most that Linux grants a user by
+default (`/proc/sys/fs/pipe-max-size`)."""
+
+_FUNCTIONS = {
+    "world": "lingjing.kernel.world.worker:serve_as_world",
+    "camera": "lingjing.kernel.world.worker:serve_as_camera",
+}
+_PLACED = "lingjing.kernel.world.worker:placed_template"
 
 
-class ErrorOutput:
-    """The end of what a worker and its forks write to standard output and error, read whenever the caller waits."""
+class WorkerSettings(msgspec.Struct, frozen=True):
+    """The plug-ins of a worker; see `lingjing.kernel.world.open_world` for the meaning."""
 
-    def __init__(self, descriptor: int) -> None:
-        os.set_blocking(descriptor, False)
-        self._descriptor = descriptor
-        self._chunks: deque[bytes] = deque()
-
-    def fileno(self) -> int:
-        """The pipe's descriptor, -1 when all writers are gone."""
-        return self._descriptor
-
-    def drain(self) -> None:
-        """Read what is there; only the last few kilobytes are kept."""
-        while self._descriptor >= 0:
-            try:
-                chunk = os.read(self._descriptor, 65_536)
-            except BlockingIOError:
-                return
-            if not chunk:
-                self.close()
-            self._keep(chunk)
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait for something to be written, at most so long, and read it; whether there was something."""
-        if self._descriptor < 0:
-            return False
-        poller = select.poll()  # not `select`, which cannot watch descriptors from 1024 on
-        poller.register(self._descriptor, select.POLLIN)
-        ready = bool(poller.poll(int(timeout_s * 1000)))
-        self.drain()
-        return ready
-
-    def text(self) -> str:
-        """What was kept."""
-        return b"".join(self._chunks).decode(errors="replace")
-
-    def close(self) -> None:
-        """Close the pipe; what was read stays."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def _keep(self, chunk: bytes) -> None:
-        self._chunks.append(chunk[-_TAIL_BYTES:])
-        while sum(map(len, self._chunks)) - len(self._chunks[0]) >= _TAIL_BYTES:
-            self._chunks.popleft()
+    plugins: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    installed: bool = True
 
 
 class WorkerProcess(Protocol):
-    """A process that a worker runs in: a `subprocess.Popen`, or a `forking.ForkedProcess`."""
+    """A process that a worker runs in: a `subprocess.Popen`, or a `ForkedProcess`."""
 
     pid: int
 
@@ -92,7 +62,7 @@ class Launched:
     pidfd: int
     end: socket.socket
     progress: int
-    words: ErrorOutput
+    words: OutputTail
     lent: bool = False
 
 
@@ -110,17 +80,24 @@ def launch(
 def _launch(
     place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None, start: bytes
 ) -> Launched:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    ours, theirs = socket.socketpair()
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
-    # Room for what a worker says while the caller waits for the other one.
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
     try:
         if fork_server is not None:
-            forked = fork_server.start_worker(place, settings, (theirs.fileno(), progress, writing), start)
-            return Launched(forked, os.dup(forked.pidfd), ours, progress, ErrorOutput(reading), place == "camera")
+            forked = fork_server.start_function(
+                _FUNCTIONS[place],
+                (theirs.fileno(), progress),
+                writing,
+                argument=msgspec.msgpack.encode(settings),
+                here=False,
+                reuse=place == "camera",
+                template=Template(_PLACED, start) if start else None,
+            )
+            return Launched(forked, os.dup(forked.pidfd), ours, progress, OutputTail(reading), place == "camera")
         process = _started(place, settings, (theirs.fileno(), progress), writing)
-        return Launched(process, os.pidfd_open(process.pid), ours, progress, ErrorOutput(reading))
+        return Launched(process, os.pidfd_open(process.pid), ours, progress, OutputTail(reading))
     except BaseException:
         ours.close()
         os.close(progress)
@@ -136,9 +113,7 @@ def _started(
 ) -> subprocess.Popen[bytes]:
     # -P: the worker takes its modules from where the caller does, not from the folder it happens to run in.
     python = [sys.executable, "-P", "-m", "lingjing.kernel.world.worker"]
-    told = ["--fd", str(descriptors[0]), "--progress", str(descriptors[1]), "--parent", str(os.getpid())]
+    ends = ["--fd", str(descriptors[0]), "--progress", str(descriptors[1]), "--parent", str(os.getpid())]
     options = [] if settings.installed else ["--bare"]
     options += [part for plugin in settings.plugins for part in ("--plugin", plugin)]
-    return started_to_last(
-        [*python, *told, *options, "--place", place], environment(settings.paths), descriptors, output
-    )
+    return start_to_last([*python, *ends, *options, "--place", place], environment(settings.paths), descriptors, output)

@@ -18,7 +18,6 @@ from lingjing.errors import UsageError
 from lingjing.kernel.world.camera import START_S, CameraProcess
 from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
 from lingjing.kernel.world.cosimulation import CoSimulation, CoupledGroup, macro_steps
-from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.engine_group import (
     NO_MOVERS,
     EngineGroup,
@@ -28,11 +27,11 @@ from lingjing.kernel.world.engine_group import (
     start_engines,
 )
 from lingjing.kernel.world.extra_plugins import host_with
-from lingjing.kernel.world.forking import ForkServerClient, WorkerPlace, WorkerSettings
 from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
 from lingjing.kernel.world.held_cities import packed
 from lingjing.kernel.world.held_starts import HeldStarts
+from lingjing.kernel.world.launch import WorkerPlace, WorkerSettings
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
@@ -53,6 +52,8 @@ from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
+from lingjing.processes.deadlines import OwnDeadline
+from lingjing.processes.fork_client import ForkServerClient
 from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command, Receipt
 

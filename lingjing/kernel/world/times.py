@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.deadlines import own_now_s
+from lingjing.processes.deadlines import own_now_s
 
 
 class EngineTimes:

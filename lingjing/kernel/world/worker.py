@@ -11,21 +11,20 @@ import contextlib
 import faulthandler
 import gc
 import os
-import random
 import signal
 import socket
 import sys
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NoReturn
 
+import msgspec
+
 from lingjing.errors import LingjingError
-from lingjing.kernel.world.deadlines import WallDeadline
 from lingjing.kernel.world.extra_plugins import host_with
-from lingjing.kernel.world.forking import WorkerSettings
 from lingjing.kernel.world.handlers import CameraHandler, RequestHandler, WorldHandler
+from lingjing.kernel.world.launch import WorkerSettings
 from lingjing.kernel.world.messages import (
     Close,
     Closed,
@@ -38,11 +37,14 @@ from lingjing.kernel.world.messages import (
     decoded_request,
     encoded,
 )
-from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
-from lingjing.kernel.world.parent_death import die_with
-from lingjing.kernel.world.placed_worlds import WorldStart
-from lingjing.kernel.world.shared import CallMonitor
+from lingjing.kernel.world.placed_worlds import WorldStart, announced
+from lingjing.kernel.world.shared import CallMonitor, progress_memory
 from lingjing.plugins.host import PluginHost
+from lingjing.processes.channel import Channel, ChannelClosedError, Packet
+from lingjing.processes.deadlines import WallDeadline
+from lingjing.processes.fork_requests import Function
+from lingjing.processes.idle_processes import ReuseEnd
+from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
 from lingjing.terminal import guard_streams
 
 _PATROL_S = 1.0
@@ -53,7 +55,7 @@ _UNFORKABLE = ("cv2", "moderngl", "OpenGL", "glcontext", "glfw", "torch")
 class WorkerContext:
     """Where this process stands: whom it answers, who started it, whom it started."""
 
-    channel: PacketSocket
+    channel: Channel
     progress: CallMonitor
     parent: int
     forks: set[int] = field(default_factory=set)
@@ -64,7 +66,7 @@ class WorkerContext:
 
     def take(self, channel: int, progress: int) -> None:
         """Answer another caller from now on."""
-        self.channel = PacketSocket(socket.socket(fileno=channel))
+        self.channel = Channel(socket.socket(fileno=channel))
         self.progress.rebind(progress)
         os.close(progress)
 
@@ -78,7 +80,7 @@ class WorkerContext:
 def main() -> NoReturn:
     """Serve until told to close or left alone."""
     options = _options()
-    die_with(options.parent)
+    end_with_parent(options.parent)
     for descriptor in (options.fd, options.progress):
         os.set_inheritable(descriptor, False)
     settings = WorkerSettings(tuple(options.plugin), (), not options.bare)
@@ -90,15 +92,43 @@ def main() -> NoReturn:
     os._exit(0)
 
 
-def serve_as_world(settings: WorkerSettings, ends: tuple[int, int], parent: int) -> None:
-    """In a fork of the server: serve one caller at these ends (channel, progress memory)."""
-    context = _new_context(*ends, parent)
+def serve_as_world(argument: bytes, ends: tuple[int, ...]) -> None:
+    """In a fork of a fork server: serve one caller at these ends (channel, progress memory).
+
+    `argument`: the `WorkerSettings` as MessagePack.
+    """
+    settings = _settings(argument)
+    context = _new_context(ends[0], ends[1], os.getppid())
     handler = _handler("world", settings, context.progress)
     _serve(handler, context, handler.close)
     _flush()
 
 
-def placed_handler(settings: WorkerSettings, start: WorldStart, progress: CallMonitor) -> WorldHandler:
+def placed_template(argument: bytes, key: bytes) -> Callable[[], Function] | None:
+    """The template of a placed world (`processes.templates`), if its start was announced."""
+    start = announced(key)
+    return None if start is None else lambda: _placed(argument, start)
+
+
+def _placed(argument: bytes, start: WorldStart) -> Function:
+    """Bring a world to boundary 0, within the time that its engines have; a function that serves it in a fork."""
+    settings = _settings(argument)
+    progress = progress_memory()
+    monitor = CallMonitor(progress)
+    os.close(progress)
+    signal.setitimer(signal.ITIMER_PROF, start.reset.instance.budget.engine_s)
+    handler = _placed_handler(settings, start, monitor)
+    signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+    def serve(_: bytes, ends: tuple[int, ...]) -> None:
+        monitor.rebind(ends[1])
+        _serve(handler, _new_context(ends[0], ends[1], os.getppid(), monitor), handler.close)
+        _flush()
+
+    return serve
+
+
+def _placed_handler(settings: WorkerSettings, start: WorldStart, progress: CallMonitor) -> WorldHandler:
     """The handler of a world process that stands at boundary 0; one that has yet to go there, and then reports why it
     cannot, if the engines fail."""
 
@@ -115,38 +145,41 @@ def placed_handler(settings: WorkerSettings, start: WorldStart, progress: CallMo
     return handler
 
 
-def serve_placed(handler: WorldHandler, progress: CallMonitor, ends: tuple[int, int], parent: int) -> None:
-    """In a fork of a process that holds a placed world: serve one caller at these ends."""
-    progress.rebind(ends[1])
-    _serve(handler, _new_context(*ends, parent, progress), handler.close)
-    _flush()
+def serve_as_camera(argument: bytes, ends: tuple[int, ...]) -> None:
+    """In a fork of a fork server: serve one caller after another, until the server ends.
 
-
-def serve_as_camera(settings: WorkerSettings, ends: tuple[int, int], control: int, parent: int) -> None:
-    """In a fork of the server: serve one caller after another, until the server's end of `control` is closed.
-
-    The engine and its graphics context stay. `control` is told when a caller has gone, and brings the next one's ends,
-    the output's too.
+    The engine and its graphics context stay. `argument`: the `WorkerSettings` as MessagePack. `ends`: channel, progress
+    memory, and the control of a process that is reused.
     """
-    server = socket.socket(fileno=control)
-    context = _new_context(*ends, parent)
+    settings = _settings(argument)
+    channel, progress, control = ends
+    reuse = ReuseEnd(control)
+    context = _new_context(channel, progress, os.getppid())
     handler = _handler("camera", settings, context.progress)
 
-    def tell() -> tuple[str, ...]:
-        server.send(b"i")
+    def report_idle() -> tuple[str, ...]:
+        reuse.report_idle()
         return ()
 
     while True:
-        told = _serve(handler, context, tell)  # before it is let go, so that who comes after it finds this process idle
+        # Idle before the caller is answered, so that the next episode finds this process so.
+        has_reported = _serve(handler, context, report_idle)
         context.channel.close()
-        _write_to(os.open(os.devnull, os.O_WRONLY))  # who waits for the end of what was written need not wait for us
-        if not told:
-            tell()
-        _, given, _, _ = socket.recv_fds(server, 1, 3, socket.MSG_CMSG_CLOEXEC)
-        if len(given) != 3:
+        _write_to(os.open(os.devnull, os.O_WRONLY))  # a reader of the output need not wait for this process's end
+        if not has_reported:
+            report_idle()
+        following = reuse.wait_for_next()
+        if following is None or len(following) != 3:
             return
-        _write_to(given[2])
-        context.take(*given[:2])
+        _write_to(following[2])
+        context.take(following[0], following[1])
+
+
+def _settings(argument: bytes) -> WorkerSettings:
+    """The settings of a forked worker, whose paths come first from now on."""
+    settings = msgspec.msgpack.decode(argument, type=WorkerSettings)
+    sys.path[:0] = [path for path in settings.paths if path not in sys.path]
+    return settings
 
 
 def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor | None = None) -> WorkerContext:
@@ -155,7 +188,7 @@ def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor 
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
-    context = WorkerContext(PacketSocket(socket.socket(fileno=channel)), monitor or CallMonitor(progress), parent)
+    context = WorkerContext(Channel(socket.socket(fileno=channel)), monitor or CallMonitor(progress), parent)
     os.close(progress)
     signal.signal(signal.SIGCHLD, context.reap)
     return context
@@ -237,24 +270,22 @@ def _next(context: WorkerContext) -> Packet:
 
 
 def _fork(context: WorkerContext, packet: Packet) -> None:
-    threads = len(list(Path("/proc/self/task").iterdir()))
-    if threads != 1:
+    original = os.getpid()
+    try:
+        pid = fork(keep_random=True)  # a copy must not differ from its original
+    except SeveralThreadsError as error:
         packet.close()
         suspects = [name for name in _UNFORKABLE if name in sys.modules]
         also = f" (it has loaded {', '.join(suspects)})" if suspects else ""
-        context.reply(Refused(message=f"the world process has {threads} threads and cannot be forked{also}"))
+        context.reply(Refused(message=f"the world process has {error.count} threads and cannot be forked{also}"))
         return
-    state = random.getstate()  # Python reseeds it in a forked child; a copy must not differ from its original
-    original = os.getpid()
-    pid = os.fork()
     if pid:
         packet.close()
         context.forks.add(pid)
         context.reap()  # it may have ended before it was in the set
         context.reply(Forked(pid=pid))
         return
-    die_with(original)
-    random.setstate(state)
+    end_with_parent(original)
     _take_post(context, packet, original)
 
 

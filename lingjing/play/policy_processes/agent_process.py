@@ -16,10 +16,7 @@ from contextlib import suppress
 
 import msgspec
 
-from lingjing.kernel.world.deadlines import WallDeadline
-from lingjing.kernel.world.forking import ForkedProcess, ForkServerClient
-from lingjing.kernel.world.packets import MAX_DESCRIPTORS, ChannelClosedError, PacketSocket
-from lingjing.play.policy_processes.letters import send_letter
+from lingjing.errors import InfrastructureError
 from lingjing.play.policy_processes.messages import (
     HandOverPictures,
     PolicyAnswerMessage,
@@ -29,6 +26,9 @@ from lingjing.play.policy_processes.messages import (
 from lingjing.play.policy_processes.model_calls import ModelCallService
 from lingjing.play.policy_processes.output import PolicyOutput
 from lingjing.plugins.calls import ModelCalls
+from lingjing.processes.channel import MAX_DESCRIPTORS, Channel, ChannelClosedError, NoMemoryError
+from lingjing.processes.deadlines import WallDeadline
+from lingjing.processes.fork_client import ForkedProcess, ForkServerClient
 
 _SERVE = "lingjing.play.policy_processes.host:serve"
 
@@ -50,8 +50,8 @@ class PolicyProcess:
     def __init__(self, agent: str, server: ForkServerClient, calls: ModelCalls) -> None:
         self.agent = agent
         self._calls = ModelCallService(calls)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
-        our_calls, their_calls = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        ours, theirs = socket.socketpair()
+        our_calls, their_calls = socket.socketpair()
         reading, writing = os.pipe2(os.O_CLOEXEC)
         try:
             ends = theirs.fileno(), their_calls.fileno()
@@ -65,8 +65,8 @@ class PolicyProcess:
             theirs.close()
             their_calls.close()
             os.close(writing)
-        self._channel = PacketSocket(ours, ANSWER_BYTES)
-        self._call_channel = PacketSocket(our_calls, CALL_BYTES)
+        self._channel = Channel(ours, ANSWER_BYTES)
+        self._call_channel = Channel(our_calls, CALL_BYTES)
         self._output = PolicyOutput(agent, reading)
         self.is_alive = True
 
@@ -134,7 +134,7 @@ class PolicyProcess:
 
     def _send(self, request: PolicyRequest, slots: Sequence[int]) -> None:
         with suppress(ChannelClosedError):
-            send_letter(self._channel, encoded(request), slots)
+            _send_in_memory(self._channel, encoded(request), slots)
 
     def _received(self) -> PolicyAnswerMessage | None:
         try:
@@ -150,7 +150,7 @@ class PolicyProcess:
         except TimeoutError:
             return
         packet.close()
-        send_letter(self._call_channel, self._calls.answer(packet.payload))
+        _send_in_memory(self._call_channel, self._calls.answer(packet.payload))
 
     def _status(self) -> int:
         try:
@@ -161,6 +161,17 @@ class PolicyProcess:
     def _ends_by_itself(self) -> bool:
         """True if the process is at its end: its descriptors are closed a moment before."""
         return self.has_ended(0.2)
+
+
+def _send_in_memory(channel: Channel, payload: bytes, descriptors: Sequence[int] = ()) -> None:
+    """Send without waiting for the process. Raises `InfrastructureError` where the system has no memory."""
+    try:
+        channel.send_in_memory(payload, descriptors)
+    except NoMemoryError as error:
+        raise InfrastructureError(
+            f"a request to the process of a policy cannot be sent: {error}",
+            hint="memory or file descriptors of this machine or container have run out",
+        ) from error
 
 
 def how_it_ended(code: int) -> str:

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyAnswer, failure, no_outage
-from lingjing.kernel.world.deadlines import OwnDeadline, WallDeadline
-from lingjing.kernel.world.forking import ForkServerClient
 from lingjing.play.policy_processes.agent_process import PolicyProcess
 from lingjing.play.policy_processes.messages import (
     CallFailed,
@@ -32,6 +30,8 @@ from lingjing.play.policy_processes.pictures import PictureSlot, PictureSlots, p
 from lingjing.play.policy_processes.turns import RequestList, Turn, wait_for, wait_until_ready
 from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.policy import Brief, Inbox, Observation, Picture
+from lingjing.processes.deadlines import OwnDeadline, WallDeadline
+from lingjing.processes.fork_client import ForkServerClient
 
 LOAD_VARIABLE = "LINGJING_POLICY_LOAD_S"
 LOAD_S = 60.0

@@ -13,9 +13,6 @@ from types import TracebackType
 from typing import NoReturn, Self
 
 from lingjing.errors import Fault, LingjingError, UsageError
-from lingjing.kernel.world.deadlines import OwnDeadline
-from lingjing.kernel.world.descendants import adopting
-from lingjing.kernel.world.forking import ForkServer, ForkServerClient
 from lingjing.mission.instance import GivenOption
 from lingjing.option_listing import OptionSpec, option_specs
 from lingjing.play.policy_files import PolicyDeclaration, declaration_of, is_file, load_policy
@@ -37,6 +34,9 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import UNRECORDED, options_model
 from lingjing.plugins.options import option_faults
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.processes.deadlines import OwnDeadline
+from lingjing.processes.descendants import adopting
+from lingjing.processes.fork_client import ForkServer, ForkServerClient
 
 
 def examine(

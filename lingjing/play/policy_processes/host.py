@@ -31,14 +31,10 @@ from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.barrier import POLICY_ERRORS, failure, timed
 from lingjing.kernel.candidates import received
-from lingjing.kernel.world.deadlines import WallDeadline
-from lingjing.kernel.world.descendants import adopt
 from lingjing.kernel.world.held_cities import unpacked
-from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
 from lingjing.mission.instance import Instance
 from lingjing.play.policy_files import load_policy
 from lingjing.play.policy_processes.declaring import LoadedDeclarations
-from lingjing.play.policy_processes.letters import open_letter
 from lingjing.play.policy_processes.messages import (
     ActPolicy,
     CallEnded,
@@ -64,6 +60,9 @@ from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Picture, Policy, PolicyPlugin
+from lingjing.processes.channel import Channel, ChannelClosedError, Packet
+from lingjing.processes.deadlines import WallDeadline
+from lingjing.processes.linux import adopt_orphans
 from lingjing.scene.city import City
 from lingjing.trace.records import Decision, DecisionRecord
 
@@ -77,15 +76,15 @@ _FIRST_TO_GO = b"1000"
 """The highest `oom_score_adj`: a machine without memory ends a policy and not the player (`proc(5)`)."""
 
 
-def serve(ends: tuple[int, ...]) -> None:
-    """Answer until the player closes the channel or asks for the end. `ends` are the channel and that for model
-    calls."""
+def serve(argument: bytes, ends: tuple[int, ...]) -> None:
+    """Answer until the player closes the channel or asks for the end. `argument` is empty; `ends` are the channel and
+    that for model calls."""
     limit_memory(memory_limit())
     _yield_memory()
     _detach_from_terminal()
-    adopt()
+    adopt_orphans()
     faulthandler.enable()
-    channel, calls = (PacketSocket(socket.socket(fileno=end)) for end in ends)
+    channel, calls = (Channel(socket.socket(fileno=end)) for end in ends)
     loop = asyncio.new_event_loop()
     asyncio.set_event_loop(loop)
     host = _PolicyHost(channel, ends[0], calls)
@@ -105,7 +104,7 @@ class _Order:
 class _PolicyHost:
     """One policy and the player's requests to it."""
 
-    def __init__(self, channel: PacketSocket, descriptor: int, calls: PacketSocket) -> None:
+    def __init__(self, channel: Channel, descriptor: int, calls: Channel) -> None:
         self._channel = channel
         self._descriptor = descriptor
         self._calls = calls
@@ -136,9 +135,8 @@ class _PolicyHost:
             self._orders.put_nowait(None)
 
     def _take(self, packet: Packet) -> None:
-        payload, others = open_letter(packet)
-        request = _REQUESTS.decode(payload)
-        self._handed += others
+        request = _REQUESTS.decode(packet.payload)
+        self._handed += packet.descriptors
         if isinstance(request, CancelCall):
             if self._current is not None:
                 self._current.cancel()

@@ -11,8 +11,6 @@ import threading
 import msgspec
 
 from lingjing.errors import LingjingError
-from lingjing.kernel.world.packets import PacketSocket
-from lingjing.play.policy_processes.letters import open_letter
 from lingjing.play.policy_processes.messages import (
     BeginModelCall,
     EndModelCall,
@@ -25,6 +23,7 @@ from lingjing.play.policy_processes.messages import (
     raised,
 )
 from lingjing.plugins.calls import AbandonedCallError, ModelCalls
+from lingjing.processes.channel import Channel
 from lingjing.trace.calls import CallRequest, CallResult
 
 _REQUESTS: msgspec.msgpack.Decoder[ModelCallRequest] = msgspec.msgpack.Decoder(ModelCallRequest)
@@ -36,7 +35,7 @@ ENDED = "the policy's process was ended while it waited"
 class RemoteModelCalls:
     """`lingjing.plugins.calls.ModelCalls` in the process of a policy. Any thread may call it."""
 
-    def __init__(self, channel: PacketSocket, *, replaying: bool, capped: bool) -> None:
+    def __init__(self, channel: Channel, *, replaying: bool, capped: bool) -> None:
         self._channel = channel
         self._lock = threading.Lock()
         self.replaying = replaying
@@ -56,8 +55,8 @@ class RemoteModelCalls:
     def _ask(self, message: BeginModelCall | EndModelCall) -> ModelCallKnown:
         with self._lock:
             self._channel.send(encoded(message))
-            payload, _ = open_letter(self._channel.receive())
-        answer = _ANSWERS.decode(payload)
+            packet = self._channel.receive()
+        answer = _ANSWERS.decode(packet.payload)
         if isinstance(answer, RaisedError):
             raise error_of(answer)
         return answer

@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from lingjing.kernel.world.deadlines import Deadline, OwnDeadline
 from lingjing.play.policy_processes.agent_process import PolicyProcess
 from lingjing.play.policy_processes.messages import (
     CallFailed,
@@ -16,6 +15,7 @@ from lingjing.play.policy_processes.messages import (
     PolicyRequest,
     RaisedError,
 )
+from lingjing.processes.deadlines import Deadline, OwnDeadline
 
 _CANCEL_S = 1.0
 """How long a call that was cancelled may take to end: seconds of the process's own time."""

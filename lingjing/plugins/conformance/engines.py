@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
+import sys
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -23,6 +23,7 @@ from lingjing.plugins.conformance.requests import (
     check_refusals,
 )
 from lingjing.plugins.engine import Boundary, CaptureRequest, Engine, EnginePlugin, Frame, KeyedPictures
+from lingjing.processes.linux import run_in_fork
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command
 
@@ -133,7 +134,7 @@ def check_values(case: EngineCase) -> None:
 
 def check_fork(case: EngineCase) -> None:
     """An engine of a world process goes on identically, bit by bit, in a fork of its process."""
-    if case.plugin.place != "world" or not hasattr(os, "fork"):
+    if case.plugin.place != "world" or sys.platform != "linux":
         return
     times = case.times()
     half = len(times) // 2
@@ -142,7 +143,7 @@ def check_fork(case: EngineCase) -> None:
         engine.submit(case.commands)
         advance(engine, case, 0.0, times[:half])
         start = times[half - 1] if half else 0.0
-        forked = _in_fork(lambda: _rest(engine, case, start, times[half:]))
+        forked = run_in_fork(lambda: _rest(engine, case, start, times[half:]))
         own = _rest(engine, case, start, times[half:])
     require(forked == own, "a forked engine answers differently from its parent")
 
@@ -226,21 +227,6 @@ def _close(one: BodyState, other: BodyState) -> bool:
     return one.status == other.status and all(
         abs(a - b) <= _TOLERANCE * max(1.0, abs(a)) for a, b in zip(*numbers, strict=True)
     )
-
-
-def _in_fork(work: Callable[[], bytes]) -> bytes:
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:  # the child says its piece and is gone, whatever happens
-        try:
-            os.write(write, work())
-        finally:
-            os._exit(0)
-    os.close(write)
-    with os.fdopen(read, "rb") as pipe:
-        answer = pipe.read()
-    os.waitpid(child, 0)
-    return answer
 
 
 def _frame(request: CaptureRequest, frame: Frame, camera: CameraSpec) -> None:

@@ -14,7 +14,7 @@ import pytest
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world import deadlines, open_world
-from lingjing.kernel.world.deadlines import OwnDeadline, own_now_s
+from lingjing.processes.deadlines import OwnDeadline, own_now_s
 from lingjing.trace.records import Absent
 
 TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")

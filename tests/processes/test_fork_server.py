@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.forking import ForkedProcess, ForkServer
+from lingjing.processes.fork_client import ForkedProcess, ForkServer
 from tests.kernel.test_world_process import ROOT, await_gone, is_running, open_descriptors
 
-MODULE = "tests.kernel.forked_module"
+MODULE = "tests.processes.forked_module"
 
 
 @pytest.fixture
@@ -161,8 +161,8 @@ def test_nobody_outlives_a_killed_caller(tmp_path: Path) -> None:
         import sys
         sys.path.insert(0, {ROOT!r})
         from pathlib import Path
-        from lingjing.kernel.world.forking import ForkServer
-        from tests.kernel.test_fork_server import first_line, started
+        from lingjing.processes.fork_client import ForkServer
+        from tests.processes.test_fork_server import first_line, started
         server = ForkServer([])
         process, output = started(server, Path({str(tmp_path)!r}), "lingering")
         print(server.pid, process.pid, *eval(first_line(output)), flush=True)

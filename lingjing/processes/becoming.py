@@ -1,6 +1,6 @@
-"""The first steps of a fork: it lets go of what the server holds and becomes a worker, a function or a module.
+"""The first steps of a fork: it closes the descriptors of its original, and becomes a function or a module.
 
-Each `become_…` ends the process. The interpreter is not shut down, for most of it is the server's.
+Each `become_…` ends the process. The interpreter is not shut down, for most of it is the original's.
 """
 
 from __future__ import annotations
@@ -12,21 +12,22 @@ import runpy
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from lingjing.kernel.world.forking import HASH_SEED, RunModule, StartFunction, StartWorker
-from lingjing.kernel.world.forks import close_all
-from lingjing.kernel.world.parent_death import die_with
-from lingjing.kernel.world.worker import serve_as_camera, serve_as_world
+from lingjing.errors import ExitCode
 from lingjing.numerics import pins
+from lingjing.processes.fork_client import HASH_SEED
+from lingjing.processes.fork_requests import Function, RunModule, StartFunction, Surroundings
+from lingjing.processes.forks import close_all
+from lingjing.processes.linux import end_with_parent
 
-_USUAL = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
+_USUAL_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
 
 
 def keep_only(kept: Iterable[int]) -> None:
-    """Close every descriptor but the standard streams and these: what the server holds is not the fork's."""
+    """Close every descriptor but the standard streams and these: the others belong to the original."""
     first = 3
     for descriptor in sorted(kept):
         os.closerange(first, descriptor)
@@ -35,8 +36,10 @@ def keep_only(kept: Iterable[int]) -> None:
 
 
 def begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
-    """Take what `python -m` would have given: standard streams, the usual signals, a process group. `number` is the
-    signal that the process gets when its parent ends."""
+    """Set up what `python -m` gives a process: standard streams, the usual signals, a process group.
+
+    `number` is the signal that the process gets when its parent ends. `streams` are closed.
+    """
     atexit._clear()
     for standard, (descriptor, name) in enumerate(zip(streams, ("stdin", "stdout", "stderr"), strict=True)):
         os.dup2(descriptor, standard)
@@ -44,11 +47,11 @@ def begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
         text.reconfigure(line_buffering=True, errors="backslashreplace" if name == "stderr" else None)
         setattr(sys, name, text)
     close_all({*streams} - {0, 1, 2})
-    for name in _USUAL:
+    for name in _USUAL_SIGNALS:
         signal.signal(getattr(signal, name), signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as the interpreter has it from its start
     os.setpgid(0, 0)
-    die_with(parent, number)
+    end_with_parent(parent, number)
 
 
 def end_after(work: Callable[[], object]) -> NoReturn:
@@ -63,42 +66,33 @@ def end_after(work: Callable[[], object]) -> NoReturn:
         os._exit(code)
 
 
-def become_worker(request: StartWorker, ends: tuple[int, int, int], control: int, parent: int) -> NoReturn:
-    """Serve as a world or camera process. `ends` are its channel, its progress memory and its output."""
-
-    def work() -> None:
-        begin(parent, signal.SIGKILL, (0, ends[2], ends[2]))
-        add_paths(request.settings.paths)
-        if request.place == "camera":
-            serve_as_camera(request.settings, ends[:2], control, parent)
-        else:
-            serve_as_world(request.settings, ends[:2], parent)
-
-    end_after(work)
+def named_function(name: str) -> Any:
+    """The function `module:name`; its module is imported."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
 
 
 def become_function(request: StartFunction, ends: Sequence[int], output: int, parent: int) -> NoReturn:
-    """Call a function with its ends."""
+    """Call the function of a request with its argument and these descriptors."""
 
     def work() -> None:
         begin(parent, signal.SIGKILL, (0, output, output))
-        os.chdir(request.folder)
-        _take_environment(request.environment)
-        module, _, name = request.function.partition(":")
-        getattr(import_module(module), name)(tuple(ends))
+        if request.surroundings is not None:
+            _take(request.surroundings)
+        function: Function = named_function(request.function)
+        function(request.argument, tuple(ends))
 
     end_after(work)
 
 
-def become_module(request: RunModule, streams: list[int], asking: int, parent: int) -> NoReturn:
-    """Be the process that `python -m` would have started."""
+def become_module(request: RunModule, streams: Sequence[int], server: int, parent: int) -> NoReturn:
+    """Be the process that `python -m` would have started. `server`: a socket by which it asks the fork server."""
     code = 1
     try:
         begin(parent, signal.SIGTERM, streams)
-        os.chdir(request.folder)
-        _take_environment(request.environment)
-        sys.argv = [request.module, *request.arguments, "--fork-server", str(asking)]
-        sys.path.insert(0, os.fsdecode(request.folder))  # as `python -m` has it
+        _take(request.surroundings)
+        sys.argv = [request.module, *request.arguments, "--fork-server", str(server)]
+        sys.path.insert(0, os.fsdecode(request.surroundings.folder))  # as `python -m` has it
         if "numpy.random" in sys.modules:
             sys.modules["numpy.random"].seed()  # a fork would go on with the stream of its original
         code = _run(request.module)
@@ -106,15 +100,11 @@ def become_module(request: RunModule, streams: list[int], asking: int, parent: i
         os._exit(code)
 
 
-def add_paths(paths: Iterable[str]) -> None:
-    """Have modules found in these folders first."""
-    sys.path[:0] = [path for path in paths if path not in sys.path]
-
-
-def _take_environment(given: Mapping[bytes, bytes]) -> None:
-    """The environment of the process that asked, with what holds in this process already."""
+def _take(surroundings: Surroundings) -> None:
+    """The working folder and the variables of the process that asked, with what is fixed in every process here."""
+    os.chdir(surroundings.folder)
     os.environ.clear()
-    os.environb.update(given)
+    os.environb.update(surroundings.environment)
     os.environ.update({name: value for name, value in pins().items() if value})
     os.environ["PYTHONHASHSEED"] = HASH_SEED
 
@@ -126,7 +116,7 @@ def _run(module: str) -> int:
     except SystemExit as left:
         code = left.code if isinstance(left.code, int) else int(left.code is not None)
     except KeyboardInterrupt:
-        code = 130
+        code = ExitCode.INTERRUPTED
     except BaseException:  # noqa: BLE001 - as the interpreter does
         sys.excepthook(*sys.exc_info())
         code = 1
@@ -138,4 +128,4 @@ def _run(module: str) -> int:
     return code
 
 
-__all__ = ["add_paths", "become_function", "become_module", "become_worker", "begin", "end_after", "keep_only"]
+__all__ = ["become_function", "become_module", "begin", "end_after", "keep_only", "named_function"]

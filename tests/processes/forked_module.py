@@ -36,7 +36,7 @@ def worlds() -> None:
     """Play twice on the server's workers and once in this process; tell whether all is the same, and by whom."""
     import tests.kernel.world_toys as toys
     from lingjing.kernel.world import open_world
-    from lingjing.kernel.world.forking import ForkServerClient
+    from lingjing.processes.fork_client import ForkServerClient
     from tests.kernel.test_world_process import TOYS, opened, pids, played
 
     fork_server = ForkServerClient(int(sys.argv[-1]))
@@ -62,7 +62,7 @@ def lingering() -> None:
     import tests.kernel.world_toys as toys
     from lingjing.errors import InfrastructureError
     from lingjing.kernel.world import open_world
-    from lingjing.kernel.world.forking import ForkServerClient
+    from lingjing.processes.fork_client import ForkServerClient
     from tests.kernel.test_world_process import TOYS, pids, played
 
     world = open_world("process", plugins=TOYS, installed=False, fork_server=ForkServerClient(int(sys.argv[-1])))

@@ -1,7 +1,9 @@
-"""Framing over a Unix stream socket: length-prefixed packets, each with a few file descriptors if need be.
+"""The channel between two processes: packets of bytes over a Unix stream socket, each with a few file descriptors.
 
-Both directions take a deadline (None: for ever). A packet that has come in part when the
-deadline passes is kept, so a late answer is read whole afterwards.
+A packet is a header (length, count of descriptors, where the payload lies) and its payload. The payload lies in the
+stream, or in a memory whose descriptor comes before the others: such a packet is so short that sending it waits for no
+reader, and that several processes may send through one socket. Both directions take a deadline (None: for ever). A
+packet that has come in part when the deadline passes is kept, so that a late answer is read whole afterwards.
 """
 
 from __future__ import annotations
@@ -10,25 +12,32 @@ import math
 import os
 import select
 import socket
+import stat
 import struct
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from lingjing.kernel.world.deadlines import Deadline
+from lingjing.processes.deadlines import Deadline, WallDeadline
 
-_HEADER = struct.Struct("<QB")
+_HEADER = struct.Struct("<QB?")
+"""Bytes in the stream after the header, count of descriptors, True if the payload lies in the first of them."""
+
 MAX_DESCRIPTORS = 250
-"""Of one packet: Linux passes 253 at most (`SCM_MAX_FD`, unix(7))."""
+"""Descriptors of one packet, one of them perhaps a memory: Linux passes 253 at most (`SCM_MAX_FD`, unix(7))."""
 
 
 class ChannelClosedError(Exception):
     """The other end is gone."""
 
 
+class NoMemoryError(Exception):
+    """The system gives no memory for a payload: memory or descriptors have run out."""
+
+
 class Drain(Protocol):
-    """Something else to read while waiting, so that who writes it never blocks."""
+    """Something else to read while waiting, so that its writer never blocks."""
 
     def fileno(self) -> int:
         """The descriptor to wait on, or -1 when there is nothing more to come."""
@@ -41,9 +50,9 @@ class Drain(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A payload and the descriptors that came with it; who receives it owns them."""
+    """A payload and the descriptors that came with it, which the receiver closes."""
 
-    payload: bytearray
+    payload: bytes | bytearray
     descriptors: tuple[int, ...] = ()
 
     def close(self) -> None:
@@ -52,9 +61,12 @@ class Packet:
             os.close(descriptor)
 
 
-class PacketSocket:
-    """One end of a socket pair. `most_bytes` bounds what is received as one packet: from a process that is not trusted
-    a longer one is the end of the channel."""
+class Channel:
+    """One end of a socket pair.
+
+    `most_bytes` is for a process at the other end that is not trusted: a longer packet, or one with its payload in a
+    memory, is the end of the channel.
+    """
 
     def __init__(self, end: socket.socket, most_bytes: int | None = None) -> None:
         end.setblocking(False)
@@ -72,9 +84,36 @@ class PacketSocket:
         deadline: Deadline | None = None,
         also: Drain | None = None,
     ) -> None:
-        """Send one packet; `TimeoutError` past the deadline, `ChannelClosedError` if nobody reads."""
+        """Send one packet. Raises `TimeoutError` past the deadline, `ChannelClosedError` if the other end is closed."""
+        header = _HEADER.pack(len(payload), len(descriptors), False)
+        self._send([memoryview(header), memoryview(payload)], descriptors, deadline, also)
+
+    def send_in_memory(self, payload: bytes, descriptors: Sequence[int] = ()) -> None:
+        """Send one packet whose payload lies in a memory, without waiting for a reader.
+
+        Raises `ChannelClosedError` if the other end is closed or so many packets wait in it that no more fit,
+        `NoMemoryError` if the system gives no memory.
+        """
+        try:
+            memory = _filled_memory(payload)
+        except OSError as error:
+            raise NoMemoryError(error.strerror) from error
+        try:
+            header = _HEADER.pack(0, 1 + len(descriptors), True)
+            self._send([memoryview(header)], (memory, *descriptors), WallDeadline(0.0), None)
+        except TimeoutError as error:
+            raise ChannelClosedError("the other end does not read") from error
+        finally:
+            os.close(memory)
+
+    def _send(
+        self,
+        rest: list[memoryview],
+        descriptors: Sequence[int],
+        deadline: Deadline | None,
+        also: Drain | None,
+    ) -> None:
         rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", descriptors))] if descriptors else []
-        rest = [memoryview(_HEADER.pack(len(payload), len(descriptors))), memoryview(payload)]
         while rest:
             try:
                 sent = self._socket.sendmsg(rest, rights)
@@ -113,8 +152,8 @@ class PacketSocket:
     def _read(self) -> Packet:
         while len(self._header) < _HEADER.size:
             self._header += self._read_header(_HEADER.size - len(self._header))
-        length, count = _HEADER.unpack(self._header)
-        if self._most_bytes is not None and length > self._most_bytes:
+        length, count, in_memory = _HEADER.unpack(self._header)
+        if self._most_bytes is not None and (length > self._most_bytes or in_memory):
             raise ChannelClosedError(f"a packet of {length} bytes came, at most {self._most_bytes} are due")
         if self._payload is None:
             self._payload, self._filled = bytearray(length), 0
@@ -128,7 +167,7 @@ class PacketSocket:
         if len(packet.descriptors) != count:
             packet.close()
             raise ChannelClosedError(f"{len(packet.descriptors)} descriptors came instead of {count}")
-        return packet
+        return _read_memory(packet) if in_memory else packet
 
     def _read_header(self, size: int) -> bytes:
         # Descriptors travel with a packet's first byte and are made close-on-exec as they arrive.
@@ -153,6 +192,37 @@ class PacketSocket:
             also.drain()
 
 
+def _filled_memory(payload: bytes) -> int:
+    """A descriptor of a new memory with these bytes. Raises `OSError`."""
+    memory = os.memfd_create("lingjing-packet", os.MFD_CLOEXEC)
+    try:
+        done, rest = 0, memoryview(payload)
+        while done < len(rest):
+            done += os.pwrite(memory, rest[done:], done)
+    except BaseException:
+        os.close(memory)
+        raise
+    return memory
+
+
+def _read_memory(packet: Packet) -> Packet:
+    """The packet with the payload that lies in its first descriptor. Raises `ChannelClosedError` for none."""
+    try:
+        memory, *others = packet.descriptors
+        size = os.fstat(memory).st_size
+        if not stat.S_ISREG(os.fstat(memory).st_mode):
+            raise OSError("no memory")
+        payload = bytearray(size)
+        done = 0
+        while done < size and (count := os.preadv(memory, [memoryview(payload)[done:]], done)):
+            done += count
+    except (OSError, ValueError) as error:
+        packet.close()
+        raise ChannelClosedError(f"a packet's memory cannot be read: {error}") from error
+    os.close(memory)
+    return Packet(payload, tuple(others))
+
+
 def _after(parts: list[memoryview], sent: int) -> list[memoryview]:
     rest = []
     for part in parts:
@@ -161,3 +231,6 @@ def _after(parts: list[memoryview], sent: int) -> list[memoryview]:
         if skipped < len(part):
             rest.append(part[skipped:])
     return rest
+
+
+__all__ = ["MAX_DESCRIPTORS", "Channel", "ChannelClosedError", "Drain", "NoMemoryError", "Packet"]

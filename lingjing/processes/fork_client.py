@@ -1,0 +1,270 @@
+"""A fork server as its callers see it: `ForkServer` starts one, `ForkServerClient` asks it for a `ForkedProcess`.
+
+A `ForkServer` belongs to one command. It runs a module as `python -m` would (`run_module`), in a fork of a process that
+has imported the modules it was started with. What runs there has a `ForkServerClient`, through which it starts its own
+processes (`start_function`).
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Self
+
+import msgspec
+
+from lingjing.errors import InfrastructureError
+from lingjing.numerics import worker_environment
+from lingjing.processes.channel import Channel, ChannelClosedError, NoMemoryError
+from lingjing.processes.fork_requests import (
+    CallFunction,
+    ForkRequest,
+    RunModule,
+    StartFunction,
+    Surroundings,
+    Template,
+)
+
+_QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
+"""MuJoCo would load a windowing library, which a process that is to be forked must not hold; JSBSim prints a banner."""
+
+HASH_SEED = "0"
+"""`PYTHONHASHSEED` of every process that is started here: the order of a set of texts is the same in each of them."""
+
+_MODULE = "lingjing.processes.fork_server"
+
+
+class ForkedProcess:
+    """A process that a fork server has started: the part of `subprocess.Popen` that is needed of it.
+
+    The server sends the process id with a pidfd, and at the end the wait status. Raises `InfrastructureError` if the
+    server ends instead, or cannot fork.
+    """
+
+    LOST = 255
+    """The return code of a process whose server ended before it."""
+
+    def __init__(self, reports: Channel) -> None:
+        self._reports = reports
+        self.returncode: int | None = None
+        try:
+            started = reports.receive()
+        except ChannelClosedError:
+            reports.close()
+            raise InfrastructureError(
+                "the process that starts others has ended, or could start no more",
+                hint="what it said is on standard error; see also `ulimit -u`",
+            ) from None
+        self.pid = int.from_bytes(started.payload, "little")
+        (self.pidfd,) = started.descriptors
+
+    def poll(self) -> int | None:
+        """The return code, or None while it runs; as `Popen.poll`."""
+        return self.returncode if self.returncode is not None else self._poll(0)
+
+    def wait(self, timeout: float | None = None) -> int:
+        """The return code. Raises `subprocess.TimeoutExpired` after so many seconds."""
+        code = self.returncode if self.returncode is not None else self._poll(timeout)
+        if code is None:
+            raise subprocess.TimeoutExpired("a forked process", timeout or 0.0)
+        return code
+
+    def terminate(self) -> None:
+        """Send SIGTERM."""
+        self._signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """Send SIGKILL."""
+        self._signal(signal.SIGKILL)
+
+    def close(self) -> None:
+        """Close its descriptors; the process goes on."""
+        self._reports.close()
+        os.close(self.pidfd)
+
+    def _poll(self, timeout_s: float | None) -> int | None:
+        # The pidfd shows the end; the server sends the status a moment later, or has ended.
+        milliseconds = None if timeout_s is None else int(timeout_s * 1000)
+        for descriptor in (self.pidfd, self._reports.fileno()):
+            poller = select.poll()
+            poller.register(descriptor, select.POLLIN)
+            if not poller.poll(milliseconds):
+                return None
+        try:
+            status = int.from_bytes(self._reports.receive().payload, "little")
+        except ChannelClosedError:
+            self.returncode = self.LOST
+        else:
+            self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def _signal(self, number: signal.Signals) -> None:
+        signal.pidfd_send_signal(self.pidfd, number)
+
+
+class ForkServerClient:
+    """The end by which a process asks a fork server for other processes. `descriptor`: a socket, which it owns."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._channel = Channel(socket.socket(fileno=descriptor))
+
+    def start_function(
+        self,
+        function: str,
+        ends: Sequence[int],
+        output: int,
+        *,
+        argument: bytes = b"",
+        here: bool = True,
+        reuse: bool = False,
+        template: Template | None = None,
+    ) -> ForkedProcess:
+        """A process that calls a function (`module:name`) with the argument and copies of the descriptors `ends`.
+
+        What it prints goes to `output`. It is killed, with all that it started, when this process ends. With `here` it
+        has the working folder and the environment of this process, else those of the server. `reuse` and `template`:
+        see `StartFunction`.
+        """
+        own = os.pidfd_open(os.getpid())
+        surroundings = _own_surroundings() if here else None
+        request = StartFunction(function, argument, surroundings, reuse, template)
+        try:
+            return _start(self._channel, request, (*ends, output, own))
+        finally:
+            os.close(own)
+
+    def close(self) -> None:
+        """Close this end."""
+        self._channel.close()
+
+
+class ForkServer:
+    """A fork server and the caller's end of it; a context manager. It and all that it has started end with the caller.
+
+    `imports` are modules that it imports before it forks. Raises `InfrastructureError` where it cannot be started.
+    """
+
+    def __init__(self, imports: Sequence[str]) -> None:
+        ours, theirs = socket.socketpair()
+        command = [sys.executable, "-P", "-m", _MODULE, "--fd", str(theirs.fileno()), "--parent", str(os.getpid())]
+        try:
+            self._process = start_to_last([*command, *imports], environment(()), (theirs.fileno(),), None)
+        except OSError as error:
+            ours.close()
+            raise InfrastructureError(f"the process that starts episodes cannot be started: {error}") from error
+        finally:
+            theirs.close()
+        self._channel = Channel(ours)
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def run_module(self, module: str, arguments: Sequence[str], streams: tuple[int, int, int]) -> ForkedProcess:
+        """Run `python -m module arguments` with these descriptors as its standard streams, in the working folder and
+        the environment of this process. It gets SIGTERM when the server ends."""
+        return _start(self._channel, RunModule(module, tuple(arguments), _own_surroundings()), streams)
+
+    def client(self) -> ForkServerClient:
+        """Another end of this server, for processes that this process works with; closed by its user."""
+        return ForkServerClient(os.dup(self._channel.fileno()))
+
+    def call(self, function: str, argument: str) -> None:
+        """Have it call a function (`module:name`) before it forks again.
+
+        An error of the function is not reported: a fork that misses its work does it itself, and reports the error.
+        """
+        send_request(self._channel, CallFunction(function, argument), ())
+
+    def close(self) -> None:
+        """End it, with everything that still runs."""
+        self._channel.close()
+        self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def environment(paths: Sequence[str]) -> dict[str, str]:
+    """The environment of a process that is started here.
+
+    Modules are found in `paths` and where the caller finds them. What chooses code by processor is fixed, and every
+    library has one thread.
+    """
+    search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
+    fixed = {"PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
+    return worker_environment({**os.environ, **_QUIET, **fixed, "PYTHONHASHSEED": HASH_SEED})
+
+
+def start_to_last(
+    command: list[str], variables: dict[str, str], descriptors: tuple[int, ...], output: int | None
+) -> subprocess.Popen[bytes]:
+    """A process that does not end with a thread of this one, and that is never a zombie.
+
+    A parent-death signal follows the *thread* that started a child (prctl(2)), so that thread waits for the child's
+    end.
+    """
+    outcome: Future[subprocess.Popen[bytes]] = Future()
+
+    def start_and_wait() -> None:
+        # Held back in the child, which sets its handler of SIGINT as soon as it can and lets it come then.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            process = subprocess.Popen(
+                command,
+                env=variables,
+                pass_fds=descriptors,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL if output is None else output,
+                stderr=output,
+                process_group=0,
+            )
+        except OSError as error:
+            outcome.set_exception(error)
+            return
+        outcome.set_result(process)
+        process.wait()
+
+    threading.Thread(target=start_and_wait, name=f"lingjing-{command[-1]}", daemon=True).start()
+    return outcome.result()
+
+
+def send_request(server: Channel, request: ForkRequest, descriptors: Sequence[int]) -> None:
+    """Send a request with its descriptors. Raises `InfrastructureError` if the server has ended."""
+    try:
+        server.send_in_memory(msgspec.msgpack.encode(request), descriptors)
+    except (ChannelClosedError, NoMemoryError) as error:
+        raise InfrastructureError(f"the process that starts others is gone: {error}") from error
+
+
+def _start(server: Channel, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:
+    ours, theirs = socket.socketpair()
+    reports = Channel(ours)
+    try:
+        with theirs:
+            send_request(server, request, (*descriptors, theirs.fileno()))
+    except InfrastructureError:
+        reports.close()
+        raise
+    return ForkedProcess(reports)
+
+
+def _own_surroundings() -> Surroundings:
+    return Surroundings(os.fsencode(Path.cwd()), dict(os.environb))
+
+
+__all__ = [
+    "HASH_SEED", "ForkServer", "ForkServerClient", "ForkedProcess", "environment", "send_request", "start_to_last",
+]  # fmt: skip

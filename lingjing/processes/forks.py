@@ -1,0 +1,184 @@
+"""The processes that a single-threaded process has forked: their ends, and the ends of the processes that they work
+for."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import signal
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import msgspec
+
+from lingjing.processes.channel import Channel, ChannelClosedError
+from lingjing.processes.deadlines import WallDeadline
+from lingjing.processes.descendants import end_children
+from lingjing.processes.fork_requests import ForkRequest
+from lingjing.processes.linux import fork
+
+_PATROL_S = 1.0
+"""The longest wait of `Forks.serve`, after which the caller looks for its parent. Chosen: an orphan lives a second."""
+
+_NUMBER_BYTES = 4
+"""Bytes of a process id and of a wait status in a report; both are C integers."""
+
+_REQUESTS: msgspec.msgpack.Decoder[ForkRequest] = msgspec.msgpack.Decoder(ForkRequest)
+
+
+@dataclass(slots=True)
+class ForkedChild:
+    """A process that was forked."""
+
+    pid: int
+    pidfd: int
+    """Can be read when the process has ended."""
+    listener: Channel | None
+    """Receives the process id, and at the end the wait status; None if nothing waits for them."""
+    is_module: bool = False
+    """It is ended by SIGTERM and waited for, not killed."""
+    owner: int = -1
+    """A pidfd of the process that it ends with; -1: none, or that process has ended."""
+    at_end: Callable[[int], None] | None = None
+    """Called with the wait status."""
+    at_end_of_owner: Callable[[], None] | None = None
+    """Called in the place of `kill`."""
+
+    def announce(self) -> None:
+        """Send its process id and its `pidfd` to the listener."""
+        self._report(self.pid, (self.pidfd,))
+
+    def report_end(self, status: int) -> None:
+        """Send its wait status to the listener, and close that."""
+        self._report(status, ())
+        if self.listener is not None:
+            self.listener.close()
+
+    def kill(self) -> None:
+        """End it at once. It has not been reaped, so the number is its own."""
+        os.kill(self.pid, signal.SIGKILL)
+
+    def _report(self, number: int, descriptors: tuple[int, ...]) -> None:
+        if self.listener is not None:
+            with contextlib.suppress(ChannelClosedError, TimeoutError):  # the listener may have ended
+                self.listener.send(number.to_bytes(_NUMBER_BYTES, "little"), descriptors, WallDeadline(0.0))
+
+
+@dataclass(slots=True)
+class Forks:
+    """The forks of this process, and the channels on which it waits for requests."""
+
+    selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
+    processes: dict[int, ForkedChild] = field(default_factory=dict)
+
+    def serve(self) -> bool:
+        """Answer the requests that have come, or wait for one; False if a callback says that this was the last."""
+        for key, _ in self.selector.select(_PATROL_S):
+            # An earlier answer of this round may have ended the object of this one.
+            if self.selector.get_map().get(key.fd) == key and key.data(key.fileobj) is False:
+                return False
+        return True
+
+    def listen(self, channel: Channel, answer: Callable[[Channel], bool | None]) -> None:
+        """Call `answer` when a request can be read."""
+        self.selector.register(channel, selectors.EVENT_READ, answer)
+
+    def fork(self, listener: Channel | None) -> int | None:
+        """Fork: 0 in the copy, else its process id, which is sent to the listener; None if the system refuses.
+
+        Raises `SeveralThreadsError`.
+        """
+        try:
+            pid = fork()
+        except OSError:
+            _close(listener)  # its other end reads that it is closed
+            return None
+        except BaseException:
+            _close(listener)
+            raise
+        if pid:
+            try:
+                pidfd = os.pidfd_open(pid)
+            except OSError:
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+                raise
+            process = self.processes[pid] = ForkedChild(pid, pidfd, listener)
+            self.selector.register(process.pidfd, selectors.EVENT_READ, lambda _: self._ended(process))
+            process.announce()
+        return pid
+
+    def watch(self, process: ForkedChild, owner: int) -> None:
+        """Have a fork end with the process that asked for it. `owner`: a pidfd of that one."""
+        process.owner = os.dup(owner)
+        self.selector.register(process.owner, selectors.EVENT_READ, lambda _: self._owner_ended(process))
+
+    def unwatch(self, process: ForkedChild) -> None:
+        """Let a fork outlive its owner."""
+        if process.owner >= 0:
+            self.selector.unregister(process.owner)
+            os.close(process.owner)
+            process.owner = -1
+
+    def end_all(self) -> None:
+        """End every fork and its children: modules by SIGTERM, and they are waited for; the others are killed."""
+        modules = {pid for pid, process in self.processes.items() if process.is_module}
+        for pid in modules:
+            os.kill(pid, signal.SIGTERM)
+        end_children(modules)
+
+    def forget(self) -> None:
+        """In a fork: close the descriptors that belong to its original."""
+        self.selector.close()
+        for process in self.processes.values():
+            _close(process.listener)
+            close_all([descriptor for descriptor in (process.pidfd, process.owner) if descriptor >= 0])
+
+    def _ended(self, process: ForkedChild) -> None:
+        """Reap a fork and report its status."""
+        _, status = os.waitpid(process.pid, 0)
+        self.selector.unregister(process.pidfd)
+        os.close(process.pidfd)
+        self.unwatch(process)
+        process.report_end(status)
+        if process.at_end is not None:
+            process.at_end(status)
+        del self.processes[process.pid]
+        end_children(set(self.processes))  # processes that it left behind
+
+    def _owner_ended(self, process: ForkedChild) -> None:
+        """The process that a fork works for has ended."""
+        self.unwatch(process)
+        (process.at_end_of_owner or process.kill)()
+
+
+def receive_request(channel: Channel) -> tuple[ForkRequest | None, tuple[int, ...]]:
+    """The next request and its descriptors; None for one that cannot be decoded, or that has not come whole.
+
+    Raises `EOFError` at the end of the channel.
+    """
+    try:
+        packet = channel.receive(WallDeadline(0.0))
+    except TimeoutError:
+        return None, ()
+    except ChannelClosedError as error:
+        raise EOFError from error
+    try:
+        return _REQUESTS.decode(packet.payload), packet.descriptors
+    except msgspec.DecodeError:
+        return None, packet.descriptors
+
+
+def close_all(descriptors: Iterable[int]) -> None:
+    """Close these descriptors."""
+    for descriptor in descriptors:
+        os.close(descriptor)
+
+
+def _close(listener: Channel | None) -> None:
+    if listener is not None:
+        listener.close()
+
+
+__all__ = ["ForkedChild", "Forks", "close_all", "receive_request"]

@@ -1,0 +1,108 @@
+"""System calls of Linux that the standard library lacks, or that have a rule of ours: prctl(2) and fork(2).
+
+On other systems the functions of prctl do nothing: nothing of ours forks there.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import random
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_PR_GET_CHILD_SUBREAPER = 37
+"""Options of prctl(2), from `linux/prctl.h`."""
+
+
+class SeveralThreadsError(Exception):
+    """A process with several threads cannot be forked. `count`: how many it has.
+
+    A fork has a copy of the calling thread alone. Locks that other threads hold stay locked in it for ever.
+    """
+
+    def __init__(self, count: int) -> None:
+        super().__init__(f"the process has {count} threads and cannot be forked")
+        self.count = count
+
+
+def fork(*, keep_random: bool = False) -> int:
+    """Fork this process; 0 in the copy, else the copy's process id.
+
+    With `keep_random` the copy goes on with the stream of `random` where its original stands; Python seeds it anew
+    otherwise. Raises `SeveralThreadsError`, and `OSError` if the system refuses.
+    """
+    count = thread_count()
+    if count != 1:
+        raise SeveralThreadsError(count)
+    state = random.getstate() if keep_random else None
+    pid = os.fork()
+    if pid == 0 and state is not None:
+        random.setstate(state)
+    return pid
+
+
+def run_in_fork(work: Callable[[], bytes]) -> bytes:
+    """The bytes that `work` returns in a copy of this process; empty if it raises.
+
+    Other threads are no obstacle here: the work must take no lock that one of them may hold.
+    """
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.write(write, work())
+        finally:
+            os._exit(0)  # no shutdown of the interpreter, which is the original's
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        answer = pipe.read()
+    os.waitpid(child, 0)
+    return answer
+
+
+def thread_count() -> int:
+    """The number of threads of this process, those of compiled libraries included."""
+    return len(list(Path("/proc/self/task").iterdir()))
+
+
+def set_parent_death_signal(parent: int, number: signal.Signals) -> bool:
+    """Have the kernel send this process a signal when the thread that started it ends.
+
+    False if the process `parent` has ended already: then no signal comes.
+    """
+    _prctl(_PR_SET_PDEATHSIG, number)
+    return os.getppid() == parent  # looked up afterwards: the parent may have ended before the call
+
+
+def end_with_parent(parent: int, number: signal.Signals = signal.SIGKILL) -> None:
+    """As `set_parent_death_signal`; this process ends at once if its parent has ended already."""
+    if not set_parent_death_signal(parent, number):
+        os._exit(0)
+
+
+def adopt_orphans(wanted: bool = True) -> None:
+    """Have the kernel make this process the parent of each process below it that loses its own, or no longer."""
+    _prctl(_PR_SET_CHILD_SUBREAPER, int(wanted))
+
+
+def adopts_orphans() -> bool:
+    """True if `adopt_orphans` holds for this process."""
+    value = ctypes.c_int()
+    _prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(value))
+    return bool(value.value)
+
+
+def _prctl(option: int, argument: object) -> None:
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:
+        prctl(option, argument, 0, 0, 0)
+
+
+__all__ = [
+    "SeveralThreadsError", "adopt_orphans", "adopts_orphans", "end_with_parent", "fork", "run_in_fork",
+    "set_parent_death_signal", "thread_count",
+]  # fmt: skip
