@@ -14,6 +14,7 @@ import sys
 import threading
 from collections.abc import Callable
 
+from lingjing.processes.descendants import end_children
 from lingjing.processes.linux import adopt_orphans, end_with_parent
 
 
@@ -41,7 +42,7 @@ def main(descriptor: int, name: str, value: str) -> None:
 
         trial = Trial(f"does not load: {one_line(error)}")
     if os.getpid() == myself:  # and no copy that the plug-in has forked
-        _end_children()
+        end_children(set())  # also those in sessions of their own
         os.write(descriptor, msgspec.json.encode(trial))
     os._exit(0)
 
@@ -55,20 +56,6 @@ def _left_behind() -> str:
             pass
         return "leaves a process running"
     return ""
-
-
-def _end_children() -> None:
-    """Kill what the plug-in has started, also in a session of its own."""
-    with contextlib.suppress(OSError):
-        while doomed := _children():
-            for child in doomed:
-                os.kill(child, signal.SIGKILL)
-                os.waitpid(child, 0)
-
-
-def _children() -> list[int]:
-    with open("/proc/thread-self/children", encoding="ascii") as listed:  # noqa: PTH123 - this thread alone is left
-        return [int(child) for child in listed.read().split()]
 
 
 def _failed_hooks(name: str, value: str, enter: Callable[[str], None]) -> dict[str, str]:
