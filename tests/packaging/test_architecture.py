@@ -68,28 +68,3 @@ def test_a_package_names_all_its_modules(package: Path) -> None:
     modules = {path.stem for path in package.glob("*.py")} - {"__init__", "__main__"}
     modules |= {path.parent.name for path in package.glob("*/__init__.py")}
     assert not modules - named
-
-
-def _public_names(path: Path) -> list[str]:
-    """The classes of a module at any depth, and its type aliases, that are not private."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    classes = [node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
-    aliases = [
-        node.targets[0].id
-        for node in tree.body
-        if isinstance(node, ast.Assign)
-        and isinstance(node.targets[0], ast.Name)
-        and isinstance(node.value, (ast.Subscript, ast.BinOp, ast.Name, ast.Attribute))
-        and re.fullmatch("[A-Z]+[a-z]\\w*", node.targets[0].id)
-    ]
-    return [name for name in (*classes, *aliases) if not name.startswith("_")]
-
-
-def test_a_class_or_alias_means_one_thing_in_the_whole_tree():
-    places: dict[str, list[str]] = {}
-    for folder in (*PACKAGES, ROOT / "tools", ROOT / "benchmarks"):
-        for path in folder.glob("*.py"):
-            for name in _public_names(path):
-                places.setdefault(name, []).append(str(path.relative_to(ROOT)))
-    assert len(places) > 800, "the packages were not read"
-    assert {name: where for name, where in places.items() if len(where) > 1} == {}
