@@ -4,7 +4,8 @@ The tree is the pipeline: `dsl` (text → mission) → `mission` (the typed grap
 contract) and `engines` → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means). `viewer` shows
 an episode in a browser or as a film. `play` plays one episode, `bench` many, `report` draws the figures of them,
 `causal` runs traces again, `envs` makes learning environments of missions; `cli` is the command line, `lsp` the
-language server. `processes` starts, forks and ends processes. Shared by all: `errors` (the exceptions), `validation` (what pydantic found, in words),
+language server. `processes` starts, forks and ends processes. Shared by all: `errors` (the exceptions), `validation`
+(the faults that pydantic finds, in words),
 `option_reading` (options read by their models), `option_listing` (options as people read them), `suggest`
 (did-you-mean), `collector` (the garbage collector at rest), `data` (where shipped files are), `installation` (the
 distributions' names, and what their extras bring), `installed_plugins` (those of other distributions, tried before they
