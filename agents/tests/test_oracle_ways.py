@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise, permutations
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lingjing_agents.capability import walks
+from lingjing_agents.ground_plane import between, inside
 from lingjing_agents.oracle import deliveries
-from lingjing_agents.oracle.privileged_state import PrivilegedState
+from lingjing_agents.oracle.dogs import DogPath
+from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.paths.clearance_paths import NARROW_M, find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
+from msgspec.structs import replace
 
+from lingjing.dsl.loading.load import templates_beside
+from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.instance import ArgumentSpec, VerbSpec
+from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds_format import VerbMotion
+from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import BodyState
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap
@@ -126,3 +134,21 @@ def test_a_stock_is_not_taken_for_one_whose_name_begins_alike():
     assert PrivilegedState.stock(truth, "van", "load") == 4.0
     assert PrivilegedState.stock(truth, "van", "load_reserve") == 9.0
     assert PrivilegedState.stock(truth, "van", "reserve") == 0.0
+
+
+def test_a_dog_outside_of_the_wall_goes_in_by_the_gate():
+    """It begins north of the walled compound, nearer to the wall beside its target than to the gate."""
+    instance = instantiate(templates_beside(Path("nowhere"))("vdn"), seed=1)
+    start = (-69.0, 221.0)
+    bodies = tuple(replace(one, position=(*start, 0.5)) if one.id == "dog" else one for one in instance.entities)
+    instance, city = CityBuilder(PluginHost()).place(replace(instance, entities=bodies), imported=True)
+    plan = InstanceIndex(instance)
+    (task,) = plan.tasks
+    truth = SimpleNamespace(known=SimpleNamespace(city=city), place=lambda name: plan.entities[name].position[:2])
+    path = DogPath(plan.entities["dog"], plan)
+    way = path._way(truth, task, start, truth.place("home"))
+    compound = next(region for region in instance.regions if region.name == "compound")
+    assert inside(compound.polygon, way[-1]) and math.dist(way[-1], truth.place("home")) <= task.within_m
+    gate = next(region for region in instance.regions if region.name == "gate")
+    points = [between(a, b, k / 200.0) for a, b in pairwise([start, *way]) for k in range(201)]
+    assert any(inside(gate.polygon, point) for point in points)

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from msgspec.structs import asdict
 
 from lingjing.mission.certain import Knowledge, known, truth
-from lingjing.mission.expression import Expr, Ref
+from lingjing.mission.expression import Binary, Expr, Quantified, Ref, conjuncts
 from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Performed
 from lingjing.mission.feasibility.outline import Outline, of_instance
-from lingjing.mission.instance import Entity, Instance, InteractionSpec
+from lingjing.mission.instance import Entity, Instance, InteractionSpec, Region
 from lingjing.mission.intervals import exactly
 from lingjing.mission.values import Value
 
@@ -116,6 +116,20 @@ def _passed_over(outline: Outline) -> frozenset[tuple[str, str]]:
             kept = meant(rule.condition, parameter.name, members, instance) if done else members
             found.update((kind, entity.id) for kind in done for entity in members if entity not in kept)
     return frozenset(found)
+
+
+def entry_regions(task: Task, instance: Instance) -> tuple[Region, ...]:
+    """The regions that a body must be in before a task can be done: what unlocks it says so."""
+    conditions = [unlock.condition for unlock in instance.unlocks if unlock.interaction == task.name]
+    bodies = [one.body if isinstance(one, Quantified) else one for one in conditions]
+    names = {
+        part.right.name
+        for body in bodies
+        for part in conjuncts(body)
+        if isinstance(part, Binary) and part.operator == "in"
+        if isinstance(part.right, Ref) and part.right.kind == "region"
+    }
+    return tuple(region for region in instance.regions if region.name in names)
 
 
 def reported(instance: Instance) -> dict[str, str]:

@@ -6,10 +6,10 @@ import math
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import DEAD, PHOTO, Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
-from lingjing.plugins.tasks import Task
+from lingjing.plugins.tasks import Task, entry_regions
 from lingjing.plugins.terrain import ObstacleMap, obstacle_map
 from lingjing_agents.capability import first_argument_bounds, walks
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m, inside
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
@@ -28,6 +28,8 @@ AIMED_DEG = 12.0
 _LOOKS = 3
 _FINEST_DEG, _COARSEST_DEG, _STRAY_M = 1.6, 12.0, 0.4
 _GAINED_M = 0.3
+_WITHIN_M = 1.0
+"""A dog stops so far behind the rim of a region that it must be in."""
 
 
 class DogPath:
@@ -40,6 +42,8 @@ class DogPath:
         self._goal = ""
         self._shut: list[GroundPoint] = []
         self._last: tuple[GroundPoint, float] | None = None
+        self._inner_m: dict[str, float] = {}
+        self._beyond: list[GroundPoint] = []
 
     def task(self, truth: PrivilegedState) -> Task | None:
         """What this dog goes to."""
@@ -61,16 +65,44 @@ class DogPath:
     def step(self, truth: PrivilegedState, task: Task) -> tuple[str, float] | None:
         """`left` or `right` and degrees, or `forward` and metres; None where it is near enough."""
         here, goal = truth.place(self.dog.id), truth.place(task.target)
-        near = max(0.6 * task.within_m, task.within_m - 4.0)
-        if math.dist(here, goal) <= near + 0.3:
+        near = self._near_m(task)
+        if math.dist(here, goal) <= near + 0.3 and (task.target in self._inner_m or not self._is_outside(task, here)):
             return None
         self._look_back(truth, here)
         if self._goal != task.target or not self._path:
             self._goal = task.target
-            self._path = self._find(truth, here, goal, near) or [goal]
+            self._path = self._way(truth, task, here, goal)
         while len(self._path) > 1 and math.dist(here, self._path[0]) <= REACHED_M:
             self._path.pop(0)
         return self._towards(truth, here, self._path[0])
+
+    def _near_m(self, task: Task) -> float:
+        """How near to its target the dog goes, metres."""
+        return self._inner_m.get(task.target, max(0.6 * task.within_m, task.within_m - 4.0))
+
+    def _way(self, truth: PrivilegedState, task: Task, here: GroundPoint, goal: GroundPoint) -> list[GroundPoint]:
+        """The way to where the task can be done. One that ends near the target, and outside of a region where the dog
+        must be (on the other side of its wall), is replaced by one into the region."""
+        path = self._find(truth, here, goal, self._near_m(task))
+        if task.target not in self._inner_m and self._is_outside(task, path[-1] if path else here):
+            self._inner_m[task.target] = min(self._near_m(task), self._depth_m(task, goal))
+            rims = [region.polygon for region in entry_regions(task, self._plan.instance)]
+            self._beyond = [corner for rim in rims for corner in rim]
+            self._map = None
+            path = self._find(truth, here, goal, self._near_m(task))
+        return path or [goal]
+
+    def _is_outside(self, task: Task, here: GroundPoint) -> bool:
+        """True if a place is outside of a region where the dog must be for its task."""
+        return any(not inside(region.polygon, here) for region in entry_regions(task, self._plan.instance))
+
+    def _depth_m(self, task: Task, goal: GroundPoint) -> float:
+        """How near to the target the dog is surely within those regions, metres; 0 where the target is not."""
+        rims = [region.polygon for region in entry_regions(task, self._plan.instance)]
+        if not all(inside(rim, goal) for rim in rims):
+            return 0.0
+        edges = (pair for rim in rims for pair in zip(rim, (*rim[1:], rim[0]), strict=True))
+        return max(min(distance_to_segment_m(goal, *edge) for edge in edges) - _WITHIN_M, 0.0)
 
     def _towards(self, truth: PrivilegedState, here: GroundPoint, there: GroundPoint) -> tuple[str, float] | None:
         length = math.dist(here, there)
@@ -121,8 +153,8 @@ class DogPath:
         if truth.known.city is None:
             return None
         if self._map is None or self._map[0] != goal:
-            west, east = sorted((here[0], goal[0]))
-            south, north = sorted((here[1], goal[1]))
+            eastings, northings = zip(here, goal, *self._beyond, strict=True)
+            west, east, south, north = min(eastings), max(eastings), min(northings), max(northings)
             bounds = west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
             self._map = goal, obstacle_map(truth.known.city, bounds)
         return self._map[1]
