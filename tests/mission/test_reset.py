@@ -191,13 +191,19 @@ def test_targets_that_the_template_places_are_noted(ssr: m.Mission) -> None:
         for edit, note in (
             (lambda s: state(s).update(rescuePersonPosition=[]), "rescuePersonPosition: is empty; the template places"),
             (lambda s: state(s).pop("rescuePersonPosition"), "initial_state: says nothing of 'victim'; the template"),
-            (
-                lambda s: state(s).update(goalDelPosition=state(s).pop("rescuePersonPosition")),
-                "initial_state: says nothing of 'victim'; the template",
-            ),
         ):
             text = edited(lambda s, edit=edit: (s.update(taskType="ssr"), edit(s)))
             assert sum(note in line for line in read(template, text)[1]) == 1
+
+
+def test_places_that_the_mission_has_nothing_for_are_no_silent_loss(ssr: m.Mission) -> None:
+    def swap(scenario: dict[str, Any]) -> None:
+        state(scenario)["goalDelPosition"] = state(scenario).pop("rescuePersonPosition")
+
+    with pytest.raises(MissionError, match="mission 'ssr' has no delivery_point or delivery_door; its 1 would be drop"):
+        read(ssr, edited(lambda s: (s.update(taskType="ssr"), swap(s))))
+    _, notes = read(ssr, edited(lambda s: (s.update(lingjing={"mission": "ssr"}), swap(s))))
+    assert any("has no delivery_point or delivery_door; 1 kept, not played" in note for note in notes)
 
 
 def test_weather_changes_only_where_it_contradicts(ssr: m.Mission) -> None:

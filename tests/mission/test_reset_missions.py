@@ -301,7 +301,7 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
     goal = {"lon": longitude, "lat": latitude, "alt": 2.0}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=goal)))
     assert targets(instantiate(mission), "home") == [pytest.approx((150.0, 20.0, 2.0), abs=1e-3)]
-    assert len(notes) == 1
+    assert len(notes) == 2 and "taken to lie at the template's 31, 121.5" in notes[1]
     both = {"X": 15_000.0, "Y": -2_500.0, **goal}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=both)))
     assert targets(instantiate(mission), "home") == [(150.0, 25.0, 2.0)]
@@ -314,8 +314,8 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
         ("cr", lambda s: state(s).update(congestionLevel="heavy"), "'congestionLevel' not understood and kept"),
         ("cr", lambda s: state(s).update(congestion="heavy"), "congestion: is no list of places; not understood and"),
         ("upr", lambda s: state(s).update(leak=3.0), "leak: is no list of places"),
-        ("upr", lambda s: state(s).update(leak={"X": 0.0, "Y": 0.0}), "'leak' is given by $.scenario"),
-        ("ufr", lambda s: (s.update(taskType="ufr"), state(s).update(leak={"X": 0.0, "Y": 0.0})),
+        ("upr", lambda s: state(s).update(leak=state(s)["leakPosition"]), "'leak' is given by $.scenario"),
+        ("ufr", lambda s: (s.update(lingjing={"mission": "ufr"}), state(s).update(leak={"X": 0.0, "Y": 0.0})),
          "mission 'ufr' has no pipeline_leak; 1 kept, not played"),
         ("ufr", lambda s: (s.update(taskType="ufr"), _moved("goalFirePosition", "goalPosition")(s)),
          "goalPosition: taken for 'fire', the only hidden target of mission 'ufr'"),
@@ -466,10 +466,12 @@ def test_a_field_with_places_wins_over_an_empty_one_and_two_are_noted(nine: Nine
     mission, notes = read(nine, foreign(nine, "ufr", split))
     assert places(instantiate(mission)) == places(instantiate(nine["ufr"], seed=1))
     assert not any("kept" in note for note in notes)
-    spots = [{"X": 0.0, "Y": 0.0}]
-    _, notes = read(nine, foreign(nine, "ufr", lambda s: state(s).update(fire_spots=spots)))
     where = "$.scenario.taskMatrix[0].initial_state"
-    assert f"{where}.fire_spots: 'fire' is given by {where}.goalFirePosition; 1 kept, not played" in notes
+    text = foreign(nine, "ufr", lambda s: state(s).update(fire_spots=state(s)["goalFirePosition"][:1]))
+    assert f"{where}.fire_spots: 'fire' is given by {where}.goalFirePosition; 1 kept, not played" in read(nine, text)[1]
+    spots = [{"X": 0.0, "Y": 0.0}]
+    with pytest.raises(MissionError, match=r"'fire' is given by .*goalFirePosition; its 1 would be dropped"):
+        read(nine, foreign(nine, "ufr", lambda s: state(s).update(fire_spots=spots)))
 
 
 def test_the_search_area_of_other_missions(nine: Nine) -> None:

@@ -80,18 +80,26 @@ class Parsed:
 
     def holders(self) -> tuple[tuple[Mapping[str, Any], str], ...]:
         """The objects that may hold hidden places, and their JSON paths: initial state, task, scenario."""
+        return *self._row_holders(0), (self.raw, self.path)
+
+    def later_holders(self) -> Iterator[tuple[Mapping[str, Any], str]]:
+        """Initial state and task of every row after the first, and their JSON paths."""
+        for k in range(1, len(self.scenario.task_matrix)):
+            yield from self._row_holders(k)
+
+    def _row_holders(self, index: int) -> tuple[tuple[Mapping[str, Any], str], tuple[Mapping[str, Any], str]]:
         rows = self.raw.get("taskMatrix")
-        task = rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], dict) else {}
+        task = rows[index] if isinstance(rows, list) and len(rows) > index and isinstance(rows[index], dict) else {}
         state = task.get("initial_state")
         inner: Mapping[str, Any] = state if isinstance(state, dict) else {}
-        state_path = f"{self.task_path}.{self.spelt.key(task, 'initial_state')}"
-        return (inner, state_path), (task, self.task_path), (self.raw, self.path)
+        path = f"{self.at('taskMatrix')}[{index}]"
+        return (inner, f"{path}.{self.spelt.key(task, 'initial_state')}"), (task, path)
 
-    def rows(self) -> Iterator[tuple[DocumentPart, Mapping[str, Any], str]]:
-        """The scenario and its task: shape, values, JSON path."""
-        _, (task, task_path), (scenario, path) = self.holders()
-        yield self.scenario, scenario, path
-        yield self.task, task, task_path
+    def typed_holders(self) -> Iterator[tuple[Mapping[str, Any], str]]:
+        """The objects that may name a task type, and their JSON paths: the scenario and every row."""
+        yield self.raw, self.path
+        for k in range(len(self.scenario.task_matrix)):
+            yield self._row_holders(k)[1]
 
     def fault(self, where: str, message: str, hint: str) -> MissionError:
         """The error that ends the reading at a JSON path of this document, with all faults found before."""

@@ -8,8 +8,8 @@ and digits alone. What is neither a list nor an object is a fault, except under 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from lingjing.mission.faults import kind_of
@@ -97,7 +97,8 @@ REMARKS = frozenset({
 PENDING = ("pending", "tbd", "tobe", "unknown", "later", "notset", "notready", "unset", "undefined", "none", "待", "未")
 """Words, folded, by which a value without coordinates says that its place is not known yet."""
 
-_REMARK_KEYS = frozenset({"status", "state", "note", "remark", "comment", "description", "状态", "备注", "说明"})
+_STATUS_KEYS = frozenset({"status", "state", "状态"})
+_REMARK_KEYS = _STATUS_KEYS | {"note", "remark", "comment", "description", "备注", "说明"}
 
 _COORDINATES = frozenset({
     "x", "y", "z", "lon", "lng", "long", "longitude", "lat", "latitude", "alt", "altitude", "经度", "纬度", "海拔",
@@ -122,6 +123,21 @@ class Found:
         """JSON path of one entry."""
         return self.paths[index]
 
+    def extended(self, other: Found) -> Found:
+        """The field with the entries of another one, without those that repeat one of its own."""
+        new = [k for k, entry in enumerate(other.targets) if not any(_is_same(entry, one) for one in self.targets)]
+        targets = (*self.targets, *(other.targets[k] for k in new))
+        return replace(self, targets=targets, paths=(*self.paths, *(other.paths[k] for k in new)))
+
+    def repeats(self, other: Found) -> bool:
+        """True if every entry of this field is one of the other field's."""
+        return all(any(_is_same(entry, one) for one in other.targets) for entry in self.targets)
+
+
+def _is_same(one: HiddenPlace, other: HiddenPlace) -> bool:
+    """True if two entries lie at one place and no id tells them apart."""
+    return one.place.spot == other.place.spot and (not one.key or not other.key or one.key == other.key)
+
 
 def field_of(key: str) -> HiddenField | None:
     """The kind of hidden field a key spells, or None."""
@@ -130,11 +146,19 @@ def field_of(key: str) -> HiddenField | None:
 
 
 def hidden_fields(parsed: Parsed) -> tuple[Found, ...]:
-    """Every hidden field of the document, empty ones too, in the order of `FIELDS`.
+    """Every hidden field of the document, empty ones too, in the order of `FIELDS`. Those of the rows after the first
+    are added to the same kind of field of the first; what repeats a place counts once.
 
     `MissionError` for an entry that is no place by its types.
     """
     found = [one for holder, path in parsed.holders() for one in _found(holder, path, parsed)]
+    for holder, path in parsed.later_holders():
+        for later in _found(holder, path, parsed):
+            same = next((k for k, one in enumerate(found) if one.field is later.field and one.targets), None)
+            if same is None:
+                found.append(later)
+            else:
+                found[same] = found[same].extended(later)
     return tuple(sorted(found, key=lambda one: FIELDS.index(one.field)))
 
 
@@ -164,22 +188,31 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
 
 
 def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tuple[list[str], list[Any]]:
-    """The entries without those that say that their place comes later, which are noted."""
-    later = [isinstance(item, dict) and is_pending(item) for item in items]
+    """The entries without those that hold nothing or say that their place comes later, which are noted."""
+    absent = [item == {} or (isinstance(item, dict) and is_pending(item)) for item in items]
     parsed.notes.extend(
-        f"{path}: has no place yet ({_words(item)}); taken as absent"
-        for path, item, absent in zip(paths, items, later, strict=True)
-        if absent
+        f"{path}: has no place yet ({_words(item) or 'it holds nothing'}); taken as absent"
+        for path, item, is_absent in zip(paths, items, absent, strict=True)
+        if is_absent
     )
-    kept = [k for k, absent in enumerate(later) if not absent]
+    kept = [k for k, is_absent in enumerate(absent) if not is_absent]
     return [paths[k] for k in kept], [items[k] for k in kept]
 
 
 def is_pending(item: Mapping[str, Any]) -> bool:
-    """True if an entry has no coordinates and says that it will have some."""
+    """True if an entry has no coordinates and says that it will have some, or has a `status` of that kind beside
+    coordinates that are all 0, which stand in for none."""
     inner = [one for one in item.values() if isinstance(one, Mapping)]
-    keys = {folded(key) for holder in (item, *inner) for key in holder}
-    return not keys & _COORDINATES and any(word in folded(said) for said in _texts(item) for word in PENDING)
+    pairs = [(folded(key), value) for holder in (item, *inner) for key, value in holder.items()]
+    coordinates = [value for key, value in pairs if key in _COORDINATES]
+    if not coordinates:
+        return _comes_later(_texts(item))
+    stand_in = all(isinstance(value, int | float) and value == 0 for value in coordinates)
+    return stand_in and _comes_later(v for key, v in pairs if key in _STATUS_KEYS and isinstance(v, str))
+
+
+def _comes_later(texts: Iterable[str]) -> bool:
+    return any(word in folded(text) for text in texts for word in PENDING)
 
 
 def _texts(item: Mapping[str, Any]) -> Iterator[str]:

@@ -21,19 +21,16 @@ from lingjing.mission.reset.unit import (
     CENTIMETRE_M,
     CROWDED_M,
     METRE_M,
-    SYSTEM,
     WIDEST_M,
     bodies_of,
+    note_system,
     stated_fault,
-    system_is_understood,
     unit_of,
 )
 
 FAR_M = 20_000.0
 """A scene is a few kilometres wide: what lies farther off is noted, and degrees farther off give the origin."""
 
-UNTIED_M = 100_000.0
-"""Degrees farther from the template's origin have nothing to do with lengths that are given from that origin."""
 
 NULL_ISLAND_DEG = 0.1
 """Degrees nearer to 0, 0 are taken from X = Y = 0: no mission of this project lies in the Gulf of Guinea."""
@@ -45,6 +42,7 @@ hidden places (a building is 400 m high), of UAVs alone and of what else flies. 
 height."""
 
 ON_THE_GROUND = ("quadruped", "road", "vessel")
+FLYING = ("multirotor", "plane")
 
 
 class DocumentFrame(msgspec.Struct, frozen=True):
@@ -98,11 +96,10 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
     """The frame of a document whose template has its origin at `origin`."""
     on_ground, hidden, flying = _places(parsed, found)
     every = [*hidden, *on_ground, *flying]
-    if (fault := stated_fault(parsed)) is not None:
+    if (fault := stated_fault(parsed, every)) is not None:
         parsed.faults.append(fault)
     unit_m = unit_of(parsed, every)
-    if system_is_understood(parsed):
-        parsed.understood.add(SYSTEM)
+    note_system(parsed)
     planar = unit_m == METRE_M and _are_planar(parsed, every)
     frame = DocumentFrame(origin, unit_m=unit_m, planar=planar)
     frame = _with_origin(parsed, every, frame)
@@ -132,6 +129,7 @@ def _with_origin(parsed: Parsed, every: Sequence[Coordinates], frame: DocumentFr
     if worked_out is None:
         fault = _untied(parsed, every, frame.origin)
         if fault is None or parsed.faults:  # places that are none may only seem to be elsewhere
+            _note_tie(parsed, every, frame)
             return frame
         parsed.faults.append(fault)
         return msgspec.structs.replace(frame, untied=True)
@@ -140,6 +138,17 @@ def _with_origin(parsed: Parsed, every: Sequence[Coordinates], frame: DocumentFr
         'document\'s degrees lie; "lingjing": {"origin": [latitude, longitude]} would say'
     )
     return msgspec.structs.replace(frame, origin=worked_out)
+
+
+def _note_tie(parsed: Parsed, every: Sequence[Coordinates], frame: DocumentFrame) -> None:
+    """Note that some places are in degrees and some in X and Y, and that the template's origin ties the two."""
+    pairs = _degrees(every)
+    if pairs and len(pairs) < len(every):
+        latitude, longitude = frame.origin
+        parsed.notes.append(
+            f"{parsed.path}: X = Y = 0 is taken to lie at the template's {latitude:g}, {longitude:g}, near the "
+            'document\'s degrees; "lingjing": {"origin": [latitude, longitude]} would say'
+        )
 
 
 def untied_fault(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]) -> Fault | None:
@@ -210,7 +219,7 @@ def _untied(parsed: Parsed, places: Sequence[Coordinates], origin: tuple[float, 
     pairs = _degrees(places)
     if not pairs or len(pairs) == len(places):
         return None
-    if min(max(map(abs, frames.from_geodetic(*pair, origin))) for pair in pairs) <= UNTIED_M:
+    if min(max(map(abs, frames.from_geodetic(*pair, origin))) for pair in pairs) <= FAR_M:
         return None
     named = {id(body.data): body.path for body in bodies_of(parsed)}
     lengths = next((named.get(id(one), parsed.state_path) for one in places if one.x is not None), parsed.path)

@@ -17,7 +17,15 @@ from lingjing.mission.instantiate import parameters, scene_spec
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
-from lingjing.mission.reset.frame import FAR_M, GROUND_HIGH_M, HIDDEN_HIGH_M, LOW_M, ON_THE_GROUND, DocumentFrame
+from lingjing.mission.reset.frame import (
+    FAR_M,
+    FLYING,
+    GROUND_HIGH_M,
+    HIDDEN_HIGH_M,
+    LOW_M,
+    ON_THE_GROUND,
+    DocumentFrame,
+)
 from lingjing.mission.reset.shapes import Coordinates, Equipment, HiddenPlace, Satellite
 from lingjing.mission.reset.template import fleet_of
 
@@ -98,6 +106,8 @@ def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: P
     if distance > FAR_M:
         latitude, longitude = frame.origin
         yield f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
+    if not above and group.engine in FLYING:
+        yield f"{spot.path}: gives no height (Z or alt); it begins on what is there"
     high_m = GROUND_HIGH_M if group.engine in ON_THE_GROUND else HIDDEN_HIGH_M
     if above and not LOW_M <= above[0] <= high_m and not engine_kind(group.engine).anywhere:
         yield (

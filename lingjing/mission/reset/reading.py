@@ -27,9 +27,10 @@ from lingjing.mission.reset.frame import DocumentFrame, frame_of, untied_fault
 from lingjing.mission.reset.groups import Spot, draw_of, filled, origin_of, plays, point, with_default, world
 from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.repair import followed
-from lingjing.mission.reset.row_goals import GOALS, goal_text, row_goals, unplayed_places
+from lingjing.mission.reset.row_goals import GOALS, goal_text, has_later_places, owners_of, row_goals
 from lingjing.mission.reset.scene_fit import fitted_template
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, folded
+from lingjing.mission.reset.starts import note_starts
 from lingjing.mission.reset.targets import PERSONS, targeted
 from lingjing.mission.reset.template import FREE, fleet_of, template_name
 from lingjing.mission.reset.unit import METRE_M
@@ -76,6 +77,7 @@ def instantiate_document(
     template, mission = _placed(template, parsed, found, goals.order if goals else ())
     if parsed.faults:
         raise document_error(path, followed(parsed.faults, first, parsed.task_path))
+    note_starts(parsed)
     parsed.notes.extend(leftovers(text, parsed, found))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     draws: dict[str, ex.Expr] = {
@@ -205,17 +207,23 @@ def _collaborating(template: model.Mission, parsed: Parsed) -> model.Mission:
 def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """Title, goal and weather."""
     state = parsed.task.initial_state
+    rows = len(parsed.scenario.task_matrix)
+    shared = rows > 1 and has_later_places(parsed)
     own = mission.name == GOALS
-    mission = _bounded(mission, parsed) if own or mission.name in dict(FREE) else mission
-    if len(parsed.scenario.task_matrix) > 1 and not own:
-        rows, others = len(parsed.scenario.task_matrix), unplayed_places(parsed)
-        beside = f"; {others} hidden places of the others are kept, not played" if others else ""
+    if own or mission.name in dict(FREE):
+        mission = _bounded(mission, parsed)
+    else:
+        _note_steps(mission, parsed)
+    if rows > 1 and not own:
+        beside = ", with the hidden places of the others" if shared else ""
         parsed.notes.append(f"{parsed.at('taskMatrix')}: the first of {rows} rows is played{beside}")
+    if shared and not own:
+        _note_owners(mission, parsed)
     mission = _at_height(mission, parsed)
     return msgspec.structs.replace(
         mission,
         title=parsed.scenario.scene_name or mission.title,
-        goal=(goal_text(parsed) if own else parsed.task.goal) or mission.goal,
+        goal=(goal_text(parsed) if own or shared else parsed.task.goal) or mission.goal,
         weather=_weather(mission.weather, state.weather, parsed.in_state("weather"), parsed),
     )
 
@@ -223,13 +231,41 @@ def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
 _MAX_STEPS, _STEPS_MOST = "max_steps", 10_000
 
 
+def _max_steps(parsed: Parsed) -> tuple[str, object]:
+    """The document's `max_steps` and its JSON path; "" where it has none."""
+    for holder, path in parsed.holders():
+        for key, value in holder.items():
+            if folded(key) == folded(_MAX_STEPS):
+                parsed.understood.add(folded(key))
+                return f"{path}.{key}", value
+    return "", None
+
+
+def _note_steps(mission: model.Mission, parsed: Parsed) -> None:
+    """Note that a template's own budget counts, whose ticks are as long as its actions need."""
+    where, steps = _max_steps(parsed)
+    if where:
+        parsed.notes.append(
+            f"{where}: {steps!r} is kept; the budget of mission '{mission.name}' counts, whose ticks are its own"
+        )
+
+
+def _note_owners(mission: model.Mission, parsed: Parsed) -> None:
+    """Note that rows name whose their places are, and the mission lets any of its agents deal with them."""
+    owners = owners_of(parsed)
+    if len(owners) > 1:
+        said = ", ".join(f"'{one}'" for one in owners)
+        parsed.notes.append(
+            f"{parsed.at('taskMatrix')}: the rows are of {said}; mission '{mission.name}' lets any of them deal with "
+            "each place"
+        )
+
+
 def _bounded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """The mission with the document's `max_steps` as its budget of ticks."""
-    held = ((path, holder) for holder, path in parsed.holders())
-    where, steps = next(((f"{path}.{_MAX_STEPS}", one[_MAX_STEPS]) for path, one in held if _MAX_STEPS in one), ("", 0))
+    where, steps = _max_steps(parsed)
     if not where:
         return mission
-    parsed.understood.add(folded(_MAX_STEPS))
     if not isinstance(steps, int) or isinstance(steps, bool) or not 1 <= steps <= _STEPS_MOST:
         parsed.notes.append(
             f"{where}: is no number of ticks from 1 to {_STEPS_MOST}; kept, the template's budget stands"

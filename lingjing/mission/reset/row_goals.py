@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from lingjing.mission.reset.document import Parsed
-from lingjing.mission.reset.fields import FIELDS, REMARKS, Found, field_of, is_pending
+from lingjing.mission.reset.fields import FIELDS, Found, field_of, is_pending
 from lingjing.mission.reset.shapes import LISTS, Equipment, HiddenPlace, folded
 
 GOALS = "goals"
@@ -23,7 +23,10 @@ FIELD = next(field for field in FIELDS if field.name == "goalPosition")
 PLACES = (FIELD, *(field for field in FIELDS if field.name in ("deliveryPoints", "destinationPosition")))
 """The fields that may hold a goal."""
 
-_OWNER_KEYS = frozenset({"uavid", "droneid", "equipmentcode", "assignee", "uavname", "dronename"})
+_OWNER_KEYS = frozenset({
+    "uavid", "droneid", "equipmentcode", "assignee", "uavname", "dronename", "vehicleid", "carid", "dogid", "shipid",
+    "agentid", "robotid", "vehiclename", "carname", "dogname", "shipname",
+})  # fmt: skip
 
 
 class _Row(NamedTuple):
@@ -44,9 +47,12 @@ class RowGoals(NamedTuple):
 
 
 def has_row_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
-    """True if UAVs are all that is listed, and goals all that is hidden."""
+    """True if goals are all that is hidden, and UAVs all that is listed or each goal names its UAV."""
     listed = {one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute)}
-    return listed == {"multirotor"} and _only_goals(parsed, found) and next(_entries(parsed), None) is not None
+    if "multirotor" not in listed or not _only_goals(parsed, found):
+        return False
+    owners = [owner for _, _, _, owner in _entries(parsed)]
+    return bool(owners) and (listed == {"multirotor"} or all(_is_drone(owner, parsed) for owner in owners))
 
 
 def rows_with_goals(parsed: Parsed) -> int:
@@ -62,6 +68,8 @@ def row_goals(parsed: Parsed, found: Sequence[Found]) -> RowGoals | None:
     rows = [_Row(_place(parsed, item, path), path, goal, owner) for item, path, goal, owner in _entries(parsed)]
     if not rows:
         return None
+    if any(row.owner for row in rows):
+        parsed.understood.update(_OWNER_KEYS)
     owners = _owners(rows, drones, parsed)
     if owners is None:
         return None
@@ -77,16 +85,20 @@ def row_goals(parsed: Parsed, found: Sequence[Found]) -> RowGoals | None:
     return RowGoals(goals, (*(owner for owner, _ in ranked), *idle))
 
 
-def unplayed_places(parsed: Parsed) -> int:
-    """How many hidden places the rows after the first have."""
-    count = 0
-    rows = parsed.raw.get("taskMatrix")
-    for row in rows[1:] if isinstance(rows, list) else ():
-        state = row.get("initial_state") if isinstance(row, dict) else None
-        for holder in (state, row):
-            values = [one for key, one in holder.items() if field_of(key)] if isinstance(holder, dict) else []
-            count += sum(len(one) if isinstance(one, list) else isinstance(one, dict) for one in values)
-    return count
+def has_later_places(parsed: Parsed) -> bool:
+    """True if a row after the first holds a hidden place."""
+    return any(
+        field_of(key) and isinstance(value, dict | list) and value
+        for holder, _ in parsed.later_holders()
+        for key, value in holder.items()
+    )
+
+
+def owners_of(parsed: Parsed) -> tuple[str, ...]:
+    """What the rows name as whose their places are, each once."""
+    holders = (*parsed.holders()[:2], *parsed.later_holders())
+    named = (str(value) for holder, _ in holders for key, value in holder.items() if _names_owner(key) and value)
+    return tuple(dict.fromkeys(named))
 
 
 def goal_text(parsed: Parsed) -> str:
@@ -118,14 +130,19 @@ def _entries(parsed: Parsed) -> Iterator[tuple[Any, str, str, str]]:
             for key, value in holder.items():
                 if field_of(key) not in PLACES:
                     continue
-                if not isinstance(value, dict | list) and (k == 0 or folded(key) in REMARKS):
-                    continue  # a remark, or what the reader of the first row reports
+                if not isinstance(value, dict | list):
+                    continue  # a remark, or what the reader of hidden fields reports
                 items = value if isinstance(value, list) else [value]
                 paths = [f"{path}.{key}[{j}]" for j in range(len(items))] if items is value else [f"{path}.{key}"]
                 words = (str(row.get("goal", "")), owner) if len(items) == 1 else ("", "")
                 for item, at in zip(items, paths, strict=True):
-                    if not (isinstance(item, dict) and is_pending(item)):
+                    if item != {} and not (isinstance(item, dict) and is_pending(item)):
                         yield item, at, *words
+
+
+def _is_drone(owner: str, parsed: Parsed) -> bool:
+    drones = parsed.scenario.equipment_list.drone_entity_list
+    return any(owner == word for one in drones for word in (one.name, one.code) if word)
 
 
 def _names_owner(key: str) -> bool:
@@ -133,9 +150,11 @@ def _names_owner(key: str) -> bool:
 
 
 def _place(parsed: Parsed, item: Any, path: str) -> HiddenPlace:
-    before = len(parsed.spelt.faults)
+    before, spelt_before = len(parsed.faults), len(parsed.spelt.faults)
     place = parsed.converted(parsed.spelt.unify(item, HiddenPlace, path), HiddenPlace, path)
-    parsed.faults.extend(fault for fault in parsed.spelt.faults[before:] if fault not in parsed.faults)
+    new = [*parsed.faults[before:], *parsed.spelt.faults[spelt_before:]]
+    del parsed.faults[before:]  # the reader of hidden fields has reported most of them
+    parsed.faults.extend(fault for fault in new if fault not in parsed.faults)
     return place
 
 

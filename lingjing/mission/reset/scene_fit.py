@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
@@ -23,6 +23,8 @@ from lingjing.mission.instance import Entity, Instance, SceneSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import LINE_MOST_M, builtin_scenes, engine_kind, extent_m
 from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.row_goals import GOALS
+from lingjing.mission.reset.template import FREE
 
 MARGIN_M = 60.0
 """The built-up square reaches this far beyond what is placed, so that a street and a roof are near it."""
@@ -95,12 +97,15 @@ def fitted_template(template: model.Mission, mission: model.Mission, parsed: Par
     most = kind.options["extent"].high
     farthest = max(map(abs, square.centre)) + square.extent_m / 2.0
     if (most is not None and square.extent_m > most) or farthest > LINE_MOST_M:
+        widest = f"at most {most:g} m wide and within {LINE_MOST_M:g} m of X = Y = 0"
+        parsed.notes.append(f"{_said(parsed, box, template)} cannot reach them: it is {widest}")
         return None
+    longer = _lengthened(template, square.extent_m / (extent_m(plain.scene) or square.extent_m))
     parsed.notes.append(
         f"{_said(parsed, box, template)} is {square.extent_m:g} m wide and put around "
-        f"({square.centre[0]:g} m, {square.centre[1]:g} m)"
+        f"({square.centre[0]:g} m, {square.centre[1]:g} m){_longer_in_words(template, longer)}"
     )
-    return _widened(carried(template, by), plain.scene, square)
+    return _widened(carried(longer, by), plain.scene, square)
 
 
 def carried(template: model.Mission, by: Vector2) -> model.Mission:
@@ -244,6 +249,30 @@ def _widened(template: model.Mission, scene: SceneSpec, square: _Square) -> mode
     grown = (square.extent_m - (extent_m(scene) or 0.0)) / 2.0
     regions = tuple(msgspec.structs.replace(region, shape=_grown(region.shape, grown)) for region in widened.regions)
     return msgspec.structs.replace(widened, regions=regions)
+
+
+def _lengthened(template: model.Mission, factor: float) -> model.Mission:
+    """The template with as many times the ticks, in whole and in each stage, as its square is wider: ways are longer.
+    Missions that are for documents of any width have a budget of their own."""
+    if template.name in (GOALS, *dict(FREE)):
+        return template
+    stages = tuple(msgspec.structs.replace(one, ticks=_multiplied(one.ticks, factor)) for one in template.stages)
+    budget = msgspec.structs.replace(template.budget, ticks=_multiplied(template.budget.ticks, factor))
+    return msgspec.structs.replace(template, stages=stages, budget=budget)
+
+
+E = TypeVar("E", bound=ex.Expr | None)
+
+
+def _multiplied(ticks: E, factor: float) -> E | ex.Number:
+    return ex.Number(float(math.ceil(ticks.value * factor - 1e-9))) if isinstance(ticks, ex.Number) else ticks
+
+
+def _longer_in_words(template: model.Mission, longer: model.Mission) -> str:
+    before, after = template.budget.ticks, longer.budget.ticks
+    if before == after or not isinstance(before, ex.Number) or not isinstance(after, ex.Number):
+        return ""
+    return f"; for its longer ways the budget of {before.value:g} ticks is {after.value:g}"
 
 
 def _grown(shape: ex.Expr, by_m: float) -> ex.Expr:

@@ -232,7 +232,7 @@ class Equipment(DocumentPart):
     equipment_code: Code = ""
     name: str = ""
     side: Free = ""
-    data: Data
+    data: Data = spelt("position", "location", "pose", default=...)
     heading: Degrees | None = None
     raw: Degrees | None = None
     yaw: Degrees | None = None

@@ -24,6 +24,7 @@ def targeted(
 ) -> model.Mission:
     """The mission with its targets where the document says; a group the document is silent about stays as it was."""
     claimed: dict[str, str] = {}
+    fields: dict[str, Found] = {}
     for name, targets in (parsed.scenario.lingjing.targets if parsed.scenario.lingjing else {}).items():
         where = f"{parsed.path}.lingjing.targets.{name}"
         group = next((g for g in mission.groups if g.role == "target" and g.name == name), None)
@@ -36,7 +37,7 @@ def targeted(
         claimed[name] = where
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
     for one in sorted(found, key=lambda one: not (one.targets or one.pending)):
-        mission = _claimed(mission, parsed, one, claimed, frame, outline)
+        mission = _claimed(mission, parsed, one, claimed, fields, frame, outline)
     played = (g for g in mission.groups if g.role == "target" and plays(mission, g))
     silent = [group.name for group in played if group.name not in claimed]
     parsed.notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
@@ -48,6 +49,7 @@ def _claimed(
     parsed: Parsed,
     one: Found,
     claimed: dict[str, str],
+    fields: dict[str, Found],
     frame: DocumentFrame,
     outline: geometry2d.Polygon | None,
 ) -> model.Mission:
@@ -67,13 +69,9 @@ def _claimed(
             )
     if group is None:
         if one.targets:
-            if not groups and not any(signature.holds(one) for signature in signatures()):
-                hint = f"take it out, or name a template of your own that has a target of type {one.field.types[0]}"
-                parsed.report(one.path, f"no template has anything for '{one.key}'", hint)
-                return mission
-            why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, one)
-            parsed.notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
+            _left_over(mission, parsed, one, groups, claimed, fields)
         return mission
+    fields[group.name] = one
     claimed[group.name] = one.path
     if not one.targets and not (group.count is not None and allows_none(mission, group)):
         lacks = "has no place yet" if one.pending else "is empty"
@@ -92,6 +90,32 @@ def _claimed(
             f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside
         )
     return filled(mission, group, spots, frame, parsed, one.path)
+
+
+def _left_over(
+    mission: model.Mission,
+    parsed: Parsed,
+    one: Found,
+    groups: Sequence[model.Group],
+    claimed: dict[str, str],
+    fields: dict[str, Found],
+) -> None:
+    """Report the places that the mission has no target group for: no goal of a document is dropped.
+
+    They are noted alone where they repeat those of another field, or where the document names its template.
+    """
+    given = parsed.scenario.lingjing
+    if not groups and not any(signature.holds(one) for signature in signatures()):
+        hint = f"take it out, or name a template of your own that has a target of type {one.field.types[0]}"
+        parsed.report(one.path, f"no template has anything for '{one.key}'", hint)
+        return
+    why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, one)
+    repeated = any(group.name in fields and one.repeats(fields[group.name]) for group in groups)
+    if repeated or (given is not None and given.mission is not None):
+        parsed.notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
+        return
+    hint = f'take it out, or say that it is not played: "lingjing": {{"mission": "{mission.name}"}} in the scenario'
+    parsed.report(one.path, f"{why}; its {len(one.targets)} would be dropped", hint)
 
 
 def _told_apart(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[str]) -> None:

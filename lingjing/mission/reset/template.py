@@ -177,7 +177,7 @@ def _named(parsed: Parsed, found: Sequence[Found]) -> tuple[list[tuple[list[Temp
     """The missions that every task type may mean, in order, and what is to be said of the first unknown one."""
     named: list[tuple[list[TemplateSignature], str, str]] = []
     unknown = ""
-    for _, holder, path in parsed.rows():
+    for holder, path in parsed.typed_holders():
         for key, word in holder.items():
             if folded(key) == "tasktype" and isinstance(word, str) and word:
                 spelt = parsed.spelt.key(holder, key)

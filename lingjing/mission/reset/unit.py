@@ -40,9 +40,24 @@ _HEIGHT_M = 1.0
 
 _CENTIMETRES = frozenset({"cm", "centimetre", "centimetres", "centimeter", "centimeters", "厘米", "公分"})
 _METRES = frozenset({"m", "metre", "metres", "meter", "meters", "米"})
+_NORTHWARD = frozenset({"enu", "ned", "utm", "gauss", "cgcs", "cgcs2000"})
+"""Words of systems whose axes are not Unreal's: Y to the north, or X to the north."""
+_GEODETIC = frozenset({"wgs84", "wgs", "epsg4326", "4326", "gcj02", "gcj", "bd09", "geodetic", "geographic", "lonlat",
+                       "latlon", "lla", "经纬度"})  # fmt: skip
+"""Words of systems of degrees, which X and Y are not in."""
 _UNREAL = frozenset({"ue", "ue4", "ue5", "unreal", "unrealengine", "虚幻"})
 SYSTEM = "coordinatesystem"
 """The key that names the coordinate system, folded."""
+
+
+class _StatedSystem(NamedTuple):
+    """The coordinate system that a document names: JSON path, text, its words, and the unit that these say in metres;
+    0 where they say none."""
+
+    path: str
+    text: str
+    words: frozenset[str]
+    unit_m: float
 
 
 class ListedBody(NamedTuple):
@@ -85,20 +100,42 @@ def unit_of(parsed: Parsed, places: Sequence[Coordinates]) -> float:
     return CENTIMETRE_M
 
 
-def stated_fault(parsed: Parsed) -> Fault | None:
-    """The fault of a document whose `lingjing.unit` and `coordinate_system` differ, if they do."""
+def stated_fault(parsed: Parsed, every: Sequence[Coordinates]) -> Fault | None:
+    """The fault of a document whose `lingjing.unit` and `coordinate_system` differ, or whose X and Y are in a system
+    with other axes than Unreal's, if they do. `lingjing.unit` settles the latter."""
     given, system = parsed.scenario.lingjing, _system(parsed)
-    if given is None or given.unit is None or system is None or not system[1]:
+    if given is None or given.unit is None:
+        return _foreign_fault(system, every)
+    if system is None or not system.unit_m:
         return None
-    if system[1] == _unit(given.unit):
+    if system.unit_m == _unit(given.unit):
         return None
-    return Fault(system[0], f"says {_word(system[1])}, 'lingjing' {_word(_unit(given.unit))}", "leave one of them")
+    return Fault(
+        system.path, f"says {_word(system.unit_m)}, 'lingjing' {_word(_unit(given.unit))}", "leave one of them"
+    )
 
 
-def system_is_understood(parsed: Parsed) -> bool:
-    """True if the document names a coordinate system that says a unit."""
+def _foreign_fault(system: _StatedSystem | None, every: Sequence[Coordinates]) -> Fault | None:
+    if system is None or all(data.x is None for data in every):
+        return None
+    hint = '"lingjing": {"unit": "cm"} or {"unit": "m"} in the scenario says that it is X east, Y south in that unit'
+    if system.words & _NORTHWARD:
+        return Fault(system.path, f"says '{system.text}', whose axes are not Unreal's (X east, Y south)", hint)
+    if system.words & _GEODETIC and all(data.lon is None for data in every):
+        return Fault(system.path, f"says '{system.text}', and places have X and Y: degrees are lon and lat", hint)
+    return None
+
+
+def note_system(parsed: Parsed) -> None:
+    """Note a coordinate system that is not understood."""
     system = _system(parsed)
-    return system is not None and bool(system[1])
+    if system is None:
+        return
+    parsed.understood.add(SYSTEM)
+    if not system.unit_m and not system.words & _GEODETIC:
+        parsed.notes.append(
+            f"{system.path}: '{system.text}' is not understood and kept; X counts to the east and Y to the south"
+        )
 
 
 # -- what the document says ------------------------------------------------------------------------------------------
@@ -108,7 +145,7 @@ def _stated(parsed: Parsed) -> float:
     given, system = parsed.scenario.lingjing, _system(parsed)
     if given is not None and given.unit is not None:
         return _unit(given.unit)
-    return system[1] if system else 0.0
+    return system.unit_m if system else 0.0
 
 
 def _unit(word: str) -> float:
@@ -119,17 +156,16 @@ def _word(unit_m: float) -> str:
     return "metres" if unit_m == METRE_M else "centimetres"
 
 
-def _system(parsed: Parsed) -> tuple[str, float] | None:
-    """Where the document names its coordinate system, and the unit that says, metres; 0 where it says none."""
-    for holder, path in parsed.holders():
+def _system(parsed: Parsed) -> _StatedSystem | None:
+    for holder, path in (*parsed.holders(), *parsed.later_holders()):
         for key, value in holder.items():
             if folded(key) == SYSTEM and isinstance(value, str):
-                return f"{path}.{key}", _unit_named(value)
+                words = frozenset(re.findall(r"[a-z0-9]+|[\u4e00-\u9fff]+", value.lower()))
+                return _StatedSystem(f"{path}.{key}", value, words, _unit_named(words))
     return None
 
 
-def _unit_named(system: str) -> float:
-    words = set(re.findall(r"[a-z0-9]+|[\u4e00-\u9fff]+", system.lower()))
+def _unit_named(words: frozenset[str]) -> float:
     if words & _CENTIMETRES:
         return CENTIMETRE_M
     if words & _METRES:
