@@ -117,6 +117,14 @@ def test_goals_that_name_their_uavs_stay_theirs_beside_other_bodies() -> None:
     assert "mission 'goals' has no quadruped; 1 kept, not played" in notes and "uav_id" not in notes
 
 
+def test_goals_in_rows_that_may_be_uavs_or_a_dogs_are_an_error() -> None:
+    rows = [{"goalPosition": xyz(9000.0, 0.0)}, {"goalPosition": xyz(0.0, 9000.0)}]
+    bodies = {"uav": UAVS, "dog": [xyz(1000.0, 1000.0)]}
+    assert "several templates fit goalPosition" in refused(document(*rows, **bodies))
+    named = document(*rows, top={"lingjing": {"mission": "goals"}}, **bodies)
+    assert at(loaded(named)[1], "goal") == [(90.0, 0.0), (0.0, -90.0)]
+
+
 # -- places that are none ----------------------------------------------------------------------------------------------
 
 

@@ -49,10 +49,16 @@ class RowGoals(NamedTuple):
 def has_row_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
     """True if goals are all that is hidden, and UAVs all that is listed or each goal names its UAV."""
     listed = {one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute)}
-    if "multirotor" not in listed or not _only_goals(parsed, found):
+    if "multirotor" not in listed or not only_goals(parsed, found):
         return False
     owners = [owner for _, _, _, owner in _entries(parsed)]
     return bool(owners) and (listed == {"multirotor"} or all(_is_drone(owner, parsed) for owner in owners))
+
+
+def only_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
+    """True if goals are all that is hidden; delivery points and destinations are some where several rows have one."""
+    full = [one.field for one in found if one.targets]
+    return all(one is FIELD for one in full) or (all(one in PLACES for one in full) and rows_with_goals(parsed) > 1)
 
 
 def rows_with_goals(parsed: Parsed) -> int:
@@ -63,7 +69,7 @@ def rows_with_goals(parsed: Parsed) -> int:
 def row_goals(parsed: Parsed, found: Sequence[Found]) -> RowGoals | None:
     """The goals and whose they are; None where there are none. What nothing tells is reported or noted."""
     drones = parsed.scenario.equipment_list.drone_entity_list
-    if not drones or not _only_goals(parsed, found):
+    if not drones or not only_goals(parsed, found):
         return None
     rows = [_Row(_place(parsed, item, path), path, goal, owner) for item, path, goal, owner in _entries(parsed)]
     if not rows:
@@ -108,11 +114,6 @@ def goal_text(parsed: Parsed) -> str:
 
 
 # -- private
-
-
-def _only_goals(parsed: Parsed, found: Sequence[Found]) -> bool:
-    full = [one.field for one in found if one.targets]
-    return all(one is FIELD for one in full) or (all(one in PLACES for one in full) and rows_with_goals(parsed) > 1)
 
 
 def _entries(parsed: Parsed) -> Iterator[tuple[Any, str, str, str]]:

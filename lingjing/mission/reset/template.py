@@ -14,7 +14,7 @@ import msgspec
 from lingjing.data import data_path
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
-from lingjing.mission.reset.row_goals import GOALS, has_row_goals, rows_with_goals
+from lingjing.mission.reset.row_goals import GOALS, has_row_goals, only_goals, rows_with_goals
 from lingjing.mission.reset.shapes import LISTS, folded
 
 _FILLERS = ("task", "mission", "scenario", "任务", "场景")
@@ -195,14 +195,15 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
     lists = {one.engine: one.name for one in reversed(LISTS) if getattr(equipment, one.attribute)}
     fitting = _fitting(frozenset(lists), found, _told_in_words(parsed, found))
     seen = _listing([*dict.fromkeys(one.key for one in found), *lists.values()])
-    if len(fitting) == 1:
+    own = _own_goals_left_out(parsed, found, fitting)
+    if len(fitting) == 1 and not own:
         one = fitting[0]
         used = [f.key for f in found if one.holds(f)] + [
             name for engine, name in lists.items() if engine in one.engines
         ]
         return one.mission, parsed.lists_path, f"recognised by {_listing(dict.fromkeys(used))}{unknown}"
     if fitting:
-        names = ", ".join(one.mission for one in fitting)
+        names = ", ".join([*(one.mission for one in fitting), *([GOALS] if own else [])])
         raise parsed.fault(
             parsed.path,
             f"several templates fit {seen}: {names}{unknown}",
@@ -226,6 +227,13 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
         f"no template fits a scenario {what}{lacking}{unknown}; by its entities it may be {names}{needs}",
         f"add {_listing(wanting)}, or {_name_it(near.mission)}" if wanting else _name_it(near.mission),
     )
+
+
+def _own_goals_left_out(parsed: Parsed, found: Sequence[Found], fitting: Sequence[TemplateSignature]) -> bool:
+    """True if rows with a goal each may be those of UAVs that every fitting mission leaves out."""
+    drones = len(parsed.scenario.equipment_list.drone_entity_list)
+    fleetless = bool(fitting) and not any("multirotor" in one.engines | one.optional for one in fitting)
+    return fleetless and drones > 0 and only_goals(parsed, found) and rows_with_goals(parsed) > 1
 
 
 def _told_in_words(parsed: Parsed, found: Sequence[Found]) -> list[TemplateSignature]:
