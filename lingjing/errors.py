@@ -69,6 +69,11 @@ class PluginError(LingjingError):
     exit_code = ExitCode.USAGE
 
 
+class ForeignCodeError(UsageError, PluginError):
+    """Code that the caller has named, such as a policy, has failed before anything was recorded: it raised, ended its
+    process, or did not come to an end in time."""
+
+
 class InfrastructureError(LingjingError):
     """An engine or a worker process failed: the episode is an infrastructure abort, never a model failure."""
 
@@ -107,13 +112,15 @@ class ErrorCollector:
         return tuple(fault for error in self.errors for fault in error.faults)
 
     def check(self) -> None:
-        """Raise what was collected, if anything: one error as it is, several as one `UsageError` of a line each."""
+        """Raise what was collected, if anything: one error as it is, several as one `UsageError` of a line each (a
+        `ForeignCodeError` if all of them are)."""
         if len(self.errors) == 1:
             raise self.errors[0]
         if self.errors:
             hints = [error.hint for error in self.errors if "\n" in str(error) and error.hint]
             lines = dict.fromkeys(_with_hint(error) for error in self.errors)
-            raise UsageError("\n".join(lines), hint="; ".join(dict.fromkeys(hints)), faults=self.faults)
+            kind = ForeignCodeError if all(isinstance(one, ForeignCodeError) for one in self.errors) else UsageError
+            raise kind("\n".join(lines), hint="; ".join(dict.fromkeys(hints)), faults=self.faults)
 
 
 def _with_hint(error: LingjingError) -> str:

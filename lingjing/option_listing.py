@@ -33,17 +33,18 @@ def option_specs(model: type[BaseModel]) -> tuple[OptionSpec, ...]:
     if "$ref" in schema:  # a model that has itself within
         schema = {**schema, **schema["$defs"][schema["$ref"].rpartition("/")[2]]}
     required = frozenset(schema.get("required", ()))
-    listed = {name: _resolved(one, schema.get("$defs", {})) for name, one in schema.get("properties", {}).items()}
+    shared = schema.get("$defs", {})
+    listed = {name: _resolved(option, shared) for name, option in schema.get("properties", {}).items()}
     return tuple(
         OptionSpec(
             name=name,
-            type=_type(one),
-            bounds=_bounds(one),
-            default="" if name in required or one.get("default") is None else _text(one["default"]),
+            type=_type(option),
+            bounds=_bounds(option),
+            default="" if name in required or option.get("default") is None else _text(option["default"]),
             required=name in required,
-            help=str(one.get("description", "")),
+            help=str(option.get("description", "")),
         )
-        for name, one in listed.items()
+        for name, option in listed.items()
     )
 
 

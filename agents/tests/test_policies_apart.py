@@ -91,7 +91,7 @@ def test_a_script_decides_the_same_apart(server: ForkServerClient, glance: Path,
 
 @dataclass
 class Asking:
-    """A mission whose agent asks a model, a session that plays it apart, and the service of the model."""
+    """A mission with an agent that asks a model, a session that plays it apart, and the service of the model."""
 
     mission: Path
     session: Session

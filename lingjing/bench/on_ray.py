@@ -123,7 +123,7 @@ def _played(task: RayTask) -> RayAnswer:
             hint=f"install the same version of {name_of(CORE)} and {name_of(AGENTS)} on every node",
         )
     try:
-        ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder))], 1)
+        ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder), reports_failure=True)], 1)
     except LingjingError as error:
         return RayAnswer(error=type(error).__name__, message=str(error), hint=error.hint)
     return RayAnswer(report)

@@ -27,7 +27,6 @@ from lingjing.play.spending import SpendingLimits
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import PromptReviser, TriedPrompt
 from lingjing.trace.reader import read_trace
-from lingjing.trace.writer import PART
 
 TRIES = 3
 """How often one episode is tried. One that cannot be played ends the search: all candidates play the same ones."""
@@ -187,7 +186,7 @@ class PromptSearch:
             for task, report in play_apart(self._tasks(candidate, missing), self.jobs):
                 if report.reason == INTERRUPTED:
                     continue
-                if report.reason == ABORTED and not report.crashed:
+                if report.reason == ABORTED:
                     failed = _possible(report)
                     continue
                 done = msgspec.structs.replace(done, episodes=(*done.episodes, _counted(task.options.seed, report)))
@@ -288,9 +287,9 @@ def _possible(report: EpisodeReport) -> EpisodeReport:
 
 
 def _trace_in(folder: Path) -> Path | None:
-    """The trace that an episode has left: a partial one if its policy ended its process, or none."""
-    places = (folder / "trace.mcap", folder / f"trace.mcap{PART}")
-    return next((place for place in places if place.is_file()), None)
+    """The trace of an episode that ran to its end, if the folder has it."""
+    place = folder / "trace.mcap"
+    return place if place.is_file() else None
 
 
 def _counted(seed: int, report: EpisodeReport) -> PromptEpisode:

@@ -2,7 +2,8 @@
 
 An episode that the infrastructure aborted is played again with its seed, and never counts for or against an entrant;
 the third abort of one is kept as lost, so that no table hides it. What a policy does to itself is no abort, and neither
-is what it raises; an entrant with lost episodes is not ranked (`unresolved`).
+is what it raises: where it keeps an episode from beginning, that is a failure (`POLICY_FAILED`). An entrant with lost
+episodes is not ranked (`unresolved`).
 """
 
 from __future__ import annotations
@@ -19,27 +20,20 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.analysis.behaviour import actions, counted_by_tercile
-from lingjing.analysis.detection import detect
-from lingjing.analysis.metrics import metrics
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.executors import Executor
 from lingjing.bench.folder import ResultsFolder, fingerprint, policy_seed
 from lingjing.bench.planning import SuiteCell, SuitePlan, options_of_cell
 from lingjing.bench.rows import RowStanding, SuiteRow, comparable
-from lingjing.errors import LingjingError, UsageError
+from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
 from lingjing.trace.call_store import CALLS_NAME
-from lingjing.trace.reader import read_trace
 
 TRIES = 3
 """How often one episode is tried before it is lost."""
-
-CRASHED = "policy-crash"
-"""The reason of an episode whose process its policy ended or ruined: a failure, or crashing would pay."""
 
 LINGERS_S = 60.0
 """How long an episode may take to end after its suite was killed."""
@@ -189,7 +183,8 @@ class SuiteRun:
             take_away(folder)
             started[folder] = time.monotonic()
             options = self._counted(self._options(episode.cell, episode.seed), episode)
-            yield EpisodeTask(options, folder, repeated=played_on[_played_on(episode)] > 1)
+            repeated = played_on[_played_on(episode)] > 1
+            yield EpisodeTask(options, folder, repeated=repeated, reports_failure=True)
 
     def spent(self) -> float:
         """US dollars that the folder's calls of models have cost, those of aborted and of stopped episodes too."""
@@ -235,9 +230,7 @@ class SuiteRun:
     def _row(self, episode: SuiteEpisode, options: PlayOptions, report: EpisodeReport, wall_s: float) -> SuiteRow:
         cell = episode.cell
         standing: RowStanding = "counted"
-        if report.reason == ABORTED and report.crashed:
-            report = scored_until_crash(report)
-        elif report.reason == ABORTED:
+        if report.reason == ABORTED:
             standing = "aborted" if episode.tries < TRIES else "lost"
         kept = report.trace.removeprefix(f"{self.results.folder}/") if self._keeps(cell) else ""
         return SuiteRow(
@@ -277,29 +270,6 @@ def cost_of(row: SuiteRow) -> float:
     return row.report.metrics.cost_usd if row.report.metrics is not None else 0.0
 
 
-def scored_until_crash(report: EpisodeReport) -> EpisodeReport:
-    """A crashed policy's episode as a failure, with what its trace shows until then; nothing where there is none."""
-    failed = msgspec.structs.replace(report, reason=CRASHED, success=False, family="unattributed")
-    try:
-        trace = read_trace(Path(report.trace))
-    except (LingjingError, OSError):
-        return failed
-    if not trace.boundaries:
-        return failed
-    last = trace.boundaries[-1]
-    counted = msgspec.structs.replace(metrics(trace), scr=last.scr, score=last.reward, reason=CRASHED)
-    return msgspec.structs.replace(
-        failed,
-        scr=last.scr,
-        score=last.reward,
-        ticks=last.tick,
-        digest=last.digest,
-        metrics=counted,
-        terciles=counted_by_tercile(actions(trace)),
-        perceived=detect(trace).counts,
-    )
-
-
 def take_away(folder: Path) -> None:
     """Remove a run. An episode whose suite was killed may write into it for a moment yet, until it has ended itself."""
     deadline = time.monotonic() + LINGERS_S
@@ -319,4 +289,4 @@ def _difference(then: PlayOptions, now: PlayOptions) -> str:
     return f"`{name}` was {getattr(then, name)!r} and is {getattr(now, name)!r}"
 
 
-__all__ = ["TRIES", "Shard", "SuiteEpisode", "SuiteRun", "cost_of", "scored_until_crash", "take_away"]
+__all__ = ["TRIES", "Shard", "SuiteEpisode", "SuiteRun", "cost_of", "take_away"]

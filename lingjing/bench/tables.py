@@ -16,7 +16,7 @@ from lingjing.analysis.shares import ConfidenceBounds, wilson
 from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
 from lingjing.bench.played import Played, columns_of, grouped, mean_of
-from lingjing.bench.rows import SuiteRow
+from lingjing.bench.rows import RowKey, SuiteRow
 from lingjing.bench.statistics import (
     bootstrap,
     macro_average,
@@ -40,6 +40,7 @@ from lingjing.bench.table_cells import (
     with_cases,
 )
 from lingjing.bench.unresolved import open_rows, unresolved_entrants, with_marked_names
+from lingjing.play.report import POLICY_FAILED
 
 FEWEST = 10
 """Seeds in each column from which on the interval of a macro average is told: fewer say nothing of how it varies."""
@@ -70,9 +71,10 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
     again = f"; {aborted} infrastructure {aborts}" if aborted else ""
     notes = [f"{len(counted)} {'episode is' if len(counted) == 1 else 'episodes are'} counted{again}"]
     if lost:
-        named = ", ".join(f"{key[0]} {key[1]}-{key[2]}{key[3] and f' ({key[3]})'} seed {key[4]}" for key in lost[:8])
-        more = f" and {len(lost) - 8} more" if len(lost) > 8 else ""
-        notes.append(f"{len(lost)} are lost (aborted {lost[0][5]} times) and in no rate: {named}{more}")
+        notes.append(f"{len(lost)} are lost (aborted {lost[0][5]} times) and in no rate: {_named(lost)}")
+    failed = sorted(row.key for row in counted if row.report.reason == POLICY_FAILED)
+    if failed:
+        notes.append(f"{len(failed)} did not begin, because a policy failed, and count as failures: {_named(failed)}")
     codes = {row.code for row in rows}
     if len(codes) > 1:
         notes.append(f"the rows were played by {len(codes)} versions of the code")
@@ -84,6 +86,12 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
             "not ranked, and the worst and the best case follow its rates"
         )
     return tuple(notes)
+
+
+def _named(keys: Sequence[RowKey]) -> str:
+    """The first of some episodes, and the number of the others."""
+    named = ", ".join(f"{key[0]} {key[1]}-{key[2]}{key[3] and f' ({key[3]})'} seed {key[4]}" for key in keys[:8])
+    return f"{named} and {len(keys) - 8} more" if len(keys) > 8 else named
 
 
 # -- the kinds

@@ -335,8 +335,12 @@ def _tell_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:
 
 def _one(row: SuiteRow) -> str:
     """One episode in one line."""
+    from lingjing.play.report import POLICY_FAILED
+
     report, condition = row.report, f", {row.condition}" if row.condition else ""
     scored = f"{report.reason}, SCR {report.scr:.2f}, {report.ticks} ticks, {row.wall_s:.0f} s"
+    if report.reason == POLICY_FAILED:
+        scored = f"{report.reason}: {report.detail}"
     if row.standing != "counted":
         scored = f"{report.reason} ({'to be played again' if row.standing == 'aborted' else 'lost'}): {report.detail}"
     return f"{row.entrant}, {row.column}{condition}, seed {row.seed}: {scored}"

@@ -14,7 +14,7 @@ from lingjing.analysis.played_city import credit
 from lingjing.cli.process import say
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
-from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, SeedsReport
+from lingjing.play.report import ABORTED, INTERRUPTED, POLICY_FAILED, EpisodeReport, SeedsReport
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:
@@ -24,17 +24,20 @@ if TYPE_CHECKING:
 
 _LOOK = "the trace holds what happened before; `lingjing doctor` checks this machine"
 _GONE = "no trace is left of it; if something clears its folder, choose another with -o; see `lingjing doctor`, too"
-_EARLY = "it ended before anything was written: look at what the policy does when it is made and in its `reset`"
+_CORRECT = "correct the policy, or choose another with --policy"
 NARROWEST = 60
 """Columns of a terminal; in a narrower one lines are easier to read than a table."""
 
 
 def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
-    """0 whatever the score; 3 if the infrastructure aborted any episode; 130 if one was interrupted."""
+    """0 whatever the score; 2 if a policy kept an episode from beginning; 3 if the infrastructure aborted any; 130 if
+    one was interrupted."""
     reasons = {episode.reason for episode in episodes}
     if INTERRUPTED in reasons:
         return ExitCode.INTERRUPTED
-    return ExitCode.INFRASTRUCTURE if ABORTED in reasons else ExitCode.OK
+    if ABORTED in reasons:
+        return ExitCode.INFRASTRUCTURE
+    return ExitCode.USAGE if POLICY_FAILED in reasons else ExitCode.OK
 
 
 def explain(episodes: Sequence[EpisodeReport]) -> None:
@@ -46,12 +49,16 @@ def explain(episodes: Sequence[EpisodeReport]) -> None:
             say(f"interrupted: seed {episode.seed} at tick {episode.ticks}; the partial trace is {episode.trace}")
         if episode.reason == ABORTED:
             say(f"error: seed {episode.seed} was aborted: {episode.detail}")
-    for hint in dict.fromkeys(_hint(episode) for episode in episodes if episode.reason == ABORTED):
+        if episode.reason == POLICY_FAILED:
+            say(f"error: seed {episode.seed} did not begin: {episode.detail}")
+    for hint in dict.fromkeys(_hint(episode) for episode in episodes if episode.reason in (ABORTED, POLICY_FAILED)):
         say(f"hint: {hint}")
 
 
-def _hint(aborted: EpisodeReport) -> str:
-    return aborted.hint or (_LOOK if Path(aborted.trace).exists() else _EARLY if aborted.crashed else _GONE)
+def _hint(cut_short: EpisodeReport) -> str:
+    if cut_short.reason == POLICY_FAILED:
+        return cut_short.hint or _CORRECT
+    return cut_short.hint or (_LOOK if Path(cut_short.trace).exists() else _GONE)
 
 
 def print_json(report: EpisodeReport | SeedsReport) -> None:
@@ -110,7 +117,9 @@ def _tsr(report: SeedsReport) -> str:
 
 
 def _run_name(episode: EpisodeReport, root: str) -> str:
-    """The trace's path inside the suite's folder."""
+    """The trace's path inside the suite's folder; "-" if there is none."""
+    if not episode.trace:
+        return "-"
     path = Path(episode.trace)
     return str(path.relative_to(root)) if path.is_relative_to(root) else str(path)
 

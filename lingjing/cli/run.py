@@ -6,8 +6,8 @@ import argparse
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -20,12 +20,12 @@ from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
 from lingjing.dsl.loading.load import load_noted
 from lingjing.dsl.loading.shipped import find_mission
-from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
+from lingjing.errors import ErrorCollector, ExitCode, ForeignCodeError, InfrastructureError, MissionError, UsageError
 from lingjing.mission.model import Mission
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
 from lingjing.play.parallel import EpisodeTask, play_apart, play_here, policy_server
-from lingjing.play.report import INTERRUPTED, EpisodeReport, summarise
+from lingjing.play.report import INTERRUPTED, POLICY_FAILED, EpisodeReport, summarise
 from lingjing.processes.linux import set_parent_death_signal
 
 
@@ -262,10 +262,17 @@ def _run_shown(args: argparse.Namespace, mission: Mission, options: PlayOptions,
 def _tell_episode(args: argparse.Namespace, episode: EpisodeReport) -> int:
     if args.json:
         print_json(episode)
-    else:
+    _check_begun(episode)
+    if not args.json:
         print_episode(episode)
     explain([episode])
     return exit_code([episode])
+
+
+def _check_begun(episode: EpisodeReport) -> None:
+    """Raise the error of a policy that has kept the episode from beginning."""
+    if episode.reason == POLICY_FAILED:
+        raise ForeignCodeError(episode.detail, hint=episode.hint)
 
 
 def _run_many(
@@ -274,7 +281,7 @@ def _run_many(
     try:
         with results_alone(), _one_ledger(options) as counted:
             played = _played(args, mission, counted, seeds, lambda seed: _claim(mission, options, seed, root))
-            episodes, interrupted = _until_interrupted(played)
+            episodes, interrupted = _until_interrupted(played, seeds[0])
     finally:
         release_if_empty(root)
     if not episodes:
@@ -298,12 +305,20 @@ def _one_ledger(options: PlayOptions) -> Iterator[PlayOptions]:
         yield msgspec.structs.replace(options, ledger=str(Path(folder) / "ledger"))
 
 
-def _until_interrupted(played: Iterator[EpisodeReport]) -> tuple[list[EpisodeReport], bool]:
-    """All episodes by seed, or those that an interrupt left; and whether there was one."""
+def _until_interrupted(played: Generator[EpisodeReport], first: int) -> tuple[list[EpisodeReport], bool]:
+    """All episodes by seed, or those that an interrupt left; and whether there was one.
+
+    Raises `ForeignCodeError` if a policy keeps that of the `first` seed from beginning, and none has begun before: so
+    it would the others.
+    """
     episodes: list[EpisodeReport] = []
     interrupted = False
     try:
-        episodes.extend(played)
+        with closing(played):
+            for episode in played:
+                episodes.append(episode)
+                if episode.seed == first and all(other.reason == POLICY_FAILED for other in episodes):
+                    _check_begun(episode)
     except KeyboardInterrupt:
         interrupted = True
     return sorted(episodes, key=lambda report: report.seed), interrupted
@@ -319,11 +334,12 @@ def _played(
     options: PlayOptions,
     seeds: Sequence[int],
     claim: Callable[[int], Path],
-) -> Iterator[EpisodeReport]:
+) -> Generator[EpisodeReport]:
     """The episodes; each agent's policy plays in a process of its own."""
     if args.jobs > 1:
         tasks = (
-            EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed), repeated=False) for seed in seeds
+            EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed), repeated=False, reports_failure=True)
+            for seed in seeds
         )
         yield from (report for _, report in play_apart(tasks, args.jobs))
         return

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from lingjing.errors import InfrastructureError, PluginError
+from lingjing.errors import ForeignCodeError, InfrastructureError
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyBarrier, no_outage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import taken
@@ -71,7 +71,7 @@ def policy_barrier(
     """Put the active agents' policies behind the barrier, in declaration order, and give each its brief.
 
     An agent without a policy here is played from outside: its decisions go straight to `Kernel.step`.
-    Raises `PluginError` that names the agent if a policy cannot take it: nothing has been recorded by then.
+    Raises `ForeignCodeError` that names the agent if a policy cannot take it: nothing has been recorded by then.
     """
     present = [agent.id for agent in kernel.instance.agents if agent.id in policies]
     limit_s = kernel.instance.budget.policy_s
@@ -81,8 +81,8 @@ def policy_barrier(
 
 
 def give_briefs(kernel: Kernel, barrier: Barrier) -> None:
-    """Give every policy behind the barrier its brief. Raises `PluginError` that names the agent if a policy cannot take
-    it; the barrier is closed then."""
+    """Give every policy behind the barrier its brief. Raises `ForeignCodeError` that names the agent if a policy cannot
+    take it; the barrier is closed then."""
     try:
         answers = barrier.reset(kernel.briefs())
     except BaseException:
@@ -91,7 +91,7 @@ def give_briefs(kernel: Kernel, barrier: Barrier) -> None:
     for agent, answer in answers.items():
         if answer.reason:
             barrier.close()
-            raise PluginError(
+            raise ForeignCodeError(
                 f"the policy of `{agent}` could not take its brief: {answer.detail}",
                 hint="correct the policy's `reset`, or choose another with --policy",
             )

@@ -17,12 +17,12 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from lingjing.errors import ExitCode, InfrastructureError, LingjingError, error_of
+from lingjing.errors import ExitCode, ForeignCodeError, InfrastructureError, LingjingError, error_of
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
-from lingjing.play.report import ABORTED, EpisodeReport, end_without_result
+from lingjing.play.report import ABORTED, POLICY_FAILED, EpisodeReport, end_without_result
 from lingjing.processes.descendants import adopting
 from lingjing.processes.fork_client import ForkedProcess, ForkServer, ForkServerClient
 
@@ -43,7 +43,8 @@ def play_here(
     fork_server: ForkServerClient | None = None,
     policy_server: ForkServerClient | None = None,
 ) -> Iterator[EpisodeReport]:
-    """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
+    """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one. One that a
+    policy's code keeps from beginning is reported as lost.
 
     A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. The workers are
     started by the fork server, if there is one (`lingjing.processes.fork_client`), the processes of policies by the
@@ -64,15 +65,22 @@ def play_here(
                 return
             except InfrastructureError as error:
                 session.close()
-                report = _aborted(options, mission, seed, folder, error)
+                report = _unrecorded(options, mission, seed, folder, error)
+            except ForeignCodeError as error:
+                report = msgspec.structs.replace(
+                    _unrecorded(options, mission, seed, folder, error),
+                    reason=POLICY_FAILED,
+                    family="unattributed",
+                    trace="",
+                )
             finally:
                 if folder is not None:
                     release_if_empty(folder)
             yield report
 
 
-def _aborted(
-    options: PlayOptions, mission: Mission, seed: int, folder: Path | None, error: InfrastructureError
+def _unrecorded(
+    options: PlayOptions, mission: Mission, seed: int, folder: Path | None, error: LingjingError
 ) -> EpisodeReport:
     """The report of an episode of which nothing was recorded."""
     task = EpisodeTask(msgspec.structs.replace(options, seed=seed), folder or Path())
@@ -121,11 +129,13 @@ WITH_EXTRAS = (("libsumo", "lingjing.engines.road.engine"), ("mujoco", "lingjing
 
 
 class EpisodeTask(NamedTuple):
-    """An episode to be played in a process of its own. `repeated` if others may begin with the same instance."""
+    """An episode to be played in a process of its own. `repeated` if others may begin with the same instance;
+    `reports_failure` if a policy that keeps it from beginning is reported as its loss, and not raised for all."""
 
     options: PlayOptions
     folder: Path
     repeated: bool = True
+    reports_failure: bool = False
 
     def command(self) -> list[str]:
         """The command line that plays it with the options on its standard input, and prints its report as JSON."""
@@ -214,8 +224,9 @@ def _played_on(options: PlayOptions) -> PlayOptions:
 def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
     """Play in child processes, `jobs` at a time, in order of completion.
 
-    A child that fails before it has a result raises with its own message and exit code; the others are ended. One that
-    was killed (from outside, or for want of memory) is an infrastructure abort of its episode.
+    A child that fails before it has a result raises with its own message and exit code; the others are ended. So does
+    one that a policy keeps from beginning, unless its task reports that. One that was killed (from outside, or for
+    want of memory) is an infrastructure abort of its episode.
     At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
     """
     starter = _Starter()
@@ -259,7 +270,10 @@ def _finish(child: _Worker) -> EpisodeReport:
     if child.process.returncode == ForkedProcess.LOST:
         return without_result(child.task, "the process that it was forked from was killed")
     with suppress(msgspec.DecodeError):  # nothing, or half of it
-        return msgspec.json.decode(printed, type=EpisodeReport)
+        report = msgspec.json.decode(printed, type=EpisodeReport)
+        if report.reason == POLICY_FAILED and not child.task.reports_failure:
+            raise ForeignCodeError(report.detail, hint=report.hint)
+        return report
     release_if_empty(child.task.folder)
     code = child.process.wait()
     if code == ExitCode.INTERRUPTED:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-from lingjing.errors import ErrorCollector, UsageError
+from lingjing.errors import ErrorCollector, InfrastructureError, UsageError
 from lingjing.mission.instance import AgentSpec, GivenOption, Instance
 from lingjing.mission.model import Mission
 from lingjing.play.option_sharing import share_arguments
@@ -114,13 +114,13 @@ def _examined(
 ) -> dict[str, AssignedPolicy]:
     """Policies whose declarations another process reads."""
     from lingjing.play.policy_processes.examination import examine
-    from lingjing.play.policy_processes.messages import error_of
+    from lingjing.play.policy_processes.messages import error_of, own_failure
 
     read = errors.attempt(lambda: examine(tuple(wanted), options.policy_args, server, whole=whole), None)
     if read is None:
         return {}
-    for error in read.errors:
-        errors.add(error_of(error))
+    for error in map(error_of, read.errors):
+        errors.add(own_failure(error) if isinstance(error, InfrastructureError) else error)
     return {
         name: AssignedPolicy(
             spec=name,

@@ -12,13 +12,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from lingjing.errors import UsageError
+from lingjing.errors import ForeignCodeError, UsageError
 from lingjing.plugins.loading import one_line
 
 
 def load_file(path: Path, what: str, start: str = "") -> ModuleType:
     """The module of a file that holds a `what`; `start` says where one that is not there could come from. Raises
-    `UsageError`."""
+    `UsageError`, `ForeignCodeError` if the code of the file fails."""
     if not path.is_file():
         raise UsageError(f"there is no {what} file `{path}`", hint=start)
     resolved = path.resolve()
@@ -33,12 +33,12 @@ def load_file(path: Path, what: str, start: str = "") -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:
-        raise UsageError(
+        raise ForeignCodeError(
             f"{error.filename or path}:{error.lineno}: {error.msg}", hint=f"fix the {what} file"
         ) from error
     except (Exception, SystemExit) as error:
         where = f"{path}:{_line_in(error, resolved)}"
-        raise UsageError(f"{where}: {one_line(error)}", hint=f"fix the {what} file") from error
+        raise ForeignCodeError(f"{where}: {one_line(error)}", hint=f"fix the {what} file") from error
     return module
 
 

@@ -20,24 +20,26 @@ from lingjing.trace.records import MovedBody, Outcome, TaskEvent
 
 ABORTED = "infrastructure-abort"
 INTERRUPTED = "interrupted"
+POLICY_FAILED = "policy-failure"
+"""The reason of an episode that did not begin, because the code of a policy failed where it was loaded, built or given
+its brief. It counts as lost and has no trace."""
 
 
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode: what `lingjing run --json` prints, `lingjing.run` returns and a study keeps as a row.
 
-    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an ending that
-    the reason leaves open (which stage was late, which engine failed) and `hint` what to do about an abort.
-    `warnings` are what a reader of the score should know, a line each: replaced answers of policies, an overview that
-    could not be written; `attribution` says whose map was played on (`procedural`: nobody's); `policy_seed` started the
-    policies' random streams; `scr` is the subtask completion rate, `score` the mission's own with its weights and
-    penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
-    `moved` are the entities that begin farther from their declared places than they are long;
-    `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
-    `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a lost
-    episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what rates of
-    perception over several episodes are made of. `crashed` is whether what ended or ruined that process can only have
-    been its policy: `lingjing run` reports an abort, a suite counts a failure. `ambient_random` names agents in whose
-    calls a global random generator was used that nothing had seeded.
+    `trace` is the path of the MCAP file (a `.part` if the episode was cut short, "" if it did not begin), `detail` the
+    cause of an ending that the reason leaves open (which stage was late, which engine failed) and `hint` what to do
+    about an abort, or a policy that failed. `warnings` are what a reader of the score should know, a line each:
+    replaced answers of policies, an overview that could not be written; `attribution` says whose map was played on
+    (`procedural`: nobody's); `policy_seed` started the policies' random streams; `scr` is the subtask completion rate,
+    `score` the mission's own with its weights and penalties; `incidents` say who crashed, fell or ran out of energy,
+    `happened` are the mission's own events; `moved` are the entities that begin farther from their declared places than
+    they are long; `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by
+    process. `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a
+    lost episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what
+    rates of perception over several episodes are made of. `ambient_random` names agents in whose calls a global random
+    generator was used that nothing had seeded.
     """
 
     mission: str
@@ -62,7 +64,6 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     happened: tuple[TaskEvent, ...] = ()
     moved: tuple[MovedBody, ...] = ()
     withdrawn: tuple[str, ...] = ()
-    crashed: bool = False
     family: FailureFamily | None = None
     terciles: tuple[ActionCounts, ...] = ()
     perceived: PerceptionCounts | None = None

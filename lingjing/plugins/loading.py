@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from lingjing.errors import LingjingError, PluginError, UsageError
+from lingjing.errors import ForeignCodeError, LingjingError, PluginError
 from lingjing.plugins.calls import ModelCalls, UnrecordedCalls
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
@@ -52,7 +52,7 @@ def read_given_options(plugin: PolicyPlugin, arguments: Mapping[str, object]) ->
 def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object], calls: ModelCalls = UNRECORDED) -> Policy:
     """One policy object for one agent; `calls` keeps what it asks chat models, if it says that it does.
 
-    Raises `UsageError` that tells every fault of its options.
+    Raises `UsageError` that tells every fault of its options, `ForeignCodeError` if its factory fails.
     """
     from lingjing.plugins.options import given_parameters
 
@@ -68,7 +68,7 @@ def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object], calls: M
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:
-        raise UsageError(
+        raise ForeignCodeError(
             f"{_owner(plugin)} cannot be built: {one_line(error)}", hint="check its --policy-arg and its code"
         ) from error
 

@@ -27,9 +27,6 @@ ABORTING = {("aborting", 2): "the camera ended", ("dear", 1): "money: the limit 
 
 HOLES = "has holes that nothing fills: x"
 
-CRASHING = {("worse", 1)}
-"""Which episodes' processes end by the policy's fault, which leaves a partial trace."""
-
 
 class Reviser:
     """Gives the next of its texts; keeps what it was asked, and the calls that it was made with."""
@@ -64,14 +61,11 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
             done.append((text, seed))
             assert not task.folder.exists()
             task.folder.mkdir(parents=True)
-            crashed = (text, seed) in CRASHING
-            (task.folder / ("trace.mcap.part" if crashed else "trace.mcap")).touch()
-            aborted = (
-                crashed or (text == "first" and seed == 3 and done.count((text, seed)) == 1) or (text, seed) in ABORTING
-            )
+            (task.folder / "trace.mcap").touch()
+            aborted = (text == "first" and seed == 3 and done.count((text, seed)) == 1) or (text, seed) in ABORTING
             yield task, EpisodeReport(
                 mission="m", seed=seed, mode="star", policy="react", success=seed in WON[text], scr=0.5, ticks=1,
-                digest="", reason=ABORTED if aborted else "budget", crashed=crashed,
+                digest="", reason=ABORTED if aborted else "budget",
                 trace=str(task.folder / "trace.mcap"), detail=ABORTING.get((text, seed), ""),
                 metrics=blank_metrics(answers=seed, json_compliance=1.0),
             )  # fmt: skip
@@ -102,11 +96,10 @@ def test_an_aborted_episode_is_played_again_with_its_seed(tmp_path: Path, played
     assert [seed for text, seed in played if text == "first"] == [1, 2, 3, 3]
 
 
-def test_an_episode_whose_policy_ended_its_process_is_told_by_what_it_left(tmp_path: Path, played: list):
+def test_the_reviser_reads_the_traces_of_failed_episodes(tmp_path: Path, played: list):
     reviser = Reviser("better")
     search(tmp_path, reviser).run("worse", 1)
-    assert reviser.told == [f"failed in {tmp_path}/candidate-0-{place}" for place in
-                            ("1/trace.mcap.part", "2/trace.mcap", "3/trace.mcap")]  # fmt: skip
+    assert reviser.told == [f"failed in {tmp_path}/candidate-0-{seed}/trace.mcap" for seed in (1, 2, 3)]
 
 
 def test_a_stopped_search_goes_on_and_plays_nothing_twice(tmp_path: Path, played: list):

@@ -131,21 +131,6 @@ def _countdown():
     return Countdown(1, ())
 
 
-def test_a_policys_crash_counts_against_it(plan: SuitePlan, tmp_path: Path) -> None:
-    def answer(task: EpisodeTask) -> EpisodeReport:
-        if task.options.policy == "random":
-            return answered(task, success=False, reason=ABORTED, crashed=True, metrics=None, detail="exit code 3")
-        return answered(task)
-
-    executor = AnsweringExecutor(answer)
-    play(plan, tmp_path / "a", executor)
-    assert len(executor.tasks) == 12
-    rows = [row for row in read_results(tmp_path / "a") if row.entrant == "random"]
-    assert {(row.standing, row.report.reason, row.report.success) for row in rows} == {
-        ("counted", "policy-crash", False)
-    }
-
-
 def test_an_episode_that_was_interrupted_is_played_anew(plan: SuitePlan, tmp_path: Path) -> None:
     play(plan, tmp_path / "a", AnsweringExecutor(lambda task: answered(task, reason=INTERRUPTED)))
     assert read_results(tmp_path / "a") == []

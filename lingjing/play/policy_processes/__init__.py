@@ -5,7 +5,7 @@ waits for several processes, each with its deadline ← `agent_process` is one o
 passes on what it prints, `model_calls` answers for the record of its model calls. `host` is the far end, which a fork
 server calls. What crosses the border: `messages`, as memory (`letters`); `observations` and their `pictures`.
 `loading` makes the requests that load an episode's policies, `preloading` imports what a team needs before the fork,
-and `examination` has processes read the declarations of policies in files, whose far end is `declaring`.
+and `examination` has processes read the declarations of policies in files (`declaring` is their far end).
 
 In: briefs, observations, inboxes. Out: decisions, or the reason why there is none. Nothing that comes from a policy's
 process is trusted, and nothing that it does is waited for longer than its deadline. `lingjing run` and `bench` play so;

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from lingjing.errors import InfrastructureError, UsageError
+from lingjing.errors import ForeignCodeError, InfrastructureError, LingjingError
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyAnswer, failure, no_outage
 from lingjing.play.policy_processes.agent_process import PolicyProcess
 from lingjing.play.policy_processes.messages import (
@@ -24,6 +24,7 @@ from lingjing.play.policy_processes.messages import (
     RaisedError,
     ResetPolicy,
     error_of,
+    own_failure,
 )
 from lingjing.play.policy_processes.observations import request_of
 from lingjing.play.policy_processes.pictures import PictureSlot, PictureSlots, part_of
@@ -68,17 +69,31 @@ class ProcessBarrier(Barrier):
         self._briefs: Mapping[str, Brief] = {}
 
     def load(self) -> None:
-        """Start every process and build its policy. Raises the first error, by agents, with no process left."""
+        """Start every process and build its policy. Raises the first error, by agents, with no process left:
+        `ForeignCodeError` for what the code of a file raises, or if a process ends or is not done in time."""
         try:
             turns = {name: self._turn(name, [(self._policies[name].load, ())]) for name in self._agents}
             for turn in turns.values():
                 turn.deadline = OwnDeadline(turn.process.pid, load_limit_s(), watched=True)
             wait_for(turns.values())
             for name, turn in turns.items():
-                check_loaded(turn, f"the policy `{self._policies[name].load.spec}` of `{name}`")
+                self._check_loaded(name, turn)
         except BaseException:
             self._end_all()
             raise
+
+    def _check_loaded(self, name: str, turn: Turn) -> None:
+        """Raise the error of a policy that could not be loaded. A file's code does not choose what its failure is, and
+        an outage is one only if it is confirmed."""
+        load = self._policies[name].load
+        try:
+            check_loaded(turn, f"the policy `{load.spec}` of `{name}`")
+        except InfrastructureError as error:
+            raise self._outage_check(name, error) or own_failure(error) from error
+        except LingjingError as error:
+            if load.source:
+                raise
+            raise own_failure(error) from error
 
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
         """Give every policy its brief; failures come back as answers with a reason."""
@@ -183,9 +198,10 @@ def check_loaded(turn: Turn, what: str, done: str = "loaded") -> None:
         raise error_of(turn.answer)
     if turn.is_late:
         hint = f"correct what its file or its class does, or give it more time with {LOAD_VARIABLE}=SECONDS"
-        raise UsageError(f"{what} was not {done} within {load_limit_s():g} s", hint=hint)
+        raise ForeignCodeError(f"{what} was not {done} within {load_limit_s():g} s", hint=hint)
     if turn.ended:
-        raise UsageError(f"{what} could not be {done}: {turn.ended}", hint="correct what its file or its class does")
+        hint = "correct what its file or its class does"
+        raise ForeignCodeError(f"{what} could not be {done}: {turn.ended}", hint=hint)
 
 
 def _has_closed(process: PolicyProcess) -> bool:

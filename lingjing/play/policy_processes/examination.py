@@ -12,7 +12,7 @@ from contextlib import ExitStack, closing
 from types import TracebackType
 from typing import NoReturn, Self
 
-from lingjing.errors import Fault, LingjingError, UsageError
+from lingjing.errors import Fault, ForeignCodeError, InfrastructureError, LingjingError
 from lingjing.mission.instance import GivenOption
 from lingjing.option_listing import OptionSpec, option_specs
 from lingjing.play.policy_files import PolicyDeclaration, declaration_of, is_file, load_policy
@@ -27,6 +27,7 @@ from lingjing.play.policy_processes.messages import (
     PolicyAnswerMessage,
     PolicyDeclared,
     PolicyRequest,
+    own_failure,
 )
 from lingjing.play.policy_processes.preloading import SERVES
 from lingjing.play.policy_processes.turns import Turn, wait_for
@@ -45,7 +46,7 @@ def examine(
     """Load the policies in a process of its own, share the options among them, and end it. `whole`: these are all that
     the options may be for.
 
-    Raises `UsageError` if the process ends or is not done in time; other errors are in the result.
+    Raises `ForeignCodeError` if the process ends or is not done in time; other errors are in the result.
     """
     process = PolicyProcess("the mission", server, UNRECORDED)
     names = ", ".join(f"`{spec}`" for spec in specs)
@@ -71,7 +72,8 @@ class PolicyDeclarations:
         self._files: dict[str, _FileProcess] = {}
 
     def of(self, spec: str) -> PolicyDeclaration:
-        """The declaration of a policy. Raises `UsageError` if there is no such policy or its file cannot be loaded."""
+        """The declaration of a policy. Raises `UsageError` if there is no such policy, `ForeignCodeError` if its file
+        cannot be loaded."""
         if self._is_apart(spec):
             return self._file(spec).declared()
         return declaration_of(self._plugin(spec))
@@ -173,12 +175,15 @@ def _answer(
     turn = Turn(process, [(request, ())], OwnDeadline(process.pid, load_limit_s(), watched=True))
     turn.send_next()
     wait_for([turn])
-    check_loaded(turn, what, done)
+    try:
+        check_loaded(turn, what, done)
+    except InfrastructureError as error:  # nothing but the code in the file could say so
+        raise own_failure(error) from error
     return turn.answer
 
 
 def _refuse(names: str) -> NoReturn:
-    raise UsageError(f"{names} could not be loaded: nonsense came instead of a declaration")
+    raise ForeignCodeError(f"{names} could not be loaded: nonsense came instead of a declaration")
 
 
 __all__ = ["PolicyDeclarations", "examine"]

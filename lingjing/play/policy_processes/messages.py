@@ -11,7 +11,15 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from lingjing.errors import Fault, InfrastructureError, LingjingError, MissionError, PluginError, UsageError
+from lingjing.errors import (
+    Fault,
+    ForeignCodeError,
+    InfrastructureError,
+    LingjingError,
+    MissionError,
+    PluginError,
+    UsageError,
+)
 from lingjing.mission.instance import GivenOption, Instance, Weather
 from lingjing.option_listing import OptionSpec
 from lingjing.play.policy_files import PolicyDeclaration
@@ -32,12 +40,19 @@ from lingjing.trace.records import (
 )
 
 ErrorKind = Literal[
-    "UsageError", "MissionError", "PluginError", "InfrastructureError", "SpendingLimitError", "MissingCallError"
+    "UsageError",
+    "MissionError",
+    "PluginError",
+    "ForeignCodeError",
+    "InfrastructureError",
+    "SpendingLimitError",
+    "MissingCallError",
 ]
 _KINDS: dict[ErrorKind, type[LingjingError]] = {
     "SpendingLimitError": SpendingLimitError,
     "MissingCallError": MissingCallError,
     "InfrastructureError": InfrastructureError,
+    "ForeignCodeError": ForeignCodeError,
     "PluginError": PluginError,
     "MissionError": MissionError,
     "UsageError": UsageError,
@@ -254,6 +269,11 @@ def raised(error: LingjingError) -> RaisedError:
     """An error as it travels: of the nearest kind that the other side knows."""
     kind: ErrorKind = next((name for name, known in _KINDS.items() if isinstance(error, known)), "UsageError")
     return RaisedError(kind=kind, message=str(error), hint=error.hint, faults=tuple(error.faults))
+
+
+def own_failure(error: LingjingError) -> ForeignCodeError:
+    """The error as the failure of the code that has raised it, whatever it says it is."""
+    return ForeignCodeError(str(error), hint=error.hint, faults=error.faults)
 
 
 def error_of(message: RaisedError) -> LingjingError:

@@ -1,0 +1,230 @@
+"""Entrants that fail lose their own episodes: they end no suite, and win nothing by what they raise."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench.folder import read_results
+from lingjing.bench.leaderboard import leaderboard
+from lingjing.bench.rows import SuiteRow
+from lingjing.cli.bench import KINDS
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
+from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
+from lingjing.play.report import POLICY_FAILED
+from lingjing.processes.descendants import children
+
+MISSION = """\
+ljs 1
+use std.sea { lifeboat, person_in_water }
+mission trip "A short trip" {
+  goal "Bring the boat to the swimmer."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 1 s, sync = 500 ms }
+  budget { ticks <= 3, policy <= 8 s, engine <= 600 s }
+  asset boat : lifeboat { position = (12.4 m, -1351.8 m), heading = 30 deg, actions { moveTo } }
+  target swimmer : person_in_water { position = (12.4 m, -1299.8 m) }
+  agent skipper as rescuer controls boat { observes boat.*, swimmer.position, events }
+  adjudicate reached(s: swimmer) { when distance_xy(boat, s) <= 51.5 m }
+  stage reach per s in swimmer { done when reached(s) }
+  success when forall s in swimmer: reached(s)
+}
+"""
+
+ENTRANTS = """\
+import os
+import time
+from pathlib import Path
+from lingjing.plugins.policy import Action, Decision, InfrastructureError, UsageError
+
+
+class Drives:
+    def __init__(self):
+        self.build()
+
+    def build(self): ...
+    def begin(self): ...
+
+    async def reset(self, brief):
+        self.begin()
+
+    async def act(self, observation, inbox):
+        return Decision(command=Action(verb="moveTo", arguments={"x": 12.4, "y": -1299.8}))
+
+
+class Blames(Drives):
+    async def act(self, observation, inbox):
+        raise InfrastructureError("the network is gone")
+
+
+class BuildHangs(Drives):
+    def build(self):
+        while True:
+            pass
+
+
+class BuildExits(Drives):
+    def build(self):
+        os._exit(3)
+
+
+class BuildRaises(Drives):
+    def build(self):
+        raise RuntimeError("no weights")
+
+
+class BuildRefuses(Drives):
+    def build(self):
+        raise UsageError("not with me")
+
+
+class BuildBlames(Drives):
+    def build(self):
+        raise InfrastructureError("the network is gone")
+
+
+class ResetHangs(Drives):
+    def begin(self):
+        time.sleep(3600)
+
+
+class ResetExits(Drives):
+    def begin(self):
+        os._exit(4)
+
+
+class ResetBlames(Drives):
+    def begin(self):
+        raise InfrastructureError("the network is gone")
+
+
+class SecondReset(Drives):
+    def begin(self):
+        mark = Path(__file__).with_name("begun")
+        if mark.exists():
+            raise RuntimeError("once is enough")
+        mark.touch()
+"""
+
+SECOND_IMPORT = """\
+import os
+from pathlib import Path
+
+mark = Path(__file__).with_name("read")
+if mark.exists():
+    os._exit(6)
+mark.touch()
+
+
+class SecondImport:
+    async def reset(self, brief): ...
+    async def act(self, observation, inbox): ...
+"""
+
+DETAILS = {
+    "BuildHangs": r"the policy `.*:BuildHangs` of `skipper` was not loaded within 2 s",
+    "BuildExits": r"the policy `.*:BuildExits` of `skipper` could not be loaded: its process ended \(exit code 3\)",
+    "BuildRaises": r"policy `entrants.py:BuildRaises` cannot be built: .*no weights",
+    "BuildRefuses": r"not with me",
+    "BuildBlames": r"the network is gone",
+    "ResetHangs": r"the policy of `skipper` could not take its brief: no answer within 8 s",
+    "ResetExits": r"the policy of `skipper` could not take its brief: its process ended \(exit code 4\)",
+    "ResetBlames": r"the policy of `skipper` could not take its brief: InfrastructureError: the network is gone",
+    "SecondImport": r"policy `.*second.py` could not be loaded: its process ended \(exit code 6\)",
+}
+"""The entrants that keep their episodes from beginning, and the details of their rows."""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "trip.ljs").write_text(MISSION)
+    (tmp_path / "entrants.py").write_text(ENTRANTS)
+    (tmp_path / "second.py").write_text(SECOND_IMPORT)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(LOAD_VARIABLE, "2")
+    return tmp_path
+
+
+def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["Blames", *DETAILS, "Drives"]
+    suite = 'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 1\n'
+    for name in names:
+        spec = "second.py" if name == "SecondImport" else f"entrants.py:{name}"
+        suite += f'[[entrants]]\nname = "{name}"\npolicy = "{spec}"\n'
+    (folder / "suite.toml").write_text(suite)
+    known = set(children())
+    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert set(children()) == known
+    shown = capsys.readouterr()
+    rows = {row.entrant: row for row in read_results(folder / "out")}
+    assert set(rows) == set(names)
+    assert {(row.standing, row.tries) for row in rows.values()} == {("counted", 1)}
+    assert rows["Drives"].report.reason == "success"
+    assert _ending(rows["Blames"]) == ("budget", False)
+    for name, detail in DETAILS.items():
+        report = rows[name].report
+        assert _ending(rows[name]) == (POLICY_FAILED, False), name
+        assert re.match(detail, report.detail), report.detail
+        assert (report.trace, report.metrics, report.family) == ("", None, "unattributed")
+        assert f"{name}, trip-broadcast, seed 0: policy-failure: {report.detail}\n" in shown.err
+    assert "| Drives | **100** | **100** |" in shown.out
+    assert f"{len(DETAILS)} did not begin, because a policy failed, and count as failures: BuildBlames" in shown.out
+    assert main(["bench", "table", "out", "--kind", *KINDS]) == ExitCode.OK
+    page = leaderboard(tuple(rows.values()))
+    assert page.index("Drives") < min(page.index(name) for name in names if name != "Drives")
+    capsys.readouterr()
+    (folder / "read").unlink()
+    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert f"trips: {len(names)} episodes are there, 0 to play" in capsys.readouterr().err
+
+
+def _ending(row: SuiteRow) -> tuple[str, bool]:
+    return row.report.reason, row.report.success
+
+
+def test_a_file_that_only_ever_fails_is_told_before_anything_is_played(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "read").touch()
+    (folder / "suite.toml").write_text(
+        'suite = 1\nname = "t"\nmissions = ["trip.ljs"]\nseeds = 1\n[[entrants]]\npolicy = "second.py"\n'
+    )
+    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.USAGE
+    assert f"entrants[0].policy: policy `{folder}/second.py` could not be loaded" in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
+def test_of_several_seeds_one_that_does_not_begin_is_lost(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["run", "trip.ljs", "--policy", "entrants.py:SecondReset", "--no-overview"]
+    assert main([*command, "--seeds", "1-2", "-o", "out"]) == ExitCode.USAGE
+    shown = capsys.readouterr()
+    assert "TSR 0.50 (1 of 2), SCR 0.50" in shown.out
+    assert re.search(r"^\d\tno\tpolicy-failure\t0.00\t0\t-$", shown.out, re.M)
+    (line,) = re.findall(r"^error: seed \d did not begin: (.*)$", shown.err, re.M)
+    assert line == "the policy of `skipper` could not take its brief: RuntimeError: once is enough"
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_the_first_seed_that_does_not_begin_ends_the_command(
+    jobs: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["run", "trip.ljs", "--policy", "entrants.py:BuildRaises", "--no-overview", "-j", jobs]
+    assert main([*command, "--seeds", "1-9", "-o", "out"]) == ExitCode.USAGE
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("error: policy `entrants.py:BuildRaises` cannot be built: ")
+    assert not (folder / "out").exists()
+
+
+def test_json_names_an_episode_that_did_not_begin(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["run", "trip.ljs", "--policy", "entrants.py:BuildBlames", "--no-overview", "--json"]
+    assert main([*command, "-o", "out"]) == ExitCode.USAGE
+    shown = capsys.readouterr()
+    report = json.loads(shown.out)
+    assert (report["reason"], report["success"], report["detail"]) == (POLICY_FAILED, False, "the network is gone")
+    assert shown.err.startswith("error: the network is gone\n")
+    assert not (folder / "out").exists()
