@@ -1,22 +1,28 @@
-"""The built-in engines, plug-ins like anybody's; `builtin` declares them. `docs/engines.md` is the user's page.
+"""The built-in engines.
 
-Packages, one for each kind of motion or seeing:
+An *engine* moves the bodies of one kind, or renders pictures. It is a plug-in with the five methods of
+`lingjing.plugins.engine`, like an engine of a third party. Engines advance in lockstep between synchronisation
+boundaries. At each boundary an engine receives the states of all other engines' bodies; such a state is a *mirror*.
+`docs/engines.md` is the page for users.
 
-- `multirotor`, `fixed_wing` (engine `plane`)   `aircraft` in JSBSim (`flight_dynamics`) and `gust`s
-- `quadruped`    the Go2 on its legs in MuJoCo
-- `road`         SUMO: vehicles, background traffic, queues
-- `vessel`       3-DOF hulls on the waves of `sea`
-- `satellite`    SGP4 passes
-- `city`         targets, interactions, goods, queues of people, radio
-- `camera`       the one rendered city with everybody in it
+`builtin` declares all engines. Each package holds one engine:
 
-Shared by them, from the contract inwards:
+- `multirotor`: rotor aircraft in JSBSim.
+- `fixed_wing` (the engine `plane`): light aeroplanes in JSBSim.
+- `quadruped`: the Unitree Go2 with its legs in MuJoCo.
+- `road`: SUMO with vehicles, background traffic and queues.
+- `vessel`: hulls with three degrees of freedom on the waves of `sea`.
+- `satellite`: passes computed with SGP4.
+- `city`: targets, interactions, goods, queues of people and radio links.
+- `camera`: the renderer of the city with all bodies.
 
-- `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `step_clock`
-- `aircraft`     phases, falls, collisions and the engine of a fleet of aircraft; `battery` what walks and flies on
-- `bodies`, `neighbours`, `close_pairs`   sizes of mirrors, which of them are touched, who is close to whom
-- `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there
+Shared modules:
 
-Invariants: an engine knows others only as mirrors; chance comes from the seed it is given; MuJoCo, libsumo, JSBSim and
-sgp4 are each imported by one module, in the process that runs the engine.
+- `aircraft`: phases, falls and collisions of aircraft, and the engine of a fleet of them.
+- `flight_dynamics`: the interface to JSBSim; `gust`: wind at one aircraft; `battery`: stored energy.
+- `bodies`, `neighbours`: sizes of mirrored bodies and contact with them; `close_pairs`: bodies near each other.
+- `sea`: waves, wind and current as functions of weather, place and time.
+
+Invariants: an engine reads other engines' bodies only through mirrors. Random numbers come from the seed that the
+engine receives. MuJoCo, libsumo, JSBSim and sgp4 are each imported by one module, in the process that runs the engine.
 """

@@ -1,8 +1,8 @@
-"""What every aircraft does the same way, and the engine of a fleet of them.
+"""The behaviour that all aircraft share, and the engine of a fleet of aircraft.
 
-An `Aircraft` stands, flies under the control of its kind, descends without power, falls after a collision, or is dead.
-In flight it touches solids, other bodies, the ground and the water; its position is the trapezoidal integral of the
-velocity that JSBSim says.
+An `Aircraft` stands, flies under the control of its subclass, descends without power, falls after a collision, or is
+dead. In flight it can touch solids, other bodies, the ground and the water. Its position is the trapezoidal integral of
+JSBSim's velocity.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DEAD, BodyState, Command
 
 PERIOD_S = 0.02
-"""Control period: 50 Hz."""
+"""Control period: 50 Hz (chosen)."""
 
 STEPS = round(PERIOD_S / STEP_S)
-"""Integration steps in a control period."""
+"""Integration steps of JSBSim in a control period."""
 
 _WATCHED_STEPS = 25
-"""Control periods for which it is known at once which aircraft can meet."""
+"""Number of control periods between two searches for pairs of aircraft that can meet (chosen)."""
 
 
 class FlightPhase(Enum):
-    """What an aircraft is doing. In a descent it has no energy left and takes no commands."""
+    """The phase of an aircraft. A descending aircraft has no energy left and takes no commands."""
 
     GROUNDED = "grounded"
     SPINUP = "spinup"
@@ -58,42 +58,46 @@ class FlightPhase(Enum):
 
 
 DONE = "done"
-"""What a notice says of a task that has come to its end."""
+"""Kind of a notice of a completed task."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightNotice:
-    """Something that happened in a period: `done`, `battery_empty`, `fuel_empty`, or `collided` with `what`."""
+    """An event of one control period."""
 
     kind: str
+    """`done`, `battery_empty`, `fuel_empty` or `collided`."""
     what: str = ""
+    """What the aircraft hit: the id of a body or solid, `ground` or `water`; empty without a collision."""
     speed_mps: float = 0.0
+    """Speed at a collision, m/s; 0 otherwise."""
 
 
 class Aircraft(ABC):
     """One aircraft; `step` moves it by one control period."""
 
     launch_m: ClassVar[float]
+    """Horizontal radius around the start, metres, within which a flying aircraft touches nothing."""
     launch_drop_m: ClassVar[float]
-    """Within `launch_m` of where it started, and no farther than this below it, it touches nothing."""
+    """Depth below the start, metres, to which the exemption of `launch_m` extends."""
     terminal_mps: ClassVar[float]
-    """The fastest that it falls."""
+    """Limit of the speed of a fall, m/s."""
     spurt_mps: ClassVar[float]
-    """What its speed may grow by in the next seconds."""
+    """Largest increase of the speed in the next seconds, m/s."""
     energy: ClassVar[str]
-    """What it runs out of: the reason of refusals."""
+    """Name of the energy store, `battery` or `fuel`: the reason of refusals when it is empty."""
     kind: ClassVar[EngineKind]
-    """The kind of its engine: its lowest point and the bounds of its commands."""
+    """The kind of its engine, with its lowest point and the bounds of its commands."""
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
     ) -> None:
-        """Stand or fly where the mission says; `origin` is the scene's latitude and longitude."""
+        """Create the aircraft at its declared place; `origin` is the scene's latitude and longitude in degrees."""
         size = entity_size(entity)
         self.id = entity.id
         self.solid = solid_size(entity) is not None
         self.radius_m = max(size.length_m, size.width_m) / 2.0
-        """As wide as its type says, in whatever direction it points."""
+        """Radius of the upright cylinder that stands for its body in any heading."""
         self.half_height_m = size.height_m / 2.0
         self._middle_m = self.half_height_m - sunk_m(entity)
         self.position = self._launch = entity.position
@@ -103,7 +107,7 @@ class Aircraft(ABC):
         self.cruise_mps = 0.0
         self._attitude: Vector = (0.0, 0.0, math.radians(entity.heading_deg % 360.0))
         self._terrain = terrain
-        assert self.kind.floor is not None  # that of every aircraft declares one
+        assert self.kind.floor is not None  # every kind of aircraft declares a floor
         self._floor = FlightFloor(terrain, entity, self.kind.floor)
         self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", PERIOD_S)
         self._legs: tuple[Vector, ...] = ()
@@ -113,74 +117,74 @@ class Aircraft(ABC):
     @property
     @abstractmethod
     def status(self) -> str:
-        """Its status word; `dead` once it takes no more commands."""
+        """Status word; `dead` if the aircraft takes no more commands."""
 
     @property
     @abstractmethod
     def resources(self) -> dict[str, float]:
-        """What it has left and what is on board."""
+        """Energy left and goods on board, by name."""
 
     @property
     @abstractmethod
     def empty(self) -> bool:
-        """Whether it has run out of energy."""
+        """True if the energy is used up."""
 
     @abstractmethod
     def start(self, command: Command) -> None:
-        """Begin a command, or `Refusal`."""
+        """Begin a command; raises `Refusal` if it cannot be carried out."""
 
     @abstractmethod
     def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
-        """Move by one control period, which ends at `now_s`, and say what happened."""
+        """Move by one control period, which ends at `now_s`, and return what happened, if anything."""
 
     @abstractmethod
     def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
-        """Whether a descent goes on or ends well where its underside is at `low_m` amid `solids`."""
+        """Return whether a descent continues or ends well with the underside at `low_m`, in contact with `solids`."""
 
-    def load(self, book: Accounts) -> None:  # noqa: B027 - most carry nothing
-        """Take what the city's book says is on board."""
+    def load(self, book: Accounts) -> None:  # noqa: B027 - most kinds carry nothing
+        """Take over the goods on board from the city's accounts."""
 
     @property
     def alive(self) -> bool:
-        """Whether it still takes commands."""
+        """True if the aircraft still takes commands."""
         return self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP, FlightPhase.FLYING)
 
     @property
     def flying(self) -> bool:
-        """Whether it is in the air and whole."""
+        """True if the aircraft is in the air and undamaged."""
         return self.phase in (FlightPhase.FLYING, FlightPhase.DESCENDING)
 
     @property
     def fastest_mps(self) -> float:
-        """What its speed does not exceed in the next seconds."""
+        """Upper bound of the speed in the next seconds, m/s."""
         return max(self.cruise_mps, math.hypot(*self.velocity)) + self.spurt_mps
 
     @property
     def progress(self) -> float:
-        """How much of the way is behind, 0..1."""
+        """Share of the way that is done, 0..1."""
         if not self._legs or self._length <= 0.0:
             return 0.0
         return min(max(1.0 - path_length(self.position, self._legs) / self._length, 0.0), 1.0)
 
     @property
     def middle(self) -> Vector:
-        """The middle of its body."""
+        """Centre of the body, (east, north, up) metres."""
         x, y, z = self.position
         return x, y, z + self._middle_m
 
     def finish(self) -> bool:
-        """Give up or complete what is being done; whether reaching its end is an arrival."""
+        """End the current task, and return whether its completion counts as an arrival."""
         self._legs = ()
         return self._arrives
 
     def strike(self, what: str) -> FlightNotice:
-        """Hit something: the flight is over and the fall begins."""
+        """End the flight with a collision and begin the fall."""
         notice = FlightNotice(COLLIDED, what, math.hypot(*self.velocity))
         self.phase, self.velocity = FlightPhase.FALLING, (0.0, 0.0, 0.0)
         return notice
 
     def state(self, remainder_s: float) -> BodyState:
-        """The aircraft `remainder_s` after its last step."""
+        """Return the state of the aircraft `remainder_s` seconds after its last step."""
         return BodyState(
             id=self.id,
             position=self._ahead(remainder_s),
@@ -193,14 +197,14 @@ class Aircraft(ABC):
         )
 
     def _ahead(self, seconds: float) -> Vector:
-        """Where it is some seconds later if it keeps its velocity."""
+        """Return the position some seconds later at the present velocity."""
         return moved_on(self.position, self.velocity, seconds)
 
     def _begin(self, *legs: Vector, arrives: bool) -> None:
         self._legs, self._length, self._arrives = legs, path_length(self.position, legs), arrives
 
     def _move(self, velocity: Vector, attitude: Vector) -> None:
-        """Take over what the flight dynamics say at the end of a period."""
+        """Take over velocity and attitude at the end of a period, and integrate the position."""
         (x, y, z), (east, north, up), half = self.position, self.velocity, 0.5 * PERIOD_S
         self.position = (
             x + half * (east + velocity[0]),
@@ -210,7 +214,7 @@ class Aircraft(ABC):
         self.velocity, self._attitude = velocity, attitude
 
     def _contact(self, now_s: float) -> FlightNotice | None:
-        """What it hits, if anything."""
+        """Return the notice of a collision, if there is one."""
         x, y, z = self.position
         launched = math.hypot(x - self._launch[0], y - self._launch[1]) < self.launch_m
         if launched and z > self._launch[2] - self.launch_drop_m and self.phase is FlightPhase.FLYING:
@@ -244,22 +248,25 @@ class Aircraft(ABC):
 
 
 class AircraftEngine(FleetEngine):
-    """Steps every aircraft at 50 Hz (100 Hz inside JSBSim). Two that touch, one of them in flight, both crash."""
+    """The engine of all aircraft of one kind, at 50 Hz (JSBSim runs at 100 Hz).
+
+    Two aircraft that touch both crash if at least one of them is in flight.
+    """
 
     step_s = PERIOD_S
     aircraft: ClassVar[type[Aircraft]]
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
-        """Load one airframe an aircraft and put them at their start."""
+        """Load one airframe for each aircraft at its declared place."""
         terrain = Terrain(city)
         self._schedule = Schedule(spec.instance)
         self._neighbours = Neighbours(spec.instance)
         weather = self._schedule.weather(0.0)
-        self._fleet = {one.id: self.aircraft(one, terrain, weather, city.origin, seed) for one in spec.owned()}
+        self._fleet = {entity.id: self.aircraft(entity, terrain, weather, city.origin, seed) for entity in spec.owned()}
         self._pairs: list[tuple[Aircraft, Aircraft]] = []
 
     def start(self, command: Command) -> None:
-        """Begin a command, or `Refusal`: `dead`, `battery` or `fuel`, and those of the aircraft."""
+        """Begin a command. Raises `Refusal` with `dead`, `battery` or `fuel`, or with a reason of the aircraft."""
         aircraft = self._fleet[command.resource]
         if not aircraft.alive:
             if aircraft.empty:
@@ -268,7 +275,7 @@ class AircraftEngine(FleetEngine):
         aircraft.start(command)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
-        """Who is near each aircraft, and what is on board."""
+        """Take over the mirrors: the bodies near each aircraft, and the goods on board."""
         self._neighbours.look(mirrors, self.clock.time_s)
         book = booked(mirrors)
         for aircraft in self._fleet.values():
@@ -277,7 +284,7 @@ class AircraftEngine(FleetEngine):
             aircraft.around = self._neighbours.near(aircraft.middle, aircraft.fastest_mps, radius) if flying else ()
 
     def step(self) -> None:
-        """One control period of every aircraft."""
+        """Move every aircraft by one control period."""
         now = self.clock.now_s
         weather = self._schedule.weather(now - self.step_s)
         for aircraft in self._fleet.values():
@@ -290,28 +297,31 @@ class AircraftEngine(FleetEngine):
             self._collide()
 
     def states(self) -> Iterable[BodyState]:
-        """Every aircraft."""
+        """Return the states of all aircraft."""
         return (aircraft.state(self.clock.remainder_s) for aircraft in self._fleet.values())
 
     def progress(self) -> Mapping[str, float]:
-        """How much of each way is behind."""
+        """Return the share of the way that each aircraft has done, by id."""
         return {aircraft.id: aircraft.progress for aircraft in self._fleet.values()}
 
     def _meeting(self) -> list[tuple[Aircraft, Aircraft]]:
-        """The solid ones that may touch each other before this is asked again."""
-        solid = [one for one in self._fleet.values() if one.solid]
+        """Return the pairs of solid aircraft that may touch before the next search."""
+        solid = [aircraft for aircraft in self._fleet.values() if aircraft.solid]
         ahead_s = _WATCHED_STEPS * PERIOD_S
-        reaches = (math.hypot(one.radius_m, one.half_height_m) + ahead_s * one.fastest_mps for one in solid)
-        close = close_pairs([one.middle for one in solid], 2.0 * max(reaches, default=0.0))
+        reaches = (
+            math.hypot(aircraft.radius_m, aircraft.half_height_m) + ahead_s * aircraft.fastest_mps for aircraft in solid
+        )
+        close = close_pairs([aircraft.middle for aircraft in solid], 2.0 * max(reaches, default=0.0))
         return [(solid[first], solid[second]) for first, second in close]
 
     def _collide(self) -> None:
-        """One in flight and one that it touches both crash; each is reported once."""
-        whole = {one.id for pair in self._pairs for one in pair if one.alive or one.flying}
-        for one, other in self._pairs:
-            if one.id in whole and other.id in whole and (one.flying or other.flying) and _touch(one, other):
-                self._report(one, one.strike(other.id))
-                self._report(other, other.strike(one.id))
+        """Crash both aircraft of each pair that touches with one in flight; each aircraft is reported once."""
+        whole = {aircraft.id for pair in self._pairs for aircraft in pair if aircraft.alive or aircraft.flying}
+        for first, second in self._pairs:
+            whole_pair = first.id in whole and second.id in whole
+            if whole_pair and (first.flying or second.flying) and _touch(first, second):
+                self._report(first, first.strike(second.id))
+                self._report(second, second.strike(first.id))
 
     def _report(self, aircraft: Aircraft, notice: FlightNotice) -> None:
         now, arrives = self.clock.now_s, aircraft.finish()
@@ -327,16 +337,16 @@ class AircraftEngine(FleetEngine):
             self.emit(notice.kind, aircraft.id)
 
 
-def _touch(one: Aircraft, other: Aircraft) -> bool:
-    """Whether two upright cylinders of their measures are in touch."""
-    (x, y, z), (east, north, up) = one.middle, other.middle
-    if abs(z - up) >= one.half_height_m + other.half_height_m:
+def _touch(first: Aircraft, second: Aircraft) -> bool:
+    """Return whether the upright cylinders of two aircraft touch."""
+    (x, y, z), (east, north, up) = first.middle, second.middle
+    if abs(z - up) >= first.half_height_m + second.half_height_m:
         return False
-    return math.hypot(x - east, y - north) < one.radius_m + other.radius_m
+    return math.hypot(x - east, y - north) < first.radius_m + second.radius_m
 
 
 def path_length(start: Vector, legs: Sequence[Vector]) -> float:
-    """Length of the way from `start` through all `legs`, metres."""
+    """Return the length of the way from `start` through all `legs`, metres."""
     return sum(math.dist(a, b) for a, b in zip((start, *legs), legs, strict=False))
 
 

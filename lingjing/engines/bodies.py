@@ -1,7 +1,7 @@
-"""What engines know of others that reach them only as mirrors: are they there, how large, and what fills their boxes.
+"""Presence, size and shape of bodies that an engine receives as mirrors.
 
-Entities declare their measures (`lingjing.plugins.bodies`). Background traffic is of a kind (`BodyState.kind`), which
-`scene.sizes` measures.
+Entities declare their dimensions (`lingjing.plugins.bodies`). Background traffic has a kind (`BodyState.kind`), and
+`scene.sizes` holds the dimensions of each kind.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from lingjing.trace.records import CLEARED, DORMANT, BodyState
 
 
 def is_gone(state: BodyState, entity: Entity | None) -> bool:
-    """Whether a mirror is of what can neither be seen nor touched: not there yet, no more, or taken aboard."""
+    """Return whether a mirrored body can neither be seen nor touched: dormant, cleared or taken aboard."""
     return state.status in (DORMANT, CLEARED) or (entity is not None and entity.is_aboard(state.status))
 
 
 def moved_on(position: Vector, velocity: Vector, seconds: float) -> Vector:
-    """Where a body is some seconds later if it keeps its velocity."""
+    """Return the position of a body after `seconds` at constant velocity."""
     x, y, z = (here + seconds * rate for here, rate in zip(position, velocity, strict=True))
     return x, y, z
 
 
 def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:
-    """Dimensions of a mirrored body that one can bump into: an entity, or background traffic of a known kind."""
+    """Return the dimensions of a solid mirrored body: an entity or background traffic. None if it is not solid."""
     return solid_size(entity) if entity is not None and not state.kind else SIZES.get(state.kind)
 
 
 def shape_of(entity: Entity | None) -> str:
-    """What fills the box of a body's dimensions: a box, a cylinder, a sphere or a cone."""
+    """Return the shape that fills the box of a body's dimensions: `box`, `cylinder`, `sphere` or `cone`."""
     return "box" if entity is None else str(entity.properties.get("shape", "box"))
 
 
 def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
-    """Whether a point lies in a shape that fills the box from -1 to 1 along each axis."""
+    """Return whether a point lies inside a shape that fills the box from -1 to 1 along each axis."""
     if max(abs(ahead), abs(abeam), abs(up)) >= 1.0:
         return False
     if shape == "sphere":
@@ -47,5 +47,5 @@ def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
 
 
 def floats(entity: Entity) -> bool:
-    """Whether an entity is afloat where there is water: a vessel, what drifts, and what stands on water."""
+    """Return whether an entity floats where there is water: a vessel, a drifting body, or a body declared on water."""
     return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"

@@ -1,4 +1,7 @@
-"""The plug-in that declares the built-in engines, scenes and evaluator; a factory imports what it needs when called."""
+"""The plug-in that declares the built-in engines, scenes and evaluator.
+
+A factory imports its engine when it is called.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from lingjing.scene.city import City
 
 
 def _engine(module: str, name: str, extra: str = "", package: str = "") -> Callable[[], Engine]:
-    """A factory that imports an engine when it is called; `package` is what the `extra` brings and it needs."""
+    """Return a factory that imports an engine when it is called. The optional dependency `extra` installs `package`."""
 
     def make() -> Engine:
         with _extra(extra, package):
@@ -56,7 +59,7 @@ def _map(spec: SceneSpec) -> City:
 
 @contextmanager
 def _extra(name: str, package: str) -> Iterator[None]:
-    """Say how to install what an extra brings, where it is missing."""
+    """Raise `InfrastructureError` with the command that installs the extra `name` if its `package` is missing."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -67,7 +70,7 @@ def _extra(name: str, package: str) -> Iterator[None]:
 
 @hookimpl
 def lingjing_engines() -> Iterable[EnginePlugin]:
-    """The engines that come with the project."""
+    """Return the built-in engines."""
     return (
         EnginePlugin(
             name="multirotor",
@@ -126,7 +129,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
 
 @hookimpl
 def lingjing_scenes() -> Iterable[ScenePlugin]:
-    """The scenes that come with the project."""
+    """Return the built-in scenes."""
     builders = {"bay": _bay, "map": _map}
     return tuple(
         ScenePlugin(name=kind.name, build=builders.get(kind.name, _district), summary=kind.summary)
@@ -136,7 +139,7 @@ def lingjing_scenes() -> Iterable[ScenePlugin]:
 
 @hookimpl
 def lingjing_evaluators() -> Iterable[EvaluatorPlugin]:
-    """The evaluator that comes with the project."""
+    """Return the built-in evaluator."""
     yield EvaluatorPlugin(
         name="mission", build=_mission_evaluator, summary="The mission's own success, failure, stages and constraints."
     )

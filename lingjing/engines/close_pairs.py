@@ -1,4 +1,4 @@
-"""Which bodies of a fleet are close to each other, without comparing each with all."""
+"""Search for pairs of bodies that are close to each other, by a sweep along x."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from lingjing.mission.instance import Vector
 
 
 def close_pairs(places: Sequence[Vector], distance_m: float) -> list[tuple[int, int]]:
-    """The pairs of places less than `distance_m` apart, by their numbers and in their order (a sweep along x)."""
+    """Return the pairs of indices of places less than `distance_m` apart; each pair and the list are in ascending
+    order."""
     order = sorted(range(len(places)), key=lambda number: places[number][0])
-    found = []
-    for rank, one in enumerate(order):
+    pairs = []
+    for rank, first in enumerate(order):
         for next_rank in range(rank + 1, len(order)):
-            other = order[next_rank]
-            if places[other][0] - places[one][0] >= distance_m:
+            second = order[next_rank]
+            if places[second][0] - places[first][0] >= distance_m:
                 break
-            if math.dist(places[one], places[other]) < distance_m:
-                found.append((min(one, other), max(one, other)))
-    return sorted(found)
+            if math.dist(places[first], places[second]) < distance_m:
+                pairs.append((min(first, second), max(first, second)))
+    return sorted(pairs)

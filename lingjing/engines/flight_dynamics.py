@@ -1,8 +1,8 @@
-"""JSBSim, SI in and SI out: what every aircraft of the project asks of it. The only module that imports `jsbsim`.
+"""The interface to JSBSim in SI units. No other module imports `jsbsim`.
 
-JSBSim has no threads and no files open after loading, so a process that holds aircraft can be forked. The world is
-flat: its local north, east and down are taken as the world's axes at every place; its latitude and longitude are read
-by nobody, and its own ground lies far below (the engines' terrain says what is hit).
+JSBSim has no threads and no open files after loading, so a process with aircraft can be forked. The world is flat:
+JSBSim's local north, east and down are the world's axes at every place. Its latitude and longitude are not used. Its
+own ground lies far below the scene; the engines' terrain decides on contacts.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-os.environ.setdefault("JSBSIM_DEBUG", "0")  # read when the library is loaded; silences its banner
+os.environ.setdefault("JSBSIM_DEBUG", "0")  # the library reads it when it is loaded: 0 prints no banner
 
 import jsbsim
 
@@ -20,21 +20,29 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Vector
 
 STEP_S = 1.0 / 100.0
-"""Integration step. Flights at 250 Hz end within a millimetre and the same period."""
+"""Integration step, seconds. Test flights at 250 Hz ended within a millimetre of it, in the same control period."""
 
 FOOT_M = 0.3048
+"""One international foot in metres (exact)."""
+
 POUND_N = 4.4482216152605
+"""One pound-force in newtons (from the international pound and standard gravity)."""
+
 POUND_KG = 0.45359237
+"""One international pound in kilograms (exact)."""
 
 ReadProperty = Callable[[], float]
 WriteProperty = Callable[[float], object]
 
 
 class FlightDynamics:
-    """One aircraft in JSBSim at its initial conditions: at an origin (latitude, longitude), elevation and heading.
+    """One aircraft in JSBSim.
 
-    `folder` holds `<model>/<model>.xml`; None means the aircraft that come with the library. `initial` are further
-    properties under `ic/`, in JSBSim's own units.
+    It starts at `origin` (latitude, longitude in degrees) with an elevation in metres and a heading in degrees.
+    `folder` holds `<model>/<model>.xml`; None selects the aircraft that come with the library. `initial` holds further
+    properties below `ic/`, in JSBSim's own units.
+
+    Raises `InfrastructureError` if JSBSim cannot load or initialise the model.
     """
 
     def __init__(
@@ -54,7 +62,7 @@ class FlightDynamics:
             executive.set_systems_path(str(folder))
         if not executive.load_model(model):
             raise InfrastructureError(f"jsbsim cannot load the airframe `{model}` from {folder or 'its own folder'}")
-        if executive.set_output_filename(0, os.devnull):  # some aircraft write a table into the working folder
+        if executive.set_output_filename(0, os.devnull):  # some models write a table into the working folder
             executive.disable_output()
         executive.set_dt(STEP_S)
         executive["ic/lat-geod-deg"], executive["ic/long-gc-deg"] = origin
@@ -69,21 +77,21 @@ class FlightDynamics:
         self._attitude = tuple(self.reader(f"attitude/{angle}-rad") for angle in ("phi", "theta", "psi"))
 
     def __setitem__(self, name: str, value: float) -> None:
-        """Set a property once, in JSBSim's unit; what is set again and again has a `writer`."""
+        """Set a property once, in JSBSim's unit. A `writer` is faster for a property that is set repeatedly."""
         self._executive[name] = value
 
     def reader(self, name: str) -> ReadProperty:
-        """What reads a property, in JSBSim's unit, without looking for its name each time."""
+        """Return a function that reads a property, in JSBSim's unit, without searching for its name again."""
         read: ReadProperty = self._node(name).get_double_value
         return read
 
     def writer(self, name: str) -> WriteProperty:
-        """What sets a property, in JSBSim's unit, at a tenth of the price of doing so by name."""
+        """Return a function that sets a property, in JSBSim's unit. It takes a tenth of the time of setting by name."""
         write: WriteProperty = self._node(name).set_double_value
         return write
 
     def blow(self, east: float, north: float, up: float) -> None:
-        """Set the air's velocity, m/s."""
+        """Set the velocity of the air, m/s."""
         to_east, to_north, down = self._wind
         to_east(east / FOOT_M)
         to_north(north / FOOT_M)
@@ -95,7 +103,7 @@ class FlightDynamics:
             self._executive.run()
 
     def velocity(self) -> Vector:
-        """Velocity over ground (east, north, up), m/s; one that is no number is an engine failure."""
+        """Return the velocity over ground (east, north, up), m/s. Raises `InfrastructureError` if it is not finite."""
         east, north, down = self._velocity
         velocity = (east() * FOOT_M, north() * FOOT_M, -down() * FOOT_M)
         if not math.isfinite(sum(velocity)):
@@ -103,7 +111,7 @@ class FlightDynamics:
         return velocity
 
     def attitude(self) -> Vector:
-        """(roll, pitch, heading) in radians, heading from north clockwise."""
+        """Return (roll, pitch, heading) in radians; the heading is clockwise from north."""
         roll, pitch, heading = self._attitude
         return roll(), pitch(), heading()
 

@@ -1,7 +1,8 @@
-"""The wind at one vehicle: the mission's mean wind at the time and, if it says so, seeded gusts.
+"""Wind at one vehicle: the mean wind of the weather and, if it is turbulent, seeded gusts.
 
-Gusts are a first-order (Dryden-like) process in each axis with the mean's turbulence intensity: standard deviation
-`turbulence * wind_mps` horizontally and half of it vertically, over a length scale of 50 m at the mean wind's speed.
+Gusts are a first-order process (an approximation of the Dryden model) in each axis. Their standard deviation is
+`turbulence * wind_mps` horizontally and half of that vertically. Their length scale is 50 m at the speed of the mean
+wind.
 """
 
 from __future__ import annotations
@@ -13,14 +14,19 @@ from lingjing.mission.instance import Vector, Weather
 from lingjing.mission.seeding import generator
 
 _LENGTH_M = 50.0
+"""Length scale of gusts, metres (chosen)."""
+
 _VERTICAL = 0.5
+"""Vertical gusts as a share of horizontal ones (chosen)."""
 _BLOCK = 150
-"""Normal numbers that are drawn at once; a call for each would cost more than the flight that they disturb."""
+"""Count of normal numbers drawn at once. A call for each number would take more time than the flight itself."""
 
 
 class Gust:
-    """Wind velocity (east, north, up) in m/s, one value every `dt_s`. A change of weather changes the mean and the
-    strength at once; the gust that is blowing fades as it would have."""
+    """Wind velocity (east, north, up) in m/s, one value every `dt_s`.
+
+    A change of weather changes the mean and the standard deviation at once. The present gust decays as before.
+    """
 
     def __init__(self, weather: Weather, seed: int, name: str, dt_s: float) -> None:
         self._dt_s = dt_s
@@ -30,7 +36,7 @@ class Gust:
         self._set(weather)
 
     def next(self, weather: Weather) -> Vector:
-        """The wind of the next interval in this weather."""
+        """Return the wind of the next interval in this weather."""
         if weather is not self._weather:
             self._set(weather)
         if self._sigma == 0.0 and self._offset == (0.0, 0.0, 0.0):

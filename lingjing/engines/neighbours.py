@@ -1,7 +1,7 @@
-"""The others as obstacles: which mirrors are solid bodies, how large they are, and whether one is touched.
+"""Mirrored bodies as obstacles: their dimensions, and contact with them.
 
-Background traffic, assets and targets that declare their measures are solid (`bodies.mirror_size`): a fire, a leak or a
-place where goods are wanted is nothing to bump into. Mirrors are states at an interval's start and move on along their
+Background traffic, assets and targets with declared dimensions are solid (`bodies.mirror_size`). A fire, a leak or a
+delivery point is not. A mirror is the state at the start of an interval; its position is extrapolated at constant
 velocity.
 """
 
@@ -21,21 +21,25 @@ from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
 _LONGEST_S = 1.0
+"""Shortest horizon of a search for bodies within reach, seconds (chosen)."""
 
 _Positions = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class SolidMirror:
-    """What a mirror is to bump into: its dimensions, how far it reaches below its position (m), what fills them."""
+    """The solid body of a mirror."""
 
     size: Size
+    """Dimensions."""
     sunk_m: float
+    """Depth of its underside below its position, metres."""
     shape: str
+    """Shape inside the box of its dimensions: `box`, `cylinder`, `sphere` or `cone`."""
 
 
 def solid_mirror(state: BodyState, entity: Entity | None) -> SolidMirror | None:
-    """What a mirror is to bump into; None where there is nothing."""
+    """Return the solid body of a mirror, or None if there is nothing to touch."""
     size = mirror_size(state, entity)
     if size is None or is_gone(state, entity):
         return None
@@ -48,20 +52,30 @@ class Neighbour:
     """A solid body of another engine at `time_s`."""
 
     id: str
+    """Id of the body."""
     position: Vector
+    """Position (east, north, up), metres."""
     velocity: Vector
+    """Velocity (east, north, up), m/s."""
     along: tuple[float, float]
+    """Unit vector of its heading (east, north)."""
     half_length_m: float
+    """Half its length, metres."""
     half_width_m: float
+    """Half its width, metres."""
     low_m: float
+    """Height of its underside relative to its position, metres."""
     high_m: float
+    """Height of its top relative to its position, metres."""
     time_s: float
+    """Simulated time of position and velocity, seconds."""
     shape: str = "box"
+    """Shape inside its box: `box`, `cylinder`, `sphere` or `cone`."""
 
     def touches(self, position: Vector, radius_m: float, half_height_m: float, now_s: float) -> bool:
-        """Whether a body of that size at `position` is in touch with it at `now_s`.
+        """Return whether an upright cylinder at `position` touches the body at `now_s`.
 
-        What comes near is taken for as much larger as the body is, whatever its shape.
+        The body's shape is enlarged by the cylinder's radius and half height.
         """
         passed = now_s - self.time_s
         up = position[2] - self.position[2] - passed * self.velocity[2]
@@ -81,13 +95,13 @@ class Neighbour:
 
 
 class Neighbours:
-    """All mirrors of an interval; `near` picks those that one body could meet within it."""
+    """All mirrors of an interval; `near` returns those that a body could meet within it."""
 
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
         sizes = (size for size in map(solid_size, instance.entities) if size is not None)
         self._reach_m = max(max(size.length_m, size.width_m, size.height_m) for size in (*SIZES.values(), *sizes))
-        """No body reaches farther from its position."""
+        """Upper bound of the distance from a body's position to its surface, metres."""
         self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
         self._states: tuple[BodyState, ...] = ()
         self._places: _Positions | None = None
@@ -100,10 +114,13 @@ class Neighbours:
         self._time_s = time_s
 
     def near(self, position: Vector, speed_mps: float, radius_m: float) -> tuple[Neighbour, ...]:
-        """The solid bodies that a body of `radius_m` at `position` could reach at `speed_mps` before the next look."""
+        """Return the solid bodies that a body of `radius_m` at `position` could reach before the next mirrors.
+
+        `speed_mps` is the greatest speed of that body.
+        """
         if not self._states:
             return ()
-        if self._places is None:  # once for the whole fleet: mirrors are many, flyers too
+        if self._places is None:  # built once for the whole fleet: there are many mirrors and many aircraft
             self._places = np.array([state.position for state in self._states])
             rates = np.abs(np.array([state.velocity for state in self._states]))
             self._ways = self._horizon_s * rates.sum(axis=1) + self._reach_m

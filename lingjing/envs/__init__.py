@@ -1,22 +1,29 @@
-"""Missions as reinforcement-learning environments: PettingZoo's parallel environment and, for one agent, Gymnasium's.
+"""Reinforcement-learning environments of missions: PettingZoo's `ParallelEnv` and, for one agent, Gymnasium's `Env`.
 
     import lingjing.envs
     env = lingjing.envs.parallel_env("ssr", mode="broadcast")
     env = gymnasium.make("lingjing.envs:lingjing/ssr-broadcast-v0", agent="skipper")
 
-Importing this module registers every shipped mission with Gymnasium, once for each of its modes. Gymnasium loads no
-entry points of packages; the module's name before an id's colon has it imported where the id is asked for.
+An environment steps one episode of a mission at a time. Its observations hold exactly what a policy of the same agent
+observes. The reward of a step is the increase of the mission's score in that step.
 
-`stepping` (an episode that decisions are put into) → `codec` (one agent's observations and actions as arrays and
-back) ← `vocabulary` (which names have which number) → `environments` (the two classes). What an environment shows is
-what a policy is shown, nothing more; rewards are what the score gained in the step.
+Importing this module registers every shipped mission with Gymnasium, once for each of its modes. Gymnasium loads no
+entry points of packages. It imports the module that stands before the colon of an id, so ids begin with
+`lingjing.envs:`.
+
+Modules:
+
+- `environments`: the two environment classes and their registration.
+- `stepping`: an episode whose decisions come from the caller.
+- `codec`: one agent's observations and actions as arrays.
+- `vocabulary`: the numbers that stand for names in these arrays.
 """
 
 from __future__ import annotations
 
 from lingjing.numerics import pin
 
-pin()  # for what is not loaded yet
+pin()  # before numpy is imported: the number of threads is read at import
 
 from lingjing.envs.environments import LingjingEnv, LingjingParallelEnv, parallel_env, register_missions  # noqa: E402
 

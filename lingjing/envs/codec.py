@@ -1,8 +1,9 @@
 """One agent's observations and actions as arrays of fixed shape, and back.
 
-Made from the instance's observation channels and action schemas. Everything is `float32` in the mission's own units
-(metres, seconds, degrees) but pictures (`uint8`) and choices (`Discrete`); what is not known or not there is 0, with a
-flag in front that says so. Actions come in [-1, 1] and are stretched over the declared bounds of each argument.
+The spaces follow from the instance's observation channels and action schemas. Numbers are `float32` in the mission's
+own units (metres, seconds, degrees), pictures are `uint8`, choices are `Discrete`. A value that is unknown or absent is
+0; a flag before it is then 0 too. Numbers in actions lie in [-1, 1] and are scaled linearly to the declared bounds of
+each argument.
 """
 
 from __future__ import annotations
@@ -40,35 +41,45 @@ from lingjing.trace.request_ids import is_request_of
 SpaceValue = npt.NDArray[Any]
 
 INBOX = 8
-"""The latest messages that an observation holds."""
+"""Number of messages in an observation: the latest ones (chosen)."""
 
 _BODY = 11
-"""Numbers of an entity before its stocks: seen, place (3), velocity (3), heading as sine and cosine, busy, battery."""
+"""Numbers of an entity before its stocks: observed, position (3), velocity (3), sine and cosine of the heading, busy,
+battery."""
 
 _ELEVATIONS_M = (0.0, 120.0)
-"""Elevations over which `z` is stretched for a body that declares no altitude band."""
+"""Range of `z` in actions for a body that declares no altitude band, metres (chosen)."""
 
 _FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "names": 1, "frame": 1, "text": 0}
-"""Numbers that each type of a message's fields takes. A text has none, a frame says whether there is one."""
+"""Count of numbers for each type of message field. A text has none; a frame has a flag that is 1 if a frame is given.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ObservedCamera:
-    """A camera whose pictures the agent sees, and the size they are handed out in."""
+    """A camera whose pictures the agent receives, and the size of these pictures in observations."""
 
     entity: str
+    """Id of the entity that carries the camera."""
     camera: CameraSpec
+    """The camera as declared by the instance."""
     width: int
+    """Width in pixels."""
     height: int
+    """Height in pixels; the aspect ratio is that of the camera."""
 
     @property
     def name(self) -> str:
-        """Its key in an observation."""
+        """Key of the camera's pictures in an observation."""
         return f"{self.entity}/{self.camera.name}"
 
 
 class Codec:
-    """The spaces of one agent. `picture_width` is the pixels across of the pictures, 0 for none."""
+    """The conversion between one agent's observations and decisions and the members of its two spaces.
+
+    `reach_m` is the largest absolute coordinate of a position in an action, metres. `picture_width` is the width of
+    pictures in pixels, 0 for none.
+    """
 
     def __init__(self, instance: Instance, agent: AgentSpec, reach_m: float, picture_width: int) -> None:
         self._instance = instance
@@ -78,21 +89,21 @@ class Codec:
         self._bodies = _visible(instance, agent)
         watched = {channel.name for channel in agent.observes if channel.source == "grid"}
         self._cells = tuple(cell.name for cell in instance.cells if cell.grid in watched and not cell.hidden)
-        self._eyes = _eyes(instance, agent, picture_width)
+        self._cameras = _observed_cameras(instance, agent, picture_width)
         self._commands = tuple(
             (entity, verb)
             for name in agent.commands
             for entity in instance.entities
             if entity.id == name
-            for verb in (admitted(one, engine_kind(entity.engine)) for one in entity.verbs)
+            for verb in (admitted(declared, engine_kind(entity.engine)) for declared in entity.verbs)
         )
-        self._sayings = tuple(message for message in instance.messages if message.is_sent_by(agent.role))
+        self._sendable = tuple(message for message in instance.messages if message.is_sent_by(agent.role))
         self._width = max([0, *(_width(message) for message in instance.messages)])
         self.observation_space = self._observation_space()
         self.action_space = self._action_space()
 
     def observe(self, observation: Observation, inbox: Inbox) -> dict[str, Any]:
-        """A member of `observation_space`."""
+        """Return an observation and an inbox as a member of `observation_space`."""
         views = {view.id: view for view in observation.entities}
         visited = {cell.name for cell in observation.cells if cell.visited_tick is not None}
         out: dict[str, Any] = {
@@ -106,27 +117,27 @@ class Codec:
             out["entities"] = {entity.id: _body(entity, views.get(entity.id)) for entity in self._bodies}
         if self._cells:
             out["cells"] = np.array([name in visited for name in self._cells], np.int8)
-        if self._eyes:
-            out["pictures"] = {eye.name: _picture(eye, observation) for eye in self._eyes}
+        if self._cameras:
+            out["pictures"] = {observed.name: _picture(observed, observation) for observed in self._cameras}
         return out
 
     def decide(self, action: Mapping[str, Any], observation: Observation) -> Decision:
-        """What a member of `action_space` means: at most one command and one message.
+        """Return the decision for a member of `action_space`: at most one command and one message.
 
-        Numbers beyond [-1, 1] are clipped, and what a choice does not need may be left out; anything else that is no
-        member is a `UsageError`.
+        Numbers beyond [-1, 1] are clipped. Keys that the chosen command or message does not need may be missing. Raises
+        `UsageError` for any other value that is no member.
         """
         if not isinstance(action, Mapping):
-            raise self._wrong(f"it is {action!r}, not a dictionary")
+            raise self._invalid(f"it is {action!r}, not a dictionary")
         chosen = self._choice(action, "command")
         command = None
         if chosen:
             entity, verb = self._commands[chosen - 1]
             values = self._numbers(action, "arguments")
-            arguments = zip(verb.arguments, values, strict=False)
-            numbers = {spec.name: self._argument(verb, spec, entity, value) for spec, value in arguments}
-            given: dict[str, Datum] = {name: value for name, value in numbers.items() if value is not None}
-            command = Action(verb=verb.name, arguments=given, resource=entity.id)
+            numbers = zip(verb.arguments, values, strict=False)
+            scaled = {spec.name: self._argument(verb, spec, entity, value) for spec, value in numbers}
+            arguments: dict[str, Datum] = {name: value for name, value in scaled.items() if value is not None}
+            command = Action(verb=verb.name, arguments=arguments, resource=entity.id)
         return Decision(command=command, messages=self._messages(action, observation))
 
     # -- spaces
@@ -143,9 +154,9 @@ class Codec:
             parts["entities"] = spaces.Dict({e.id: _box(_BODY + len(e.state)) for e in self._bodies})
         if self._cells:
             parts["cells"] = spaces.MultiBinary(len(self._cells))
-        if self._eyes:
+        if self._cameras:
             shots: dict[str, spaces.Space[Any]] = {
-                eye.name: spaces.Box(0, 255, (eye.height, eye.width, 3), np.uint8) for eye in self._eyes
+                observed.name: spaces.Box(0, 255, (observed.height, observed.width, 3), np.uint8) for observed in self._cameras
             }
             parts["pictures"] = spaces.Dict(shots)
         return spaces.Dict(parts)
@@ -156,8 +167,8 @@ class Codec:
             "command": spaces.Discrete(len(self._commands) + 1),
             "arguments": spaces.Box(-1.0, 1.0, (most,), np.float32),
         }
-        if self._sayings:
-            parts["message"] = spaces.Discrete(len(self._sayings) + 1)
+        if self._sendable:
+            parts["message"] = spaces.Discrete(len(self._sendable) + 1)
             parts["to"] = spaces.Discrete(len(self._words.agents) + 1)
             parts["fields"] = spaces.Box(-1.0, 1.0, (max(1, self._width),), np.float32)
         return spaces.Dict(parts)
@@ -181,11 +192,11 @@ class Codec:
             column = 2
             for field in specs[message.kind].fields:
                 width = _FIELD_WIDTH[field.type]
-                table[row, column : column + width] = self._said(field, message.body.get(field.name), width)
+                table[row, column : column + width] = self._field_values(field, message.body.get(field.name), width)
                 column += width
         return table
 
-    def _said(self, field: Field, value: Datum, width: int) -> list[float]:
+    def _field_values(self, field: Field, value: Datum, width: int) -> list[float]:
         if value is None or width == 0:
             return [0.0] * width
         if field.type in ("position", "box") and isinstance(value, tuple | list):
@@ -198,7 +209,7 @@ class Codec:
         return [1.0] if field.type == "frame" else [float(self._words.names.number(value))]
 
     def _receipt(self, inbox: Inbox) -> int:
-        """The latest word on a command of the agent; 0 if there is none."""
+        """Return the number of the latest status of a command of the agent; 0 if there is no receipt."""
         mine = [receipt for receipt in inbox.receipts if is_request_of("command", receipt.request)]
         return STATUSES.index(mine[-1].status) + 1 if mine else 0
 
@@ -208,7 +219,7 @@ class Codec:
         space = self.action_space[key]
         chosen = action.get(key)
         if not isinstance(chosen, int | np.integer | np.ndarray) or not space.contains(int(chosen)):
-            raise self._wrong(f"`{key}` is {chosen!r}, not one of {space}")
+            raise self._invalid(f"`{key}` is {chosen!r}, not one of {space}")
         return int(chosen)
 
     def _numbers(self, action: Mapping[str, Any], key: str) -> SpaceValue:
@@ -218,11 +229,11 @@ class Codec:
         except (TypeError, ValueError):
             values = np.empty(0)
         if values.shape != space.shape or not np.isfinite(values).all():
-            raise self._wrong(f"`{key}` is {action.get(key)!r}, not one of {space}")
+            raise self._invalid(f"`{key}` is {action.get(key)!r}, not one of {space}")
         return np.clip(values, -1.0, 1.0)
 
-    def _wrong(self, what: str) -> UsageError:
-        return UsageError(f"an action of `{self._agent.id}`: {what}", hint="actions are members of its `action_space`")
+    def _invalid(self, problem: str) -> UsageError:
+        return UsageError(f"an action of `{self._agent.id}`: {problem}", hint="actions are members of its `action_space`")
 
     def _argument(self, verb: VerbSpec, spec: ArgumentSpec, entity: Entity, value: float) -> Datum:
         if spec.unit == "name":
@@ -237,9 +248,9 @@ class Codec:
         return float(low + (high - low) * (value + 1.0) / 2.0)
 
     def _messages(self, action: Mapping[str, Any], observation: Observation) -> tuple[Outgoing, ...]:
-        if "message" not in action or not self._sayings or not (chosen := self._choice(action, "message")):
+        if "message" not in action or not self._sendable or not (chosen := self._choice(action, "message")):
             return ()
-        message = self._sayings[chosen - 1]
+        message = self._sendable[chosen - 1]
         values = self._numbers(action, "fields")
         body: dict[str, Datum] = {}
         column = 0
@@ -275,14 +286,14 @@ class Codec:
 
 
 def _visible(instance: Instance, agent: AgentSpec) -> tuple[Entity, ...]:
-    """The entities that the agent's channels may show, in the instance's order."""
+    """Return the entities that the agent's channels may show, in the instance's order."""
     names = {channel.name for channel in agent.observes if channel.source == "entity"}
     if any(channel.source == "peers" for channel in agent.observes):
         names |= {name for peer in instance.agents if peer.id != agent.id for name in peer.controls}
     return tuple(entity for entity in instance.entities if entity.id in names and "position" not in entity.hidden)
 
 
-def _eyes(instance: Instance, agent: AgentSpec, width: int) -> tuple[ObservedCamera, ...]:
+def _observed_cameras(instance: Instance, agent: AgentSpec, width: int) -> tuple[ObservedCamera, ...]:
     return tuple(
         ObservedCamera(entity.id, camera, width, max(1, round(width * camera.height / camera.width)))
         for entity in instance.entities
@@ -311,16 +322,16 @@ def _body(entity: Entity, view: EntityView | None) -> SpaceValue:
     numbers[7:9] = (np.sin(heading), np.cos(heading)) if view.heading_deg is not None else (0.0, 0.0)
     numbers[9] = bool(view.busy)
     numbers[10] = stocks.get("battery", 0.0)
-    for place, one in enumerate(entity.state, _BODY):
-        numbers[place] = stocks.get(one.name, 0.0)
+    for place, stock in enumerate(entity.state, _BODY):
+        numbers[place] = stocks.get(stock.name, 0.0)
     return numbers
 
 
-def _picture(eye: ObservedCamera, observation: Observation) -> SpaceValue:
-    shape = (eye.height, eye.width, 3)
+def _picture(observed: ObservedCamera, observation: Observation) -> SpaceValue:
+    shape = (observed.height, observed.width, 3)
     for picture in observation.pictures:
-        if (picture.entity, picture.camera) == (eye.entity, eye.camera.name):
-            return _scaled(picture.rgb, eye.width, eye.height)
+        if (picture.entity, picture.camera) == (observed.entity, observed.camera.name):
+            return _scaled(picture.rgb, observed.width, observed.height)
     return np.zeros(shape, np.uint8)
 
 

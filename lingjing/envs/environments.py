@@ -24,18 +24,22 @@ from lingjing.suggest import nearest_or
 from lingjing.trace.records import Decision
 
 LARGEST_SEED = 2**31 - 1
+"""Exclusive bound of the seeds that are drawn when `reset` is called without a seed (chosen)."""
 
 REACH_M = 1000.0
-"""Half the side of the square that positions in actions are stretched over where no region says more."""
+"""Default reach of positions in actions, metres (chosen). It is used if the mission has no public region."""
 
 
 class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the package publishes no types
     """A mission for all its agents at once.
 
-    `mission` is one, a file or a shipped name. `picture_width` is the pixels across of pictures, 0 for none. Each
-    step is one decision tick; the reward of every agent is what the score (0..1) gained in it. An engine that fails
-    raises `InfrastructureError`, after which `reset` begins anew. `reset(seed=…)` picks the instance; without a seed
-    the next one of the last seed's stream. A copy (pickled or deep) is a new environment made in the same way.
+    `mission` is a compiled mission, a file or the name of a shipped mission. `picture_width` is the width of pictures
+    in pixels; 0 leaves pictures out. Each step is one decision tick. The reward of every agent is the increase of the
+    score (0..1) in that step.
+
+    An engine that fails raises `InfrastructureError`; `reset` then begins a new episode. `reset(seed=…)` selects the
+    instance. Without a seed it draws the next seed of the stream that the last seed started. A copy (pickled or deep)
+    is a new environment with the same arguments.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "lingjing_v0", "render_modes": []}
@@ -64,17 +68,17 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
         self._score = 0.0
 
     def observation_space(self, agent: str) -> spaces.Dict:
-        """The space of one agent's observations; the same object at every call."""
+        """Return the space of one agent's observations; every call returns the same object."""
         return self._codecs[agent].observation_space
 
     def action_space(self, agent: str) -> spaces.Dict:
-        """The space of one agent's actions; the same object at every call."""
+        """Return the space of one agent's actions; every call returns the same object."""
         return self._codecs[agent].action_space
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
-        """Boundary 0 of an episode."""
+        """Begin an episode and return the observations and infos of boundary 0, by agent."""
         if seed is not None:
             self._random = np.random.default_rng(_seed(seed))
         number = int(self._random.integers(LARGEST_SEED)) if seed is None else seed
@@ -88,19 +92,22 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
     ) -> tuple[
         dict[str, dict[str, Any]], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:
-        """One decision tick; an agent without an action does nothing."""
+        """Play one decision tick. An agent without an action does nothing.
+
+        Raises `UsageError` if no episode is running, an agent's name is unknown or an action is no member of its space.
+        """
         before = self._game.published
         if before is None or not self.agents:
             raise UsageError("the environment has no episode going on", hint="call `reset` first")
-        strangers = [name for name in actions if name not in self._codecs]
-        if strangers:
-            hint = nearest_or(strangers[0], self.possible_agents, f"there are: {', '.join(self.possible_agents)}")
-            raise UsageError(f"no agent is called `{strangers[0]}`", hint=hint)
-        made = {
+        unknown = [name for name in actions if name not in self._codecs]
+        if unknown:
+            hint = nearest_or(unknown[0], self.possible_agents, f"there are: {', '.join(self.possible_agents)}")
+            raise UsageError(f"no agent is called `{unknown[0]}`", hint=hint)
+        decisions = {
             name: self._codecs[name].decide(actions[name], before.observations[name]) if name in actions else Decision()
             for name in self.agents
         }
-        published = self._game.step(made)
+        published = self._game.step(decisions)
         names, gained = self.agents, published.evaluation.reward - self._score
         self._score = published.evaluation.reward
         ended = published.evaluation.done
@@ -116,7 +123,7 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
         )
 
     def render(self) -> None:
-        """Nothing: what agents see is in their observations, the whole is in a trace."""
+        """Draw nothing: observations hold the pictures of agents, and traces hold the whole episode."""
 
     def close(self) -> None:
         """End the engines' processes."""
@@ -133,8 +140,11 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
 
 
 class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
-    """A mission for one of its agents (the first by default); `others` names the policy that plays the rest, on
-    random streams that start from `policy_seed`."""
+    """A mission for one of its agents, by default the first.
+
+    `others` names the policy that plays the other agents. Its random streams start from `policy_seed`. The other
+    arguments are those of `LingjingParallelEnv`.
+    """
 
     metadata: dict[str, Any] = {"render_modes": []}  # declared so by the base class
 
@@ -169,7 +179,7 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Boundary 0 of an episode."""
+        """Begin an episode and return the observation and info of boundary 0."""
         super().reset(seed=seed)
         number = int(self.np_random.integers(LARGEST_SEED)) if seed is None else _seed(seed)
         published = self._game.begin(number, {self.agent})
@@ -177,7 +187,10 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
         return self._observed(published), _info(published)
 
     def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """One decision tick."""
+        """Play one decision tick.
+
+        Raises `UsageError` if no episode is running or the action is no member of its space.
+        """
         before = self._game.published
         if before is None or before.evaluation.done or before.record.tick >= self._game.ticks:
             raise UsageError("the environment has no episode going on", hint="call `reset` first")
@@ -196,12 +209,12 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
 
 
 def parallel_env(mission: Mission | str, **options: Any) -> LingjingParallelEnv:
-    """PettingZoo's usual door; see `LingjingParallelEnv` for the options."""
+    """Return a `LingjingParallelEnv`; PettingZoo's usual name for the constructor, with the same options."""
     return LingjingParallelEnv(mission, **options)
 
 
 def register_missions() -> None:
-    """Make `gymnasium.make("lingjing/ssr-broadcast-v0")` and its like work, for every shipped mission and mode."""
+    """Register every shipped mission and mode with Gymnasium, as `lingjing/ssr-broadcast-v0` and so on."""
     for file in sorted(data_path("scenarios").glob("*.ljs")):
         for mode in ("single", "star", "broadcast"):
             name = f"lingjing/{file.stem}-{mode}-v0"
@@ -214,7 +227,7 @@ def register_missions() -> None:
 
 
 def codecs(instance: Instance, picture_width: int) -> dict[str, Codec]:
-    """One codec for each agent, by name."""
+    """Return one codec for each agent, by agent id. Raises `UsageError` for a negative `picture_width`."""
     points = [point for region in instance.regions if not region.hidden for point in region.polygon]
     reach = max([abs(part) for point in points for part in point], default=REACH_M)
     if picture_width < 0:

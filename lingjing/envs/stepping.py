@@ -1,7 +1,7 @@
-"""An episode that decisions are put into from outside: what both environments step.
+"""Episodes whose decisions come from the caller; both environments step them.
 
-Agents nobody plays from outside are played by a policy behind the usual barrier. The world stays warm from episode to
-episode; after an infrastructure abort the next `begin` starts afresh.
+A built-in or user policy plays the agents that the caller does not play, behind the same barrier as in any episode. The
+engines' world is kept from episode to episode. After an infrastructure abort the next `begin` opens a new episode.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ class SteppedEpisodes:
         self.published: Published | None = None
 
     def instance(self, seed: int) -> Instance:
-        """The instance of a seed; `UsageError` for a mode or a setting that the mission does not have."""
+        """Return the instance of a seed. Raises `UsageError` for a mode or setting that the mission does not have."""
         return instantiate(self._mission, seed=seed, mode=self._mode, settings=self._settings)
 
     def begin(self, seed: int, outside: Collection[str]) -> Published:
-        """Boundary 0 of the episode of `seed`; the agents `outside` are played by the caller."""
+        """Begin the episode of `seed` and return boundary 0. The caller plays the agents in `outside`."""
         self._end()
         imported = bool(self._mission.origin.places)
         instance, city = self._cities.place(self.instance(seed), imported=imported, hold=True)
@@ -70,25 +70,29 @@ class SteppedEpisodes:
         self.published = self._kernel.reset()
         return self.published
 
-    def step(self, made: Mapping[str, Decision]) -> Published:
-        """The next boundary. Raises `InfrastructureError` if an engine failed: the episode is over."""
+    def step(self, decisions: Mapping[str, Decision]) -> Published:
+        """Play one tick with the caller's decisions and return the next boundary.
+
+        Raises `UsageError` before the first `begin`. Raises `InfrastructureError` if an engine fails; the episode is
+        then over.
+        """
         kernel, before, barrier = self._kernel, self.published, self._barrier
         if kernel is None or before is None or barrier is None:
             raise UsageError("the environment has no episode yet", hint="call `reset` first")
         waiting = {
             name: (before.observations[name], before.inboxes[name])
             for name in before.observations
-            if name not in made and name in barrier
+            if name not in decisions and name in barrier
         }
-        records = {one.agent: one for one in barrier.act(waiting)} if waiting else {}
-        records |= {name: DecisionRecord(agent=name, decision=decision) for name, decision in made.items()}
+        records = {record.agent: record for record in barrier.act(waiting)} if waiting else {}
+        records |= {name: DecisionRecord(agent=name, decision=decision) for name, decision in decisions.items()}
         order = [agent.id for agent in kernel.instance.agents]
         self.published = kernel.step([records[name] for name in order if name in records])
         return self.published
 
     @property
     def ticks(self) -> int:
-        """The budget of the episode."""
+        """Budget of the episode in decision ticks; 0 before the first episode."""
         return self._kernel.instance.budget.ticks if self._kernel is not None else 0
 
     def close(self) -> None:

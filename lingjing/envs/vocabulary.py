@@ -1,7 +1,7 @@
-"""Names as numbers: every word that an agent may meet or say in one instance, in a fixed order.
+"""Numbers for names: the words that can occur in an agent's observations and actions, in a fixed order.
 
-0 always stands for "none of these". The order is that of the instance's declarations, so it is the same for every
-seed and mode as long as the names are.
+Number 0 always means "none of these". The order is that of the instance's declarations. It is the same for every seed
+and mode in which the declared names are the same.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from lingjing.mission.instance import Instance
 from lingjing.mission.vocabulary import ENGINE_EVENTS
 
 STATUSES = ("accepted", "running", "completed", "rejected", "timed_out", "substituted")
-"""Words of receipts, from 1."""
+"""Statuses of receipts; the status at index `i` has the number `i + 1`."""
 
 EVENT_KINDS = (*ENGINE_EVENTS, WEATHER, APPEARED, VANISHED)
-"""Events of engines, and those that happen by themselves; those of the mission's interactions and rules follow."""
+"""Kinds of events of the engines and of the schedule. The mission's interactions and rules follow them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,36 +25,41 @@ class Words:
     """An ordered set of words that are numbered from 1."""
 
     words: tuple[str, ...]
+    """The words in order, without duplicates."""
 
     @classmethod
     def of(cls, words: Iterable[str]) -> Words:
-        """The words in their order, each once."""
+        """Return the distinct words in their order."""
         return cls(tuple(dict.fromkeys(words)))
 
     def __len__(self) -> int:
         return len(self.words)
 
     def number(self, word: object) -> int:
-        """The number of a word, 0 for one that is not known."""
+        """Return the number of a word, or 0 for an unknown word."""
         return self.words.index(word) + 1 if word in self.words else 0
 
     def word(self, number: int) -> str | None:
-        """The word of a number; None for 0 and what lies beyond."""
+        """Return the word of a number, or None for 0 and for a number out of range."""
         return self.words[number - 1] if 0 < number <= len(self.words) else None
 
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """The words of an instance: message kinds, agents, public names that a message may carry, kinds of events."""
+    """The words of one instance."""
 
     kinds: Words
+    """Kinds of messages."""
     agents: Words
+    """Ids of agents."""
     names: Words
+    """Public names that a message may contain: types, agents, entities and cells."""
     events: Words
+    """Kinds of events."""
 
     @classmethod
     def of(cls, instance: Instance) -> Vocabulary:
-        """All of them. Entities with a hidden place have no public name."""
+        """Return the vocabulary of an instance. Entities with a hidden position are left out."""
         entities = [entity for entity in instance.entities if "position" not in entity.hidden]
         return cls(
             kinds=Words.of(message.kind for message in instance.messages),

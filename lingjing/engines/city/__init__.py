@@ -1,7 +1,18 @@
-"""The city engine: targets as they are without anybody's help, what a mission allows to be done to them, and the radio.
+"""The city engine: targets, interactions with them, goods, queues of people and radio links.
 
-`engine` (the contract) → `target` (one target's state) ← `nature` (burning, leaking, waiting: told from properties),
-`whereabouts` (where it is, drifting and bobbing), `arrivals` (queues that grow and shrink), `interaction` (unlocked by
-the kernel, performed here when the right actor is close enough for long enough); `goods` (who has how much of what) and
-`radio` (who does not hear whom). Nothing here knows what a mission calls its targets.
+A *target* is an entity of the mission that agents act on: a fire, a leak, a person in the water, a queue. An
+*interaction* is an action on a target. The kernel unlocks it, and the engine carries it out when a permitted actor has
+been within reach long enough. *Goods* are declared stocks that an interaction moves between a target and an actor. The
+engine reads only declared properties, never the mission's names of types.
+
+Modules:
+
+- `engine`: the engine contract.
+- `target`: the state of one target.
+- `nature`: the behaviour of a target without interaction, derived from its properties.
+- `target_body`: the motion of a target, fixed or adrift.
+- `arrivals`: queues of people that grow and shrink.
+- `interaction`: actors within reach of a target.
+- `goods`: the stocks of all entities and transfers between them.
+- `radio`: the pairs of assets without a radio link.
 """

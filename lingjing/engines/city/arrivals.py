@@ -1,6 +1,7 @@
-"""A queue of people that grows and shrinks: seeded arrivals and departures at constant mean rates.
+"""Queues of people with seeded arrivals and departures at constant mean rates (Poisson processes).
 
-They change a state `people` without a unit. Without `arrivals` and `departures` the state is a stock like any other.
+The queue changes the state `people`, which has no unit. Without arrivals and departures that state is an ordinary
+stock.
 """
 
 from __future__ import annotations
@@ -11,11 +12,15 @@ from lingjing.mission.instance import Entity
 from lingjing.mission.seeding import Stream
 
 PEOPLE = "people"
+"""Name of the state that counts the people of a queue."""
 _NEVER = math.inf
 
 
 class PeopleQueue:
-    """Who comes and goes. `arrivals` and `departures` (Hz) of the entity are mean rates; 0 by default."""
+    """The arrivals and departures of one queue.
+
+    The entity's properties `arrivals_hz` and `departures_hz` are mean rates, 0 by default.
+    """
 
     def __init__(self, entity: Entity, seed: int) -> None:
         self._rates = rates(entity)
@@ -23,8 +28,11 @@ class PeopleQueue:
         self._next = [self._gap(which) for which in (0, 1)]
 
     def after(self, count: float, time_s: float) -> float:
-        """How many of `count` there are once all have come and gone who are due by `time_s`; nobody leaves an empty
-        queue."""
+        """Return the number of people after all arrivals and departures up to `time_s`, if `count` people are there
+        now.
+
+        A departure from an empty queue has no effect.
+        """
         while (due := min(self._next)) <= time_s:
             which = self._next.index(due)
             count = count + 1.0 if which == 0 else max(0.0, count - 1.0)
@@ -37,5 +45,5 @@ class PeopleQueue:
 
 
 def rates(entity: Entity) -> tuple[float, float]:
-    """How many a second come and go on average."""
+    """Return the mean rates of arrivals and departures, people per second."""
     return entity.number_or("arrivals_hz", 0.0), entity.number_or("departures_hz", 0.0)

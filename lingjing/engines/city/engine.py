@@ -1,4 +1,4 @@
-"""The city engine: all targets of an episode, the goods, and who hears whom, behind the five-method contract."""
+"""The city engine behind the engine contract: targets, goods and radio links of an episode."""
 
 from __future__ import annotations
 
@@ -22,15 +22,18 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DEAD, DORMANT, BodyState, Command, Receipt, TaskEvent
 
 _IDLE = (DORMANT, DEAD)
-"""Who is not there, or is there as a wreck, does nothing."""
+"""Statuses of actors that take no part in interactions: absent bodies and wrecks."""
 
 
 class CityEngine:
-    """Lets targets burn, leak, drift and wait, at 10 Hz; performs unlocked interactions at the end of each macro-step;
-    says at each decision boundary which assets do not hear each other."""
+    """The engine of all targets.
+
+    Targets burn, leak, drift and wait at 10 Hz. Unlocked interactions are carried out at the end of each macro-step.
+    Each decision boundary reports the pairs of assets without a radio link.
+    """
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
-        """Put the targets where the instance says, open the book and learn which engine owns whom."""
+        """Place the targets, fill the stocks and find the actors of each interaction."""
         instance = spec.instance
         self._name = spec.engine
         self._tick_s = instance.clock.tick_s
@@ -58,11 +61,11 @@ class CityEngine:
         return self._boundary()
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
-        """Take the kernel's unlocks; they last for the episode and are complete with their admission."""
+        """Accept the kernel's unlock commands. An unlock holds for the episode and completes with its admission."""
         return tuple(self._requests.answer(command, self._clock.time_s, self._unlock) for command in commands)
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
-        """Live on to `until`, then look who has come into reach by then."""
+        """Advance the targets to `until`, then carry out interactions with the actors within reach at that time."""
         elapsed = until - self._clock.time_s
         self._blow()
         self._step(until)
@@ -80,11 +83,11 @@ class CityEngine:
         return self._boundary()
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
-        """No sensors here."""
+        """Return no frames: this engine has no sensors."""
         return ()
 
     def close(self) -> None:
-        """Let go of the targets."""
+        """Drop the targets."""
         self._targets = {}
 
     def _unlock(self, command: Command) -> None:
@@ -103,7 +106,7 @@ class CityEngine:
             target.unlocked.append(name)
 
     def _blow(self) -> None:
-        """Follow the weather, which changes at decision boundaries."""
+        """Take over the weather, which changes at decision boundaries."""
         weather = self._schedule.weather(self._clock.time_s)
         if weather != self._weather:
             self._weather = weather
@@ -204,7 +207,7 @@ class CityEngine:
         )
 
     def _pose(self, target: CityTarget) -> tuple[Vector, Vector]:
-        """Position and velocity: its own, or those of the actor that has taken it along."""
+        """Return position and velocity of a target, or those of the actor that carries it."""
         if target.carrier is not None and target.carrier in self._bodies:
             place, carrier = self._bodies[target.carrier]
             return place, carrier.velocity

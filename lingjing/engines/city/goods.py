@@ -1,8 +1,8 @@
-"""The book of goods: who has how much of what, and every transfer between a target and an actor.
+"""The stocks of all entities, and every transfer between a target and an actor.
 
-The city engine alone moves goods, so its book is the truth at once, whatever the mirrors still say. What an actor was
-given by a target so far stands in the target's account `"<stock>@<actor>"` (negative: taken), from which the actor's
-own engine works out what is on board.
+Only the city engine moves goods. Its stocks are the current ones even if mirrors of actors are older. The account
+`"<stock>@<actor>"` of a target sums what the target gave to that actor; negative amounts were taken. An actor's own
+engine derives its load from these accounts.
 """
 
 from __future__ import annotations
@@ -15,43 +15,45 @@ from lingjing.mission.units import field_named
 from lingjing.mission.vocabulary import AMOUNT, LEFT
 
 DUST = 1e-9
-"""Less than this of anything is nothing: what is left of a sum of floating-point transfers."""
+"""Amounts below this count as zero: the rounding error of repeated transfers."""
 
 
 class Goods:
-    """All stocks of an instance: declared states by entity and by the name without its unit."""
+    """The stocks of an instance: the declared states of each entity, by name without unit."""
 
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
         self._stocks = {entity.id: first_amounts(entity) for entity in instance.entities}
-        self._units = {(entity.id, one.name): one.unit for entity in instance.entities for one in entity.state}
+        self._units = {(entity.id, state.name): state.unit for entity in instance.entities for state in entity.state}
         self._accounts: dict[str, dict[str, float]] = {}
 
     def amount(self, entity: str, stock: str) -> float:
-        """How much of a stock an entity has; 0 of what it has not declared."""
+        """Return the amount of a stock of an entity; 0 if the entity does not declare it."""
         return self._stocks.get(entity, {}).get(stock, 0.0)
 
     def stocks(self, entity: str) -> dict[str, float]:
-        """All that an entity has, by stock."""
+        """Return all stocks of an entity, by name."""
         return self._stocks.get(entity, {})
 
     def accounts(self, target: str) -> dict[str, float]:
-        """What each actor was given by a target, by `"<stock>@<actor>"`."""
+        """Return the accounts of a target with each actor, by `"<stock>@<actor>"`."""
         return self._accounts.get(target, {})
 
     def put(self, entity: str, stock: str, amount: float) -> None:
-        """Let an entity have so much of a stock from now on."""
+        """Set the amount of a stock of an entity."""
         self._stocks.setdefault(entity, {})[stock] = amount
 
     def takes_part(self, actor: str, interaction: InteractionSpec) -> bool:
-        """Whether an actor has declared the state, and the limit, that goods are moved by."""
+        """Return whether an actor declares the state, and the limit if there is one, that the interaction moves goods
+        by."""
         declared = interaction.carried in self._stocks.get(actor, {})
         return declared and (not interaction.up_to or self._limit(actor, interaction) is not None)
 
     def transfer(self, target: str, actor: str, interaction: InteractionSpec) -> dict[str, float]:
-        """Move what both ends allow; the amount and what the target has left, by names with units, {} for nothing.
+        """Move the largest amount that both ends allow.
 
-        Inexhaustible is what a target gives without naming where from.
+        Return the amount moved and the amount left at the target, by names with units; empty if nothing moves. A target
+        that gives without naming a source has an unlimited supply.
         """
         if not self.takes_part(actor, interaction):
             return {}
@@ -80,7 +82,7 @@ class Goods:
         return math.inf if limit is None else limit - self.amount(actor, interaction.gives)
 
     def _limit(self, actor: str, interaction: InteractionSpec) -> float | None:
-        """How much of what it is given an actor holds; None where nothing is said."""
+        """Return the capacity of an actor for the goods that it receives; None without a declared limit."""
         entity = self._entities[actor]
         field = field_named(interaction.up_to, entity.properties) if interaction.up_to else None
         return None if field is None else entity.number(field)
@@ -92,8 +94,11 @@ class Goods:
 
 
 def check_exchange(entity: Entity, interaction: InteractionSpec, actors: tuple[Entity, ...]) -> None:
-    """`UsageError` if an interaction gives its `actors` without end (it names neither a source nor a limit), or if what
-    changes hands is not measured in one unit at both ends."""
+    """Check that the actors of an interaction can exchange goods with the target.
+
+    Raises `UsageError` if the interaction gives its `actors` an unlimited amount (without source and limit), or if the
+    two ends use different units.
+    """
     what = f"`{interaction.name}` of `{entity.id}`"
     for actor in actors:
         units = _units(actor, interaction.up_to)
@@ -113,13 +118,13 @@ def check_exchange(entity: Entity, interaction: InteractionSpec, actors: tuple[E
 
 
 def first_amounts(entity: Entity) -> dict[str, float]:
-    """What an entity's states begin with, by their names."""
-    return {one.name: value for one in entity.state if (value := entity.number(one.field)) is not None}
+    """Return the initial amounts of an entity's states, by name."""
+    return {state.name: value for state in entity.state if (value := entity.number(state.field)) is not None}
 
 
 def _units(entity: Entity, *limits: str) -> dict[str, str]:
-    """The unit in which an entity has each of its states, and each of these limits."""
-    units = {one.name: one.unit for one in entity.state}
+    """Return the unit of each state of an entity and of each limit in `limits`."""
+    units = {state.name: state.unit for state in entity.state}
     for name in limits:
         field = field_named(name, entity.properties) if name else None
         if field is not None:

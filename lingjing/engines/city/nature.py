@@ -1,9 +1,8 @@
-"""What a target is without anybody's help, told from its properties: burning, leaking, adrift, waiting.
+"""The behaviour of a target without interaction, derived from its properties: burning, leaking, adrift, waiting.
 
-A nature is a status word, what that word becomes when the matter is over, and for what can be worked off (`level`, the
-name of a declared state between 0 and 1, without a unit, such as `heat`) how long that takes and how fast it comes
-back.
-A type may name its first status word itself (`status = …`).
+A nature has a status word and the word that follows when the behaviour ends. Some natures have a `level`: a declared
+state between 0 and 1 without unit, such as `heat`. An actor works it off in a given time, and it may grow back. A type
+may declare its own first status word (`status = …`).
 """
 
 from __future__ import annotations
@@ -15,29 +14,33 @@ from lingjing.mission.instance import Entity
 from lingjing.trace.records import CLEARED, DORMANT
 
 WAITING = "waiting"
+"""Status of a target without another nature."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetNature:
-    """What a target is by itself.
-
-    `word` is its status, `over` the status when its level is 0 ("" : the interaction's own word), `gone` the status
-    after it has vanished, `lasts` whether the word stays whatever is done to it. `work_s` is the time within which an
-    actor brings the level from 1 to 0 unless the interaction says how long it takes, `growth_hz` what the level regains
-    a second when nobody is at it.
-    """
+    """The behaviour of a target without interaction."""
 
     word: str = WAITING
+    """Status word."""
     level: str = ""
+    """Name of the state that actors work off; empty if there is none."""
     over: str = ""
+    """Status when the level is 0; empty means the word of the interaction."""
     gone: str = DORMANT
+    """Status after the target has vanished."""
     lasts: bool = False
+    """True if no interaction changes the status word."""
     work_s: float = 0.0
+    """Time in which an actor reduces the level from 1 to 0, seconds, unless the interaction declares its own."""
     growth_hz: float = 0.0
+    """Growth of the level per second while no actor works on it."""
 
 
 FIRE = TargetNature("burning", level="heat", over="out", work_s=10.0, growth_hz=1.0 / 60.0)
+"""A fire. It takes 10 s to put out and a minute to regain its full heat (both chosen)."""
 LEAK = TargetNature("leaking", level="flow", over="sealed", work_s=5.0)
+"""A leak. It takes 5 s to seal (chosen) and does not grow back."""
 BLOCKAGE = TargetNature("blocking", gone=CLEARED, lasts=True)
 BREAK = TargetNature("fractured", lasts=True)
 ADRIFT = TargetNature("adrift")
@@ -46,10 +49,10 @@ STORE = TargetNature("open", lasts=True)
 
 
 def nature_of(entity: Entity) -> TargetNature:
-    """The nature of a target; its own `status` property goes before the usual word."""
-    found = _nature(entity)
+    """Return the nature of a target. Its own property `status` replaces the nature's word."""
+    nature = _nature(entity)
     word = entity.properties.get("status")
-    return replace(found, word=word) if isinstance(word, str) else found
+    return replace(nature, word=word) if isinstance(word, str) else nature
 
 
 def _nature(entity: Entity) -> TargetNature:
@@ -65,6 +68,6 @@ def _nature(entity: Entity) -> TargetNature:
         return QUEUE
     if properties.get("on") == "bridge" and "width_m" in properties:
         return BREAK
-    if any(one.gives and not one.source for one in entity.interactions):
-        return STORE  # inexhaustible: what it gives comes out of nothing that is counted
+    if any(interaction.gives and not interaction.source for interaction in entity.interactions):
+        return STORE  # unlimited: the goods that it gives are not counted anywhere
     return TargetNature()

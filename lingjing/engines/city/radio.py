@@ -1,9 +1,9 @@
-"""Radio coverage: which assets do not hear each other, by distance, by what stands between them, by the weather.
+"""Radio coverage: the pairs of assets without a radio link.
 
-A stand-in for a 2.4 GHz data link with a declared range in clear air and a clear line of sight. What stands in the way
-costs signal as a knife edge does (Recommendation ITU-R P.526), over its top or around its nearer side; the worst edge
-counts, and every 20 dB lost shortens the range to a tenth. Thick weather shortens it by up to a third. Who has no body
-(a coordinator at a desk) is heard everywhere.
+The model stands for a 2.4 GHz data link with a declared range in clear air and a free line of sight. An obstacle
+attenuates the signal like a knife edge (Recommendation ITU-R P.526), over its top or around its nearer side. The worst
+edge counts. Each 20 dB of loss divides the range by ten. Poor visibility shortens the range by up to a third. An agent
+without a body, such as a coordinator, is always connected.
 """
 
 from __future__ import annotations
@@ -25,27 +25,33 @@ from lingjing.scene.roofs import Roofs
 from lingjing.scene.terrain import Terrain
 
 WAVELENGTH_M = 0.125
-"""2.4 GHz."""
+"""Wavelength of 2.4 GHz, metres."""
 
 _SAMPLE_M = 10.0
+"""Distance between samples of a line of sight, metres (chosen)."""
+
 _MOST_LOST = 1.0 / 3.0
+"""Largest share of the range that weather takes (chosen)."""
+
 _CLEAR_M = 5_000.0
+"""Visibility from which weather takes nothing, metres (chosen)."""
 _ANTENNA_M = 0.5
-"""Height of an antenna over the top of what carries it."""
+"""Height of an antenna above the top of its carrier, metres (chosen)."""
 _CLEARANCE_M = 10.0
-"""Edges further below the line of sight than this cost nothing worth counting."""
+"""Edges more than this below the line of sight have a negligible loss, metres."""
 _SLACK = 1e-2
-"""Metres and decibels that a bound is kept clear of what it bounds: no rounding matters."""
+"""Margin of the bounds of heights and losses, metres and decibels. It is far above rounding errors."""
 _NO_LOSS = -0.78
+"""Diffraction parameter below which there is no loss (ITU-R P.526-15, equation (31))."""
 _AT_A_TIME = 2000
-"""Ways that are sampled together: some hundred thousand places at most."""
+"""Number of lines of sight that are sampled together. It limits memory to some hundred thousand samples."""
 
 Pair = tuple[str, str]
 Samples = npt.NDArray[Any]
 
 
 class Coverage:
-    """The assets under the command of agents, pair by pair. Without a declared range everybody hears everybody."""
+    """Radio links between the assets that agents command. Without a declared range every pair is linked."""
 
     def __init__(self, instance: Instance, terrain: Terrain) -> None:
         embodied = {name for agent in instance.agents for name in agent.controls}
@@ -55,26 +61,28 @@ class Coverage:
         self._heights = {entity.id: _antenna(entity) for entity in carriers}
 
     def unheard(self, places: Mapping[str, Vector], weather: Weather) -> tuple[Pair, ...]:
-        """The pairs, each in the instance's order, that radio does not reach between. A place that is missing counts
-        as out of reach."""
+        """Return the pairs without a link; each pair is in the instance's order.
+
+        An asset without an entry in `places` is out of reach.
+        """
         if self._range_m is None:
             return ()
-        heard = self._heard(places, self._range_m * clearness(weather))
-        return tuple(pair for pair in itertools.combinations(self._heights, 2) if pair not in heard)
+        linked = self._linked(places, self._range_m * clearness(weather))
+        return tuple(pair for pair in itertools.combinations(self._heights, 2) if pair not in linked)
 
-    def _heard(self, places: Mapping[str, Vector], reach_m: float) -> set[Pair]:
+    def _linked(self, places: Mapping[str, Vector], reach_m: float) -> set[Pair]:
         names = [name for name in self._heights if name in places]
         ends = [(x, y, z + self._heights[name]) for name in names for x, y, z in (places[name],)]
         near = close_pairs(ends, math.nextafter(reach_m, math.inf))  # the range is inclusive
-        heard: set[Pair] = set()
+        linked: set[Pair] = set()
         for start in range(0, len(near), _AT_A_TIME):
             some = near[start : start + _AT_A_TIME]
-            cut = self._cut([RadioPath.between(ends[one], ends[other], reach_m) for one, other in some])
-            heard.update((names[a], names[b]) for number, (a, b) in enumerate(some) if number not in cut)
-        return heard
+            cut = self._cut([RadioPath.between(ends[first], ends[second], reach_m) for first, second in some])
+            linked.update((names[a], names[b]) for number, (a, b) in enumerate(some) if number not in cut)
+        return linked
 
     def _cut(self, ways: Sequence[RadioPath]) -> set[int]:
-        """The numbers of the ways along which any edge costs more than is bearable."""
+        """Return the indices of the paths with an edge whose loss exceeds the tolerable one."""
         cut: set[int] = set()
         owner, share, place = _sampled(ways)
         suspects = self._suspects(ways, owner, share, place)
@@ -84,21 +92,21 @@ class Coverage:
         return cut
 
     def _suspects(self, ways: Sequence[RadioPath], owner: Samples, share: Samples, place: Samples) -> Samples:
-        """The samples at which something may be high enough to cost too much, the highest loss first."""
+        """Return the samples at which an obstacle may be high enough to break the link, the highest loss first."""
         over = self._roofs.bound(place[:, 0], place[:, 1]) - place[:, 2]
         near = np.flatnonzero(over > -_CLEARANCE_M - _SLACK)
         lengths, bearable = np.array([(way.length_m, way.bearable_db) for way in ways])[owner[near]].T
         from_m = share[near] * lengths
         parameter = over[near] * np.sqrt(2.0 * lengths / (WAVELENGTH_M * from_m * (lengths - from_m)))
         excess = _loss_db(np.maximum(parameter, _NO_LOSS)) - bearable
-        found = near[np.argsort(-excess, kind="stable")]
-        return found[: np.count_nonzero(excess > -_SLACK)]
+        ordered = near[np.argsort(-excess, kind="stable")]
+        return ordered[: np.count_nonzero(excess > -_SLACK)]
 
     def _loses_more(self, way: RadioPath, share: float, place: Sequence[float]) -> bool:
         x, y, z = place
         for block in self._terrain.solids_at(x, y, z - _CLEARANCE_M, math.inf):
             if block.base_at(x, y) > z:
-                continue  # it is overhead: a bridge, a roof on stilts
+                continue  # the obstacle is above the line: a bridge deck or a raised roof
             over = min(block.top_at(x, y) - z, around_m(block.area.polygon, way.first, way.second))
             if edge_loss_db(over, share * way.length_m, (1 - share) * way.length_m) > way.bearable_db:
                 return True
@@ -107,22 +115,30 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True)
 class RadioPath:
-    """From one antenna to another. `bearable_db` is the loss that brings the range down to just its length."""
+    """The straight line between two antennas."""
 
     first: Vector
+    """Position of one antenna, metres."""
     second: Vector
+    """Position of the other antenna, metres."""
     length_m: float
+    """Length of the line, metres."""
     bearable_db: float
+    """Loss that reduces the range to exactly this length, dB."""
 
     @classmethod
     def between(cls, first: Vector, second: Vector, reach_m: float) -> RadioPath:
-        """The way, where radio reaches so far."""
+        """Return the line between two antennas, where the range without obstacles is `reach_m`."""
         length = math.dist(first, second)
         return cls(first, second, length, 20.0 * math.log10(reach_m / length) if length > 0.0 else math.inf)
 
 
 def _sampled(ways: Sequence[RadioPath]) -> tuple[Samples, Samples, Samples]:
-    """Places about every 10 m along ways, (n, 3), with the number of each one's way and the share it lies at."""
+    """Return samples about every 10 m along paths.
+
+    The arrays hold, for each sample, the index of its path, its share of the path (0..1) and its position, shape (n,
+    3).
+    """
     counts = np.array([math.floor(way.length_m / _SAMPLE_M) for way in ways])
     owner = np.repeat(np.arange(len(ways)), counts)
     before = np.repeat(np.cumsum(counts) - counts, counts)
@@ -132,25 +148,29 @@ def _sampled(ways: Sequence[RadioPath]) -> tuple[Samples, Samples, Samples]:
 
 
 def clearness(weather: Weather) -> float:
-    """The share of the range that the weather leaves, 2/3..1: all of it from 5 km of visibility on."""
+    """Return the share of the range that the weather leaves, 2/3..1; it is 1 from 5 km of visibility."""
     return 1.0 - _MOST_LOST * (1.0 - min(1.0, weather.visibility_m / _CLEAR_M))
 
 
 def around_m(outline: Polygon, first: Vector, second: Vector) -> float:
-    """How far aside of the way from one end to the other the nearer side of an outline in plan reaches: the detour
-    around it, as its height over the line of sight is the detour above it."""
+    """Return the distance from the line of sight to the nearer side of an outline in plan, metres.
+
+    This is the detour around an obstacle, as its height over the line is the detour above it. It is infinite for a
+    vertical line.
+    """
     east, north = second[0] - first[0], second[1] - first[1]
     length = math.hypot(east, north)
-    if length == 0.0:  # straight up: there is no side
+    if length == 0.0:  # a vertical line has no side
         return math.inf
     aside = [(east * (y - first[1]) - north * (x - first[0])) / length for x, y in outline]
     return min(max(aside), -min(aside))
 
 
 def edge_loss_db(over_m: float, from_m: float, to_m: float) -> float:
-    """Loss in dB at an edge `over_m` above (negative: below) the line of sight, so far from the two ends.
+    """Return the loss in dB at an edge `over_m` above (negative: below) the line of sight.
 
-    Equation (31) of ITU-R P.526-15, with the diffraction parameter of its equation (26).
+    `from_m` and `to_m` are its distances from the two ends. Equation (31) of ITU-R P.526-15, with the diffraction
+    parameter of its equation (26).
     """
     parameter = over_m * math.sqrt(2.0 * (from_m + to_m) / (WAVELENGTH_M * from_m * to_m))
     if parameter <= _NO_LOSS:
@@ -159,7 +179,8 @@ def edge_loss_db(over_m: float, from_m: float, to_m: float) -> float:
 
 
 def _loss_db(parameter: Samples) -> Samples:
-    """The same for very many, to be compared and not to be believed to the last digit."""
+    """Return the losses of many edges, dB. Rounding differs from `edge_loss_db`, so use it for comparison with a
+    margin."""
     return np.asarray(6.9 + 20.0 * np.log10(np.sqrt((parameter - 0.1) ** 2 + 1.0) + parameter - 0.1))
 
 

@@ -1,4 +1,4 @@
-"""One target: what it is by itself, what may be done to it, how far that has come."""
+"""The state of one target: its nature, its interactions and their progress."""
 
 from __future__ import annotations
 
@@ -14,22 +14,25 @@ from lingjing.trace.records import DORMANT
 
 @dataclass(slots=True)
 class Level:
-    """How a state of the target is worked off by an actor that is there (a fire's heat); 0 and it is over.
-
-    `name` is the state, whose value the book keeps. An actor brings it from `full` to nothing within `work_s`;
-    `growth_hz` is regained a second when nobody is at it. `manned` says whether somebody was there at the end of the
-    interval before.
-    """
+    """The progress of an interaction that works off a state of the target, such as the heat of a fire."""
 
     name: str
+    """Name of the state; `Goods` holds its value."""
     full: float
+    """Full value of the state."""
     work_s: float
+    """Time in which an actor reduces the state from `full` to 0, seconds."""
     growth_hz: float
+    """Growth per second as a share of `full` while no actor works on it."""
     manned: bool = False
+    """True if an actor was within reach at the end of the last interval."""
 
     def after(self, value: float, seconds: float, *, manned: bool, tended: bool) -> float:
-        """The value after an interval at whose end somebody is there or not. While another interaction works on the
-        same state (`tended`) nothing is regained."""
+        """Return the value after an interval of `seconds`.
+
+        `manned` is true if an actor is within reach at its end. `tended` is true if another interaction works on the
+        same state; the state does not grow back then.
+        """
         left = value
         if value > 0.0 and manned:
             left = self._worked(value, seconds)
@@ -46,53 +49,73 @@ class Level:
 
 @dataclass(slots=True)
 class CityTarget:
-    """The state of one target. `levels` holds what its interactions work off, by interaction; `attended` is how long
-    each actor has been within reach of an interaction, seconds."""
+    """The state of one target."""
 
     entity: Entity
+    """The target as declared by the instance."""
     nature: TargetNature
+    """Its behaviour without interaction."""
     body: TargetBody
+    """Its motion."""
     possible: dict[str, InteractionSpec]
+    """Its interactions, by name."""
     levels: dict[str, Level] = field(default_factory=dict)
+    """The level that an interaction works off, by name of the interaction."""
     crowd: PeopleQueue | None = None
+    """Its arrivals and departures; None if there are none."""
     unlocked: list[str] = field(default_factory=list)
+    """Names of the unlocked interactions."""
     done: list[str] = field(default_factory=list)
+    """Names of the interactions that are finished for good."""
     attended: dict[tuple[str, str], float] = field(default_factory=dict)
+    """Time for which an actor has been within reach, seconds, by interaction and actor."""
     word: str = ""
+    """Status word while it is present."""
     carrier: str | None = None
+    """Id of the actor that carries it; None if it is not carried."""
     present: bool = True
+    """True if the schedule has it present."""
     appeared: bool = False
+    """True once it has been present."""
 
     @property
     def id(self) -> str:
-        """The entity's id."""
+        """Id of the entity."""
         return self.entity.id
 
     def tended(self, state: str, besides: Level) -> bool:
-        """Whether somebody works off a state by another interaction than that of the level `besides`."""
+        """Return whether an actor works on a state by another interaction than that of the level `besides`."""
         return any(level.manned for level in self.levels.values() if level.name == state and level is not besides)
 
     @property
     def status(self) -> str:
-        """Its status word now."""
+        """Present status word."""
         if self.present:
             return self.word
         return self.nature.gone if self.appeared else DORMANT
 
     def show(self, present: bool) -> None:
-        """It is here, or not: not yet, or no more."""
+        """Set whether the target is present according to the schedule."""
         self.present = present
         self.appeared = self.appeared or present
 
     def attend(self, name: str, actors: list[str], seconds: float) -> dict[str, float]:
-        """Count an interval for the actors within reach of an interaction at its end; who has just come starts at 0."""
+        """Count an interval for the actors within reach of an interaction at its end, and return the times of these
+        actors.
+
+        An actor that has just arrived starts at 0 s.
+        """
         kept = {key: value for key, value in self.attended.items() if key[0] != name}
         now = {actor: self.attended.get((name, actor), -seconds) + seconds for actor in actors}
         self.attended = kept | {(name, actor): value for actor, value in now.items()}
         return now
 
     def finish(self, interaction: InteractionSpec, actor: str, over: str = "") -> None:
-        """An interaction is done for good: its word holds unless the nature's lasts; the actor may take the target."""
+        """Finish an interaction for good.
+
+        The target takes the word of the interaction unless its nature keeps its own. The actor may take the target
+        aboard.
+        """
         self.done.append(interaction.name)
         if not self.nature.lasts:
             self.word = interaction.status or over or interaction.done_word
@@ -101,8 +124,8 @@ class CityTarget:
 
 
 def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
-    """The target that an entity's properties describe."""
-    nature, possible = nature_of(entity), {one.name: one for one in entity.interactions}
+    """Return the target that an entity's properties describe."""
+    nature, possible = nature_of(entity), {interaction.name: interaction for interaction in entity.interactions}
     return CityTarget(
         entity=entity,
         nature=nature,
@@ -115,11 +138,20 @@ def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
 
 
 def _levels(entity: Entity, nature: TargetNature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
-    """What each interaction works off: the state that it takes, or else the nature's, which falls to the first one
-    that takes and gives nothing."""
+    """Return the levels of all interactions that work off a state.
+
+    An interaction works off the state that it takes. The nature's own level belongs to the first interaction that takes
+    and gives nothing, if no other one takes it.
+    """
     values = first_amounts(entity)
-    workers = {one.name: one.takes for one in possible.values() if one.works_off and one.takes in values}
-    idle = next((one.name for one in possible.values() if not one.takes and not one.gives), "")
+    workers = {
+        interaction.name: interaction.takes
+        for interaction in possible.values()
+        if interaction.works_off and interaction.takes in values
+    }
+    idle = next(
+        (interaction.name for interaction in possible.values() if not interaction.takes and not interaction.gives), ""
+    )
     if nature.level in values and nature.level not in workers.values() and idle:
         workers[idle] = nature.level
     growing = next((name for name, state in workers.items() if state == nature.level), "")

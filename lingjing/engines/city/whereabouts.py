@@ -1,5 +1,7 @@
-"""Where a target is: fixed where it was put, or adrift: carried by current and wind, wandering a little, riding the
-waves, never washed ashore."""
+"""The motion of a target: fixed, or adrift with current, wind and waves.
+
+A drifting target wanders a little around its mean course and is never washed ashore.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +13,19 @@ from lingjing.mission.seeding import Stream
 from lingjing.scene.terrain import Terrain
 
 STEP_S = 0.1
-"""Step of the drift."""
+"""Time step of the drift, seconds."""
 
 _LEEWAY = 0.03
-"""Share of the wind's speed that a person in the water makes, as search planners assume."""
+"""Leeway of a person in the water as a share of the wind's speed, a usual value of search planning."""
 _WANDER = 0.25
-"""Standard deviation of the wander, as a share of the drift."""
+"""Standard deviation of the wander as a share of the drift (chosen)."""
 _WANDER_TIME_S = 30.0
+"""Correlation time of the wander, seconds (chosen)."""
 
 
 def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> TargetBody:
-    """A body adrift for what drifts or stands on water, else one that stays where it is (on a bridge, say)."""
+    """Return a drifting body for a target that drifts or stands on water, otherwise a fixed one (on a bridge, for
+    example)."""
     x, y, _ = entity.position
     floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
     level = terrain.water_level(x, y) if floating else None
@@ -29,24 +33,24 @@ def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> Ta
 
 
 class TargetBody:
-    """A target's whereabouts; of one that does not move by itself, as long as nothing more is said."""
+    """The motion of a target; this base class does not move."""
 
     def __init__(self, position: Vector) -> None:
         self._position = position
 
     def blow(self, weather: Weather) -> None:
-        """The weather from now on."""
+        """Take over the weather."""
 
     def step(self) -> None:
         """Move by `STEP_S`."""
 
     def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
-        """Position and velocity at `time_s`, `remainder_s` after the last step."""
+        """Return position and velocity at `time_s`, which is `remainder_s` after the last step."""
         return self._position, (0.0, 0.0, 0.0)
 
 
 class DriftingBody(TargetBody):
-    """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
+    """A drifting target. Its mean speed is the declared drift; its course is that of the current plus leeway."""
 
     def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:
         super().__init__(entity.position)
@@ -61,12 +65,12 @@ class DriftingBody(TargetBody):
         self.blow(weather)
 
     def blow(self, weather: Weather) -> None:
-        """The waves it rides and the course it takes from now on."""
+        """Take over the waves and the mean course of the weather."""
         self._waves = sea.waves(weather)
         self._mean = _course(weather, self._speed)
 
     def step(self) -> None:
-        """Drift by `STEP_S`; against the shore only along the free axis, or not at all."""
+        """Drift by `STEP_S`. At the shore the target moves along the free axis only, or not at all."""
         if self._mean == (0.0, 0.0):
             self._velocity = (0.0, 0.0)
             return
@@ -81,7 +85,8 @@ class DriftingBody(TargetBody):
         self._velocity = (0.0, 0.0)
 
     def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
-        """Position and velocity at `time_s`, `remainder_s` after the last step; the height is the waves'."""
+        """Return position and velocity at `time_s`, which is `remainder_s` after the last step; the height follows the
+        waves."""
         east, north = self._velocity
         x, y = self._position[0] + remainder_s * east, self._position[1] + remainder_s * north
         slope_east, slope_north = sea.slope(self._waves, x, y, time_s)
@@ -93,6 +98,6 @@ def _course(weather: Weather, speed: float) -> tuple[float, float]:
     wind, current = sea.wind_velocity(weather), sea.current_velocity(weather)
     east, north = current[0] + _LEEWAY * wind[0], current[1] + _LEEWAY * wind[1]
     whole = math.hypot(east, north)
-    if whole == 0.0:  # no current and no wind: nothing carries it
+    if whole == 0.0:  # no current and no wind
         return 0.0, 0.0
     return speed * east / whole, speed * north / whole

@@ -1,7 +1,7 @@
-"""One aeroplane: its phase, where it is bound, its fuel and what it runs into.
+"""One aeroplane: its phase, destination, fuel and collisions.
 
-Touching a building, the ground, the water or another body ends the flight. Without fuel it glides on straight ahead
-and comes to rest where it touches the ground.
+Contact with a building, the ground, the water or another body ends the flight. Without fuel the aircraft glides
+straight ahead and comes to rest where it touches the ground.
 """
 
 from __future__ import annotations
@@ -25,20 +25,31 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DEAD, GROUNDED, Command
 
 CRUISE_MPS = 40.0
+"""Airspeed of an entity without the property `cruise_mps`, m/s (chosen)."""
+
 ENDURANCE_S = 4.0 * 3600.0
-"""What an entity without these properties gets."""
+"""Endurance of an entity without the property `endurance_s`, seconds (chosen)."""
 
 CRUISE_FLOW = 12.2 / 3600.0
-"""Fuel flow in level flight at 40 m/s, kg/s, as JSBSim burns it: what a tank is sized with."""
+"""Fuel flow in level flight at 40 m/s, kg/s, measured in JSBSim. The size of a tank follows from it."""
 
 KIND = builtin_engines()["plane"]
+"""The declared kind of this engine."""
+
 _SPEED = KIND.top_speed or TopSpeed(property="cruise_mps")
-_OVER_M, _LEVEL_M = 60.0, 15.0
+
+_OVER_M = 60.0
+"""Horizontal distance at which a destination counts as reached, metres (chosen)."""
+
+_LEVEL_M = 15.0
+"""Difference in height at which a destination counts as reached, metres (chosen)."""
+
 _LEAST_FLOW_SHARE = 0.5
+"""Share of the cruise fuel flow below which no flight needs less: a bound for refusals (chosen)."""
 
 
 class Aeroplane(Aircraft):
-    """A fixed-wing aircraft in flight or waiting for it."""
+    """A fixed-wing aircraft, in flight or before its launch."""
 
     launch_m, launch_drop_m = 60.0, 1.0
     terminal_mps, spurt_mps = 60.0, 20.0
@@ -64,7 +75,7 @@ class Aeroplane(Aircraft):
 
     @property
     def empty(self) -> bool:
-        """Whether the tank is."""
+        """True if the tank is empty."""
         return self._fuel_kg <= 0.0
 
     @property
@@ -78,11 +89,11 @@ class Aeroplane(Aircraft):
 
     @property
     def resources(self) -> dict[str, float]:
-        """The fuel (0..1 and kilograms)."""
+        """Fuel left, as a share 0..1 (`fuel`) and in kilograms (`fuel_kg`)."""
         return {"fuel": self._fuel_kg / self._capacity_kg, "fuel_kg": self._fuel_kg}
 
     def start(self, command: Command) -> None:
-        """Begin a flight, or `Refusal`: `fuel`, `unknown_verb`, `bad_argument`, `unreachable`."""
+        """Begin a flight. Raises `Refusal` with `fuel`, `unknown_verb`, `bad_argument` or `unreachable`."""
         if command.verb == STOP:
             self._hold()
         elif command.verb == "setDestination":
@@ -91,7 +102,7 @@ class Aeroplane(Aircraft):
             raise Refusal("unknown_verb", f"an aeroplane has no verb `{command.verb}`")
 
     def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
-        """Move by one control period, which ends at `now_s`, and say what happened."""
+        """Move by one control period, which ends at `now_s`, and return what happened, if anything."""
         notice = FlightNotice(DONE) if self._holds else None
         self._holds = False
         if self.phase is FlightPhase.FALLING:
@@ -102,14 +113,14 @@ class Aeroplane(Aircraft):
         return self._contact(now_s) or self._exhausted() or self._reached() or notice
 
     def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
-        """A glide ends on the ground or the water."""
+        """Rest if a glide has reached the ground or the water; return whether it did."""
         if solids or low_m > self._terrain.surface(*self.position[:2]):
             return False
         self._rest()
         return True
 
     def _head_for(self, goal: Vector) -> None:
-        """Fly to a place, or `Refusal`: `unreachable`, `fuel`."""
+        """Fly to a place. Raises `Refusal` with `unreachable` or `fuel`."""
         self._check(goal)
         self._begin(goal, arrives=True)
         self._length, self._height = max(self._length, 1.0), goal[2]
@@ -118,7 +129,7 @@ class Aeroplane(Aircraft):
             self._take_off()
 
     def _hold(self) -> None:
-        """Give up the destination and circle here."""
+        """Cancel the destination and circle at the present place."""
         self._begin(arrives=False)
         self._straight, self._holds = None, True
         self._centre, self._height = self._beside(), self.position[2]
@@ -129,7 +140,7 @@ class Aeroplane(Aircraft):
         self._attitude = self._sample.attitude
 
     def _beside(self) -> tuple[float, float]:
-        """The middle of the clockwise circle that it is on if it starts to turn now."""
+        """Return the centre of the clockwise circle that a turn begun now would follow."""
         east, north = self.velocity[0], self.velocity[1]
         course = math.atan2(east, north) if math.hypot(east, north) > 1.0 else self._attitude[2]
         x, y, _ = self.position
@@ -186,13 +197,13 @@ class Aeroplane(Aircraft):
         lowest = self._floor.at(x, y)
         if z < lowest:
             raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is too low: at least z = {lowest:.1f} m")
-        # A lower bound (fastest, on half the usual flow), so that nothing possible is refused.
+        # A lower bound (top speed, least fuel flow): no destination that can be reached is refused.
         least = math.dist(self.position, goal) / _SPEED.held(math.inf) * CRUISE_FLOW * _LEAST_FLOW_SHARE
         if least > self._fuel_kg:
             raise Refusal("fuel", f"that needs at least {least:.1f} kg of fuel, {self._fuel_kg:.1f} kg are left")
 
 
 class PlaneEngine(AircraftEngine):
-    """The fleet of all fixed-wing aircraft of an episode."""
+    """The engine of all fixed-wing aircraft of an episode."""
 
     aircraft = Aeroplane

@@ -1,4 +1,4 @@
-"""The airframe of a fixed-wing aircraft: JSBSim's Cessna 172, as it comes with the library, at 100 Hz."""
+"""The airframe of a fixed-wing aircraft: the Cessna 172 that comes with JSBSim, at 100 Hz."""
 
 from __future__ import annotations
 
@@ -9,25 +9,36 @@ from lingjing.engines.flight_dynamics import FOOT_M, POUND_KG, FlightDynamics
 from lingjing.mission.instance import Vector
 
 _MODEL = "c172x"
+
 _FAR_BELOW_FT = -10_000.0
+"""Elevation of JSBSim's own ground, feet: far below the scene, so that no wheel ever touches it."""
+
 _PITCH_DEG = 3.0
+"""Initial pitch, degrees: near level flight at cruise speed (chosen)."""
+
 _MIXTURE = 0.87
+"""Mixture command, 0..1 (chosen)."""
+
 _STICKS = ("aileron", "elevator", "throttle")
 
 
 class PlaneSample(NamedTuple):
-    """What the aircraft does now: velocity over ground (east, north, up) m/s; (roll, pitch, heading) and body rates
-    (p, q, r) in radians; true airspeed m/s; fuel flow kg/s."""
+    """The state of the aircraft at the end of a step."""
 
     velocity: Vector
+    """Velocity over ground (east, north, up), m/s."""
     attitude: Vector
+    """Roll, pitch and heading, rad."""
     rates: Vector
+    """Body rates (p, q, r), rad/s."""
     airspeed: float
+    """True airspeed, m/s."""
     fuel_flow: float
+    """Fuel flow, kg/s."""
 
 
 class PlaneAirframe(FlightDynamics):
-    """An aircraft in level flight at `airspeed` in a steady wind (east, north)."""
+    """An aircraft in level flight at `airspeed` (m/s) in a steady wind (east, north, up; m/s)."""
 
     def __init__(
         self, origin: tuple[float, float], elevation_m: float, heading_deg: float, airspeed: float, wind: Vector
@@ -47,7 +58,7 @@ class PlaneAirframe(FlightDynamics):
             v_fps=abeam / FOOT_M,
         )
         self["propulsion/set-running"] = -1
-        self["propulsion/fuel_freeze"] = 1  # the engine here counts the fuel; the weight stays as it is
+        self["propulsion/fuel_freeze"] = 1  # `Aeroplane` counts the fuel; the weight stays constant
         self["fcs/mixture-cmd-norm"] = _MIXTURE
         self._sticks = tuple(self.writer(f"fcs/{stick}-cmd-norm") for stick in _STICKS)
         self._rates = tuple(self.reader(f"velocities/{axis}-rad_sec") for axis in "pqr")
@@ -56,14 +67,14 @@ class PlaneAirframe(FlightDynamics):
         self.blow(*wind)
 
     def command(self, aileron: float, elevator: float, throttle: float) -> None:
-        """Set stick (-1..1: right wing down, nose down) and throttle (0..1)."""
+        """Set the stick (-1..1; positive: right wing down, nose down) and the throttle (0..1)."""
         roll, nose, power = self._sticks
         roll(aileron)
         nose(elevator)
         power(throttle)
 
     def cut(self) -> None:
-        """The engine stops."""
+        """Stop the engine."""
         self["propulsion/engine[0]/set-running"] = 0
 
     def sample(self) -> PlaneSample:

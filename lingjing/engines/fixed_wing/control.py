@@ -1,7 +1,8 @@
-"""The autopilot: from a bank angle, a climb rate and an airspeed to stick and throttle, 50 times a second.
+"""The autopilot: stick and throttle for a bank angle, a climb rate and an airspeed, 50 times a second.
 
-Three loops that each own one control, as light aircraft's autopilots have them: bank by aileron, climb by elevator
-(through pitch), airspeed by throttle. With a dead engine the elevator keeps the airspeed and the aircraft glides.
+Three loops each drive one control, as in autopilots of light aircraft. The aileron controls bank, the elevator controls
+climb (through pitch), the throttle controls airspeed. With a stopped engine the elevator holds the airspeed and the
+aircraft glides.
 """
 
 from __future__ import annotations
@@ -12,25 +13,33 @@ from typing import NamedTuple
 from lingjing.engines.aircraft import PERIOD_S
 from lingjing.engines.fixed_wing.airframe import PlaneSample
 
+# Gains of the loops, tuned by hand in flights of the Cessna 172 (chosen). Angles in rad, speeds in m/s.
 _BANK_GAIN, _BANK_INTEGRAL, _BANK_DAMPING = 2.0, 0.3, 0.5
 _CLIMB_GAIN, _CLIMB_INTEGRAL = 0.025, 0.006
 _PITCH_GAIN, _PITCH_INTEGRAL, _PITCH_DAMPING = 2.5, 1.0, 0.8
-_MAX_PITCH = 0.26
 _GLIDE_GAIN = 0.02
 _THROTTLE_GAIN, _THROTTLE_INTEGRAL = 0.12, 0.03
+
+_MAX_PITCH = 0.26
+"""Limit of the pitch, rad (15 degrees, chosen)."""
+
 _SLOW_SHARE = 0.92
+"""Share of the demanded airspeed below which the aircraft does not climb (chosen)."""
 
 
 class StickDemand(NamedTuple):
-    """Stick (-1..1) and throttle (0..1)."""
+    """Commands to the controls."""
 
     aileron: float
+    """Aileron, -1..1; positive: right wing down."""
     elevator: float
+    """Elevator, -1..1; positive: nose down."""
     throttle: float
+    """Throttle, 0..1."""
 
 
 class Autopilot:
-    """Controller state of one aircraft: what its loops have learnt about trim."""
+    """Controller state of one aircraft: the integrals of its loops, which hold the trim."""
 
     def __init__(self) -> None:
         self._aileron = 0.0
@@ -39,7 +48,11 @@ class Autopilot:
         self._throttle = 0.65
 
     def fly(self, sample: PlaneSample, bank: float, climb: float, airspeed: float, *, powered: bool) -> StickDemand:
-        """One period: bank in radians (right wing down), climb and true airspeed in m/s."""
+        """Return the controls of one period.
+
+        `bank` is in radians (positive: right wing down), `climb` and `airspeed` (true) in m/s. `powered` is false after
+        the engine has stopped.
+        """
         pitch = self._climb(sample, climb, airspeed) if powered else self._glide(sample, airspeed)
         return StickDemand(
             aileron=self._roll(sample, bank),
@@ -53,7 +66,7 @@ class Autopilot:
         return _within(_BANK_GAIN * error + self._aileron - _BANK_DAMPING * sample.rates[0], 1.0)
 
     def _climb(self, sample: PlaneSample, climb: float, airspeed: float) -> float:
-        if sample.airspeed < _SLOW_SHARE * airspeed:  # speed before height
+        if sample.airspeed < _SLOW_SHARE * airspeed:  # regain speed before height, to stay clear of a stall
             climb = min(climb, 0.0)
         error = climb - sample.velocity[2]
         self._pitch = _within(self._pitch + PERIOD_S * _CLIMB_INTEGRAL * error, _MAX_PITCH)
@@ -65,7 +78,7 @@ class Autopilot:
     def _nose(self, sample: PlaneSample, pitch: float) -> float:
         error = pitch - sample.attitude[1]
         self._elevator = _within(self._elevator + PERIOD_S * _PITCH_INTEGRAL * error, 0.6)
-        # A banked aircraft turns its nose through the horizon; damping acts on what is more than that turn.
+        # In a banked turn the nose moves through the horizon; this rate feeds the damping of any further rotation.
         return _within(-_PITCH_GAIN * error - self._elevator + _PITCH_DAMPING * sample.rates[1], 1.0)
 
     def _power(self, sample: PlaneSample, airspeed: float) -> float:

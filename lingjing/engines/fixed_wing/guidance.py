@@ -1,8 +1,8 @@
-"""Where to fly: from a place to a course, a bank angle and a climb rate. Pure functions; angles in radians.
+"""Guidance: course, bank angle and climb rate towards a destination. Pure functions; angles in radians.
 
-On the way an aircraft points its track at the destination; one that is too close on one side to turn to it flies
-straight on until it can. Around a place it follows a vector field onto a clockwise circle (Nelson et al., "Vector field
-path following for miniature air vehicles", 2007), with the bank that the circle needs fed forward.
+On the way an aircraft points its track at the destination. If the destination lies inside a turning circle, the
+aircraft flies straight on until it does not. Around a place it follows a vector field onto a clockwise circle (Nelson
+et al., "Vector field path following for miniature air vehicles", 2007). The bank that the circle needs is fed forward.
 """
 
 from __future__ import annotations
@@ -14,30 +14,41 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.outlines import wrapped
 
 MAX_BANK = math.radians(35.0)
+"""Limit of the bank angle, rad (chosen)."""
 CIRCLE_BANK = math.radians(25.0)
-"""The bank in a circle in still air."""
+"""Bank angle in a circle in still air, rad (chosen)."""
 
 CLIMB_MPS = 2.5
+"""Largest climb rate, m/s (chosen)."""
+
 SINK_MPS = 3.0
+"""Largest sink rate, m/s (chosen)."""
 
 _COURSE_GAIN = 1.2
+"""Bank per error of the course, rad/rad (chosen)."""
+
 _FIELD_GAIN = 2.0
+"""Steepness of the vector field per relative distance from the circle (chosen)."""
+
 _CLIMB_GAIN = 0.15
+"""Climb rate per height to gain, 1/s (chosen)."""
+
 _TURN_BANK = math.radians(28.0)
+"""Bank angle that `reachable` assumes in a turn, rad; less than `MAX_BANK` for a margin (chosen)."""
 
 
 def circle_radius(airspeed: float) -> float:
-    """Radius of the circle that is flown around a place, metres."""
+    """Return the radius of the circle around a place at an airspeed (m/s), metres."""
     return airspeed * airspeed / (GRAVITY * math.tan(CIRCLE_BANK))
 
 
 def bearing(here: tuple[float, ...], there: tuple[float, ...]) -> float:
-    """Course from one place to another."""
+    """Return the course from one place to another, rad clockwise from north."""
     return math.atan2(there[0] - here[0], there[1] - here[1])
 
 
 def reachable(position: Vector, course: float, speed: float, goal: Vector) -> bool:
-    """Whether turning towards `goal` leads over it: it lies outside of the turning circles on both sides."""
+    """Return whether a turn towards `goal` leads over it: it lies outside of the turning circles on both sides."""
     radius = speed * speed / (GRAVITY * math.tan(_TURN_BANK))
     for side in (1.0, -1.0):
         centre = (position[0] + side * radius * math.cos(course), position[1] - side * radius * math.sin(course))
@@ -47,12 +58,12 @@ def reachable(position: Vector, course: float, speed: float, goal: Vector) -> bo
 
 
 def turn(course: float, wanted: float, feed: float = 0.0) -> float:
-    """Bank angle that brings the track from `course` to `wanted`; `feed` is the bank that the path itself needs."""
+    """Return the bank angle that turns the track from `course` to `wanted`; `feed` is the bank that the path needs."""
     return min(max(_COURSE_GAIN * wrapped(wanted - course) + feed, -MAX_BANK), MAX_BANK)
 
 
 def around(position: Vector, centre: tuple[float, float], radius: float, speed: float) -> tuple[float, float]:
-    """Course onto a clockwise circle and the bank to feed forward at ground speed `speed`."""
+    """Return the course onto a clockwise circle, and the bank to feed forward at ground speed `speed`."""
     away = math.dist(position[:2], centre)
     off = (away - radius) / radius
     course = bearing(centre, position) + math.pi / 2.0 + math.atan(_FIELD_GAIN * off)
@@ -61,5 +72,5 @@ def around(position: Vector, centre: tuple[float, float], radius: float, speed: 
 
 
 def climb(height_m: float) -> float:
-    """Climb rate that makes up for a height still to gain, m/s."""
+    """Return the climb rate for a height still to gain, m/s."""
     return min(max(_CLIMB_GAIN * height_m, -SINK_MPS), CLIMB_MPS)

@@ -1,9 +1,13 @@
-"""Multirotors: JSBSim flies the airframe, a cascaded controller flies JSBSim.
+"""Multirotors: a quadrotor in JSBSim under a cascaded controller.
 
-`drone` (one vehicle, and the fleet of them by `lingjing.engines.aircraft`) → `verbs` (command to destinations) →
-`control` (position to attitude and thrust, 50 Hz) → `airframe` (JSBSim, 100 Hz), with `power` (what flying costs the
-battery). `aircraft/` holds the airframe's model.
+The world is flat: JSBSim's local north, east and down are the world's axes at every place. A position is the
+trapezoidal integral of JSBSim's velocity. JSBSim's latitude and longitude are not used.
 
-The world is flat: JSBSim's local north, east and down are taken as the world's axes at every place, and positions are
-the trapezoidal integral of its velocity. Nothing else in the project reads JSBSim's latitude and longitude.
+Modules:
+
+- `drone`: one vehicle, and the fleet of them.
+- `verbs`: the points to fly to for each command.
+- `control`: the position controller, from position to attitude and thrust, 50 Hz.
+- `airframe`: JSBSim at 100 Hz; `aircraft/` holds its model.
+- `power`: electric power of the flight.
 """

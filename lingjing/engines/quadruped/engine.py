@@ -1,7 +1,7 @@
-"""The quadruped engine: all robot dogs of an episode behind the five-method contract.
+"""The quadruped engine: all robot dogs of an episode behind the engine contract.
 
-It holds the model of the dogs that are there now, makes a new one when dogs come to a place whose shapes it does not
-hold, come in or go, and lets time pass without physics while every dog stands and nothing comes near.
+The engine holds one model of the present dogs. It builds a new model when a dog comes near shapes that the model does
+not hold, and when dogs appear or vanish. While every dog stands and nothing comes near, time passes without physics.
 """
 
 from __future__ import annotations
@@ -30,17 +30,22 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DORMANT, BodyState, Command
 
 _ZONE_PERIODS = 25
+"""Control periods between two checks whether the model holds all shapes near the dogs (chosen)."""
+
 _ALERT_M = 3.0
+"""Distance of a moving thing from which physics must run, metres (chosen)."""
+
 _CLEAR_M = 0.6
+"""Distance from moving things at which a fallen dog may rise, metres (chosen)."""
 
 
 class QuadrupedEngine(FleetEngine):
-    """Walks every dog at 50 Hz (200 Hz inside MuJoCo) through what stands and moves around it."""
+    """The engine of all robot dogs, at 50 Hz (200 Hz in MuJoCo)."""
 
     step_s = PERIOD_S
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
-        """Find the model and let the dogs stand. Nothing here is drawn at random, so the seed is not needed."""
+        """Find the model and place the dogs. No random numbers are drawn."""
         self._assets: Assets = locate()
         self._schedule = Schedule(spec.instance)
         self._terrain = Terrain(city)
@@ -54,14 +59,15 @@ class QuadrupedEngine(FleetEngine):
         self._gather(0.0)
 
     def start(self, command: Command) -> None:
-        """Begin a command, or `Refusal`."""
+        """Begin a command; raises `Refusal` if it cannot be carried out."""
         dog = self._dogs[command.resource]
         if dog.row < 0 or self._model is None:
             raise Refusal("dormant", f"`{dog.id}` is not there yet")
         dog.start(command, self._senses[dog.row], self._model, self._ground)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
-        """See what moves nearby, and who of the dogs is there."""
+        """Take over the mirrors: moving bodies near the dogs, and the goods on board. Update the set of present
+        dogs."""
         self._gather(self.clock.time_s)
         book = booked(mirrors)
         for dog in self._dogs.values():
@@ -72,7 +78,7 @@ class QuadrupedEngine(FleetEngine):
             self._model.drive(self._movers)
 
     def step(self) -> None:
-        """One period of all dogs."""
+        """Advance all dogs by one control period."""
         model = self._model
         if model is None:
             return
@@ -89,7 +95,7 @@ class QuadrupedEngine(FleetEngine):
             self._renew([(dog.id, model.remember(dog.row)) for dog in members])
 
     def states(self) -> Iterable[BodyState]:
-        """Every dog; those that are not there keep their declared place."""
+        """Return the states of all dogs; absent ones keep their declared place."""
         for dog in self._dogs.values():
             if dog.row < 0 or self._model is None or not self._schedule.present(dog.id, self.clock.time_s):
                 entity = self._entities[dog.id]
@@ -104,11 +110,11 @@ class QuadrupedEngine(FleetEngine):
                 yield dog.state(self._senses[dog.row], self._model.model_angles(dog.row), self.clock.remainder_s)
 
     def progress(self) -> Mapping[str, float]:
-        """How far each dog's request has come."""
+        """Return the share of the request that each dog has done, by id."""
         return {dog.id: dog.progress for dog in self._dogs.values()}
 
     def close(self) -> None:
-        """Let go of the dogs and their model."""
+        """Drop the dogs and their model."""
         self._dogs, self._model = {}, None
 
     def _decide(self, model: DogModel, members: Sequence[Dog]) -> None:
@@ -146,7 +152,7 @@ class QuadrupedEngine(FleetEngine):
             self.emit(notice.kind, dog.id)
 
     def _gather(self, time_s: float) -> None:
-        """Let the model hold those who are there at a time."""
+        """Build a new model if the set of dogs that are present at a time has changed."""
         there = [name for name in self._dogs if self._schedule.present(name, time_s)]
         model = self._model
         if (model is not None and list(model.ids) == there) or (model is None and not there):
@@ -155,7 +161,7 @@ class QuadrupedEngine(FleetEngine):
         self._renew([(name, old.get(name) or self._spot(name)) for name in there])
 
     def _renew(self, members: Sequence[tuple[str, DogMemory | StandingPlace]]) -> None:
-        """A new model for these dogs, where they are."""
+        """Build a new model for these dogs."""
         for dog in self._dogs.values():
             dog.row = -1
         if not members:

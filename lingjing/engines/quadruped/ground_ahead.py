@@ -1,4 +1,5 @@
-"""Where a dog can set its feet: what lies ahead of it, over the shapes that it can touch and the waters of the city."""
+"""The ground around a dog: water, edges and steps ahead of it, in the shapes of the model and the waters of the
+city."""
 
 from __future__ import annotations
 
@@ -11,34 +12,49 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.terrain import Terrain
 
 NOSE_M = 0.45
-"""From the trunk's centre to where the next step lands."""
+"""Distance from the trunk's centre to the place of the next step, metres (chosen)."""
 
 _BRAKE_MPS2 = 1.2
+"""Deceleration of a dog that stops, m/s^2 (chosen)."""
+
 _REACTION_S = 0.1
+"""Time until a dog begins to stop, seconds (chosen: the interval of checks)."""
+
 _EDGE_M, _STEP_M, _DROP_M = 0.3, 0.07, 0.5
+"""Distance of samples ahead, least height of a step and least depth of a drop, metres (chosen)."""
+
 _ABOVE_M = 0.5
+"""Height above the trunk from which the ground is searched, metres (chosen)."""
+
 _FILM_M = 0.02
+"""Depth of water that does not count, metres (chosen)."""
+
 _STANDING_M = 0.5
+"""Height of the trunk over the ground below which a dog in water stands in it, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class WayAhead:
-    """What is ahead: a `hazard` (`water`, `drop` or nothing) and how far away the last step before it is, metres (minus
-    infinity: there is none)."""
+    """The result of a look ahead."""
 
     hazard: str
+    """`water`, `drop` or empty."""
     step_m: float
+    """Distance of the last step before the hazard, metres; minus infinity if there is none."""
 
 
 class GroundAhead:
-    """Looks at the ground around the dogs of one model."""
+    """The ground around the dogs of one model."""
 
     def __init__(self, terrain: Terrain, model: DogModel) -> None:
         self._terrain = terrain
         self._model = model
 
     def look(self, here: DogState, yaw: float, remaining_m: float) -> WayAhead:
-        """What a dog that goes on along `yaw` comes to before it could stop: every edge of the way there."""
+        """Return the hazards and steps that a dog would reach along `yaw` before it could stop.
+
+        `remaining_m` is the rest of the walk. A sample is taken every 0.3 m.
+        """
         speed = max(here.ahead_mps, 0.0)
         far = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))
         count = math.ceil((far - NOSE_M) / _EDGE_M) + 1
@@ -48,7 +64,7 @@ class GroundAhead:
         for ahead in (far - _EDGE_M * (count - number) for number in range(count + 1)):
             point = x + ahead * east, y + ahead * north
             floor = self._model.floor(*point, z + _ABOVE_M)
-            if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
+            if floor.z == math.inf:  # inside a solid, which is a wall and not a drop
                 break
             if self._wet(*point, floor):
                 return WayAhead("water", step_m)
@@ -61,11 +77,11 @@ class GroundAhead:
         return WayAhead("", step_m)
 
     def height(self, at: Vector) -> float:
-        """How high a trunk is over what is below it."""
+        """Return the height of a trunk over the surface below it, metres."""
         return at[2] - self._model.floor(*at).z
 
     def drowns(self, at: Vector) -> bool:
-        """Whether a dog at a place is in the water."""
+        """Return whether a dog at a place is in the water."""
         x, y, z = at
         if self._terrain.water_level(x, y) is None:
             return False
@@ -73,6 +89,6 @@ class GroundAhead:
         return z < floor.z + _STANDING_M and self._wet(x, y, floor)
 
     def _wet(self, x: float, y: float, floor: Floor) -> bool:
-        # Where the map has water it has no ground, although the model's plane goes on below.
+        # The map has no ground below water, but the model's plane continues there.
         level = self._terrain.water_level(x, y)
         return level is not None and (floor.bare or floor.z < level + _FILM_M)

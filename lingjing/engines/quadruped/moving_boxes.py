@@ -1,8 +1,7 @@
-"""What moves near the dogs and is another engine's: boxes from mirrors, the nearest ones first.
+"""Bodies of other engines near the dogs, as boxes that move with their mirrors.
 
-Solid are background traffic, assets and targets that declare their measures (`bodies.mirror_size`): a fire or a leak is
-nothing to bump into. What is round in plan is a box of the same area. Between two mirrors everything goes on along its
-velocity.
+Solid are background traffic, and assets and targets with declared dimensions (`bodies.mirror_size`). A fire or a leak
+is not. A body with a round outline is a box of the same area. Between two mirrors a box moves at constant velocity.
 """
 
 from __future__ import annotations
@@ -18,17 +17,22 @@ from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
 POOL = 16
-"""Boxes in a model: the movers nearest to any dog."""
+"""Number of boxes in a model: they stand for the bodies nearest to any dog (chosen)."""
 
 RANGE_M = 40.0
+"""Distance from a dog within which bodies are boxes, metres (chosen)."""
+
 _SOON_S = 0.5
+"""Time for which a body's motion is added to its extent, seconds (chosen)."""
+
 _FAR_M = RANGE_M + 30.0
+"""Distance beyond which a mirror is skipped without a closer check, metres (chosen)."""
 _ROUND = math.sqrt(math.pi) / 2.0
-"""Side of a square over the diameter of the circle of the same area."""
+"""Ratio of the side of a square to the diameter of a circle of the same area."""
 
 
 class MirroredBodies:
-    """Knows what the others are; `owns` are not among them."""
+    """The bodies of other engines; the engine's own bodies, `owns`, are left out."""
 
     def __init__(self, instance: Instance, owns: Iterable[str]) -> None:
         mine = set(owns)
@@ -37,11 +41,12 @@ class MirroredBodies:
         self._largest_m = max((_reach_m(size) for size in (*SIZES.values(), *sizes)), default=0.0)
 
     def nearest(self, mirrors: Sequence[BodyState], dogs: Sequence[Vector]) -> tuple[MovingBox, ...]:
-        """The solid ones that come near, nearest first; ties go by name."""
+        """Return the boxes of the solid bodies near the dogs, the nearest first; equally near ones are in order of
+        their ids."""
         if not dogs:
             return ()
         (west, east), (south, north) = ((min(part), max(part)) for part in list(zip(*dogs, strict=True))[:2])
-        found = []
+        near = []
         for state in mirrors:
             x, y, _ = state.position
             if not (west - _FAR_M < x < east + _FAR_M and south - _FAR_M < y < north + _FAR_M):
@@ -56,12 +61,12 @@ class MirroredBodies:
             reach = _reach_m(solid.size) + ahead
             away = min(math.dist(state.position, dog) for dog in dogs) - reach
             if away < RANGE_M:
-                found.append((away, state.id, _mover(state, solid)))
-        return tuple(mover for _, _, mover in sorted(found, key=lambda one: one[:2])[:POOL])
+                near.append((away, state.id, _mover(state, solid)))
+        return tuple(mover for _, _, mover in sorted(near, key=lambda entry: entry[:2])[:POOL])
 
 
 def _reach_m(size: Size) -> float:
-    """From a body's middle to its corner in plan."""
+    """Return the distance from a body's middle to its corner in plan, metres."""
     return 0.5 * math.hypot(size.length_m, size.width_m)
 
 

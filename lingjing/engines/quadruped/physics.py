@@ -1,11 +1,11 @@
-"""The dogs' bodies in MuJoCo: one model of all dogs, what stands near them and what moves near them.
+"""The bodies of the dogs in MuJoCo: one model of all dogs, the shapes near them and the boxes that move near them.
 
-The only module that imports `mujoco`. Numbers go in and come out as numpy arrays with one row a dog, joints in the
-order of `gait.JOINTS`. A model is built for one place; `DogBodies.carry` and `DogBodies.resume` move the dogs' whole
-state into the next one, so that a walk goes on bit for bit the same way in every process.
+Only this module imports `mujoco`. Arrays have one row for each dog and joints in the order of `gait.JOINTS`. A model is
+built for one place. `DogBodies.carry` and `DogBodies.resume` move the complete state of a dog into the next model, so a
+walk continues bit by bit in every process.
 
-The joints' friction, inertia and damping are fits to runs of the real robot under this policy (published with the
-model's package); the motors are position servos with the policy's gains, limited to what the real ones can do.
+Friction, inertia and damping of the joints are fitted to runs of the real robot under this policy (published with the
+model's package). The motors are position servos with the policy's gains and the torque limits of the real motors.
 """
 
 from __future__ import annotations
@@ -25,86 +25,121 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.shapes import Capsule, OrientedBox, Shape
 
 STEP_S = 0.005
-"""Integration step; tracking is the same from 2.5 to 10 ms, falls are rarer up to 5."""
+"""Integration step, seconds. Measured: tracking is the same from 2.5 to 10 ms, and falls are rarer up to 5 ms."""
 
 _SUBSTEPS = round(PERIOD_S / STEP_S)
+
+# Fits to runs of the real robot, published with the model's package: kg m^2, N m s/rad, N m; ratios; m.
 _ARMATURE, _JOINT_DAMPING, _JOINT_FRICTION = 0.00712, 0.285, 0.365
 _TRUNK_MASS, _TRUNK_INERTIA, _TRUNK_SHIFT_M, _LEG_MASS = 0.9412, 0.8601, -0.006845, 1.616
 _FOOT_FRICTION, _FOOT_TORSION = 0.786, 0.006134
+
 _FOOT_AXES = 4
-"""A foot's contact bears a normal force, friction along two axes and about the normal. The model's resistance to
-rolling is left out: the gait is as fast, straight and safe without it, and a step costs a seventh less."""
+"""Dimension of a foot's contact: a normal force, and friction along two axes and about the normal.
+
+The model's rolling friction is left out. Measured: the gait is as fast, straight and safe without it, and a step takes
+a seventh less time.
+"""
 
 _TOLERANCE = 1e-6
-"""Of the contact solver: the next step's contacts are uncertain by more."""
+"""Tolerance of the contact solver. The next step's contacts are less accurate than this."""
 
 _MODEL_JOINTS = tuple(f"{leg}_{part}_joint" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "thigh", "calf"))
+"""Joints in the model's own order."""
 _STATIC_GROUP, _MOVER_GROUP = 0, 1
 _FORESIGHT_S = 1.5 * PERIOD_S
+"""Time before a contact with a moving box at which it is reported, seconds: longer than a control period."""
 _SKIN_M = 0.02
-"""A foot sinks up to 3.5 cm at touch-down, more than its radius: between two shapes that meet, it would be caught in
-the seam. So shapes are felt this much before they are met, and lie that much lower."""
+"""Margin of contacts with shapes, metres; shapes lie lower by the same amount.
+
+A foot penetrates up to 3.5 cm at touch-down, which is more than its radius. Without the margin it would be caught in
+the seam between two shapes.
+"""
 
 _AWAY_M = -1000.0
+"""Coordinate of unused boxes, metres: far from every dog."""
+
 _NOTHING = -1
+"""Index that stands for the bare ground in tables of things."""
 
 
 class Servo(NamedTuple):
-    """How stiffly a dog's motors hold what they are told, N m/rad, and how they brake, N m s/rad."""
+    """The gains of a dog's motors."""
 
     gain: float
+    """Stiffness, N m/rad."""
     damping: float
+    """Damping, N m s/rad."""
 
 
 _WALKING, _LOCKED, _LIMP = Servo(20.0, 0.5), Servo(100.0, 3.0), Servo(0.0, 2.0)
-"""Under the policy, standing, and without power, when the motors only brake: the trunk sinks to the ground."""
+"""Gains under the policy, in standing, and without power. Without power the motors only damp, and the trunk sinks
+down."""
 
 
 @dataclass(frozen=True, slots=True)
 class MovingBox:
-    """Something of another engine: an upright box with a velocity. `base` is the middle of its underside."""
+    """A body of another engine as an upright box with a velocity."""
 
     thing: str
+    """Id of the body."""
     base: Vector
+    """Middle of its underside at the start of the interval, metres."""
     half: Vector
+    """Half length, half width and half height, metres."""
     yaw: float
+    """Heading, radians anticlockwise from east."""
     velocity: Vector
+    """Velocity, m/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyMemory:
-    """All that a dog's body remembers: it goes on from here in any model."""
+    """The complete state of a dog's body; it can be restored in any model."""
 
     qpos: DogRows
+    """Generalised positions: trunk (7) and joints (12)."""
     qvel: DogRows
+    """Generalised velocities: trunk (6) and joints (12)."""
     warmstart: DogRows
+    """Warm start of MuJoCo's solver: accelerations, (18,)."""
     ctrl: DogRows
+    """Targets of the motors, (12,) rad."""
     servo: Servo = _WALKING
+    """Gains of the motors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A dog against something that is not below it: `normal` is the horizontal direction from the dog to the thing,
-    `gap_m` what is left between them and `z` the elevation of the place. Only a `mover` is seen before it touches."""
+    """A sideways contact of a dog with a thing."""
 
     dog: int
+    """Index of the dog."""
     thing: str
+    """Name of the thing: the id of a body, dog or part of the city."""
     trunk: bool
+    """True for the trunk or a hip, False for the rest of a leg."""
     normal: tuple[float, float]
+    """Horizontal unit vector from the dog to the thing."""
     z: float = 0.0
+    """Elevation of the contact, metres."""
     gap_m: float = 0.0
+    """Distance that is left, metres; negative for a penetration."""
     mover: bool = False
+    """True for a moving box. Only these are reported before they touch."""
 
 
 class Floor(NamedTuple):
-    """What is below a point: its elevation (inf inside of something), and whether it is the bare ground."""
+    """The surface below a point."""
 
     z: float
+    """Elevation, metres; infinite inside a solid, minus infinity without a surface."""
     bare: bool
+    """True for the bare ground."""
 
 
 class DogBodies:
-    """Dogs `ids` among `shapes` on flat ground at `ground_m`, with `pool` boxes for what moves."""
+    """The dogs `ids` among `shapes` on flat ground at `ground_m`, with `pool` boxes for moving bodies."""
 
     def __init__(self, model: Path, ids: Sequence[str], shapes: Sequence[Shape], ground_m: float, pool: int) -> None:
         _silence()
@@ -117,7 +152,7 @@ class DogBodies:
         self.drive(())
 
     def carry(self, dog: int) -> BodyMemory:
-        """The whole state of a dog."""
+        """Return the complete state of a dog."""
         data = self._data
         free, joints, motors = self._free_qpos[dog], self._joint_qpos[dog], self._motors[dog]
         dofs = np.concatenate((self._free_dof[dog], self._joint_dof[dog]))
@@ -130,7 +165,7 @@ class DogBodies:
         )
 
     def resume(self, dog: int, carry: BodyMemory) -> None:
-        """Put a dog where it was; `settle` once all are put."""
+        """Restore the state of a dog. Call `settle` after all dogs are restored."""
         data = self._data
         dofs = np.concatenate((self._free_dof[dog], self._joint_dof[dog]))
         data.qpos[np.concatenate((self._free_qpos[dog], self._joint_qpos[dog]))] = carry.qpos
@@ -139,40 +174,41 @@ class DogBodies:
         self._hold(dog, carry.servo)
 
     def knock(self, dog: int, change: Vector) -> None:
-        """Change a dog's velocity at once."""
+        """Change a dog's velocity at once, m/s."""
         self._data.qvel[self._free_dof[dog, :3]] += change
 
     def burden(self, dog: int, load_kg: float) -> None:
-        """Let a load weigh on the middle of a dog's back."""
+        """Put a load on the middle of a dog's back, kg."""
         self._data.xfrc_applied[self._trunks[dog], 2] = load_kg * self._model.opt.gravity[2]
 
     def settle(self) -> None:
-        """Bring what is derived from positions up to date. Rays and standing need it, `step` does it itself."""
+        """Update the values that MuJoCo derives from positions. Rays and `stand` need them; `step` updates them
+        itself."""
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
 
     def stand(self, dog: int, x: float, y: float, floor_m: float, yaw: float) -> None:
-        """Let a dog stand at rest with its feet on a floor."""
+        """Stand a dog at rest with its feet at the elevation `floor_m`."""
         upright = np.array((x, y, floor_m + _STANDING_M, math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)))
         still = np.zeros(6 + len(JOINTS))
         self.resume(dog, BodyMemory(np.concatenate((upright, STANCE)), still, still, STANCE, _LOCKED))
 
     def lock(self, dog: int) -> None:
-        """Hold the joints where they are, stiffly, with the load they carry: how a dog stands still."""
+        """Hold the joints stiffly at their present angles, with their present torques: the way a dog stands still."""
         motors = self._motors[dog]
         self._data.ctrl[motors] = self._data.qpos[self._joint_qpos[dog]] + self.torques[dog] / _LOCKED.gain
         self._hold(dog, _LOCKED)
 
     def unlock(self, dog: int) -> None:
-        """Give the joints back to the policy."""
+        """Set the gains of the policy."""
         self._hold(dog, _WALKING)
 
     def limp(self, dog: int) -> None:
-        """Take the power from the motors."""
+        """Switch the motors off."""
         self._hold(dog, _LIMP)
 
     def drive(self, movers: Sequence[MovingBox], elapsed_s: float = 0.0) -> None:
-        """Say what moves nearby and where it was `elapsed_s` ago; as many as the pool holds."""
+        """Set the moving boxes; `elapsed_s` is the time since their mirrors. Boxes beyond the pool are left out."""
         self._movers = tuple(movers[: len(self._boxes)])
         data = self._data
         self._starts = np.full((len(self._boxes), 3), _AWAY_M)
@@ -192,7 +228,7 @@ class DogBodies:
         self._data.ctrl[self._motors[dogs]] = targets
 
     def step(self) -> None:
-        """One period of the policy; raises `InfrastructureError` if the physics diverges."""
+        """Advance by one control period. Raises `InfrastructureError` if the physics diverges."""
         model, data = self._model, self._data
         if self._movers:
             for _ in range(_SUBSTEPS):
@@ -205,13 +241,14 @@ class DogBodies:
             raise InfrastructureError("mujoco diverged: a robot dog's state is not a number")
 
     def pass_time(self) -> None:
-        """Let one period pass while nobody stirs: only the movers go on."""
+        """Let one control period pass without physics; only the boxes move."""
         if self._movers:
             self.driven_s += PERIOD_S
             self._data.mocap_pos[:] = self._starts + self.driven_s * self._rates
 
     def clearances(self) -> DogRows:
-        """From each dog's trunk to the nearest box of a mover, (count,) metres; inf without movers."""
+        """Return the distance from each dog's trunk to the nearest moving box, (count,) metres; infinite without
+        boxes."""
         if not self._movers:
             return np.full(len(self.ids), math.inf)
         count = len(self._movers)
@@ -230,12 +267,13 @@ class DogBodies:
 
     @property
     def places(self) -> DogRows:
-        """Trunks, (count, 7): centres in metres and attitudes as w, x, y, z."""
+        """Poses of the trunks, (count, 7): centres in metres and quaternions as w, x, y, z."""
         return np.asarray(self._data.qpos[self._free_qpos])
 
     @property
     def rates(self) -> DogRows:
-        """Of the trunks, (count, 6): velocities in the world (m/s), angular velocities in the body frame (rad/s)."""
+        """Rates of the trunks, (count, 6): velocities in the world (m/s), angular velocities in the body frame
+        (rad/s)."""
         return np.asarray(self._data.qvel[self._free_dof])
 
     @property
@@ -250,20 +288,20 @@ class DogBodies:
 
     @property
     def torques(self) -> DogRows:
-        """What the motors gave in the last step, (count, 12) N m."""
+        """Torques of the motors in the last step, (count, 12) N m."""
         return np.asarray(self._data.actuator_force[self._motors])
 
     @property
     def stillness(self) -> float:
-        """The fastest motion of any dog's trunk and joints, m/s and rad/s mixed."""
+        """Largest speed of any trunk or joint, m/s and rad/s mixed."""
         return float(np.abs(self._data.qvel).max(initial=0.0))
 
     def model_angles(self, dog: int) -> tuple[float, ...]:
-        """Joint angles in the model's own order: FL, FR, RL, RR, each hip, thigh, calf."""
+        """Return joint angles in the model's own order, rad: FL, FR, RL, RR, each with hip, thigh, calf."""
         return tuple(self._data.qpos[self._joint_qpos[dog][_DRAWN]].tolist())
 
     def floor(self, x: float, y: float, below_m: float) -> Floor:
-        """What a dog would stand on at a point, looking down from `below_m`."""
+        """Return the surface on which a dog would stand at a point, searched downwards from `below_m`."""
         start, down = np.array((x, y, below_m)), np.array((0.0, 0.0, -1.0))
         distance = mujoco.mj_ray(self._model, self._data, start, down, _STATIC_ONLY, 1, -1, self._found, self._normal)
         if distance < 0.0:
@@ -274,14 +312,14 @@ class DogBodies:
         return Floor(below_m - distance + (0.0 if bare else _SKIN_M), bare)
 
     def touches(self) -> list[Touch]:
-        """What the dogs push against sideways now; the ground under their feet is not among it."""
+        """Return the present sideways contacts of the dogs. Contacts with the ground below the feet are left out."""
         if self._data.ncon == 0:
             return []
         geoms = self._data.contact.geom
         things = self._thing[geoms]
         sideways = np.abs(self._data.contact.frame[:, 2]) < 0.5
         rows = np.flatnonzero(sideways & (things != _NOTHING).all(axis=1) & (things[:, 0] != things[:, 1]))
-        found = []
+        contacts = []
         for row in rows.tolist():
             contact = self._data.contact
             normal, gap_m, z = contact.frame[row, :2].tolist(), float(contact.dist[row]), float(contact.pos[row, 2])
@@ -291,8 +329,8 @@ class DogBodies:
                     trunk = bool(self._trunk[geoms[row, side]])
                     push = sign * normal[0], sign * normal[1]
                     mover = 0 <= thing - len(self.ids) < len(self._boxes)
-                    found.append(Touch(dog, self._name(thing), trunk, push, z, gap_m, mover))
-        return found
+                    contacts.append(Touch(dog, self._name(thing), trunk, push, z, gap_m, mover))
+        return contacts
 
     def _name(self, thing: int) -> str:
         count = len(self.ids)
@@ -303,7 +341,7 @@ class DogBodies:
         return self._things[thing - count - len(self._boxes)]
 
     def _index(self, shapes: Sequence[Shape], pool: int) -> None:
-        """Addresses of everything that is read or written while stepping."""
+        """Collect the addresses of all values that a step reads or writes."""
         model, count = self._model, len(self.ids)
         trunks = [model.body(f"{dog}/base").id for dog in range(count)]
         joints = np.array([[model.joint(f"{dog}/{name}").id for name in JOINTS] for dog in range(count)]).reshape(
@@ -319,7 +357,7 @@ class DogBodies:
         self._boxes = [model.body(f"mover-{slot}").id for slot in range(pool)]
         self._things = tuple(dict.fromkeys(shape.thing for shape in shapes))
         self._found, self._normal = np.zeros(1, np.int32), np.zeros(3)
-        # One number for each thing: dogs, then the pool, then what stands; the bare ground is nothing.
+        # Each thing has one index: dogs, then the boxes of the pool, then the shapes; the bare ground has `_NOTHING`.
         numbers = {thing: count + pool + number for number, thing in enumerate(self._things)}
         self._thing = np.full(model.ngeom, _NOTHING, np.int64)
         for number, shape in enumerate(shapes):
@@ -341,8 +379,10 @@ class DogBodies:
         self._servos[dog] = servo
 
     def _resize(self, slot: int, half: Vector, foresight_m: float) -> None:
-        """Give a box of the pool other sizes, its bounds in MuJoCo's broad phase included. It is noticed `foresight_m`
-        before it touches."""
+        """Set the size of a box of the pool, with its bounds in MuJoCo's broad phase.
+
+        Contacts with it are reported `foresight_m` before they occur.
+        """
         model, body = self._model, self._boxes[slot]
         geom = int(model.body_geomadr[body])
         model.geom_size[geom] = half
@@ -353,7 +393,7 @@ class DogBodies:
 
 
 _STANDING_M = 0.33
-"""From the floor to the trunk's centre when the joints are in the stance, feet touching."""
+"""Height of the trunk's centre over the floor in the stance with touching feet, metres (from the model)."""
 
 _STATIC_ONLY = np.array([group == _STATIC_GROUP for group in range(6)], np.uint8)
 _DRAWN = np.array([JOINTS.index(name) for name in _MODEL_JOINTS])
@@ -362,10 +402,10 @@ _DRAWN = np.array([JOINTS.index(name) for name in _MODEL_JOINTS])
 def _build(path: Path, count: int, shapes: Sequence[Shape], ground_m: float, pool: int) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.option.timestep = STEP_S
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # stiff servos need their damping implicit
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # attached models do not bring their options along
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # stiff servos need implicit damping
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # `attach` does not take over the options of the dog's model
     spec.option.impratio = 100.0
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # each dog is a tree of its own: most of a dense one is 0
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # dogs are separate trees, so a dense matrix is mostly 0
     spec.option.tolerance = _TOLERANCE
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     world = spec.worldbody
@@ -383,7 +423,7 @@ def _build(path: Path, count: int, shapes: Sequence[Shape], ground_m: float, poo
 
 
 def _dog(path: Path) -> mujoco.MjSpec:
-    """One Go2 without looks, with the fitted parameters and servos for motors."""
+    """Return one Go2 without visual meshes, with the fitted parameters and with servos as motors."""
     spec = mujoco.MjSpec.from_file(str(path))
     looks = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
     for part in (*looks, *spec.meshes, *spec.materials, *spec.keys):
@@ -416,7 +456,7 @@ def _servo(motor: mujoco.MjsActuator) -> None:
 
 
 def _add(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
-    """Add a shape, a little lower and felt that much earlier: see `_SKIN_M`."""
+    """Add a shape. It lies lower by `_SKIN_M` and has a contact margin of the same size."""
     if isinstance(shape, OrientedBox):
         x, y, z = shape.centre
         form = {
@@ -432,7 +472,7 @@ def _add(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
             "fromto": (*shape.start, *shape.end),
         }
     else:
-        # Meshes hold 32-bit floats: far from the origin only places relative to the mesh itself are exact.
+        # Meshes hold 32-bit floats: far from the origin only coordinates relative to the mesh are exact enough.
         corners = np.asarray(shape.corners)
         centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         mesh = spec.add_mesh(name=name, uservert=(corners - centre).ravel())
@@ -442,6 +482,5 @@ def _add(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
 
 
 def _silence() -> None:
-    """Warnings of an unstable step end as `InfrastructureError`; MuJoCo would also write a log file beside the user's
-    own files."""
+    """Suppress MuJoCo's warnings. An unstable step raises `InfrastructureError`; MuJoCo would also write a log file."""
     mujoco.set_mju_user_warning(lambda message: None)

@@ -1,7 +1,7 @@
-"""What stands around the dogs: the shapes of a city in square cells, kept near them and let go behind them.
+"""The solid shapes of a city near the dogs, in square cells that are kept for reuse.
 
-A model holds the cells within `LOAD_M` of a dog. It must be built again when a dog comes within `NEED_M` of a cell
-that is not held, which is once in half a minute of walking at most.
+A model holds the cells within `LOAD_M` of a dog. A new model is needed when a dog comes within `NEED_M` of a cell that
+the model does not hold. This happens at most once in half a minute of walking.
 """
 
 from __future__ import annotations
@@ -17,35 +17,47 @@ from lingjing.scene.shapes import Capsule, Hull, OrientedBox, Shape, prisms, sha
 from lingjing.scene.tiles import TileKey, Tiles
 
 CELL_M = 32.0
+"""Side of a cell, metres (chosen)."""
+
 LOAD_M = 60.0
+"""Distance from a dog within which a model holds cells, metres (chosen)."""
+
 NEED_M = 15.0
+"""Distance from a dog within which a model must hold all cells, metres (chosen)."""
+
 REACH_M = 25.0
-"""How far above and below the dogs shapes are kept: no more than legs can climb before the next model."""
+"""Height above and below the dogs up to which shapes are held, metres: more than legs can climb before the next
+model."""
 
 _KEPT_CELLS = 256
+"""Cells in the cache (chosen)."""
+
 _KEPT_TILES = 32
+"""Tiles of the city in the cache (chosen)."""
+
 _LEVEL_M = 1e-3
+"""Height and area below which a part is left out, metres and square metres (chosen)."""
 
 CellIndex = tuple[int, int]
 
 
 class DogSurroundings:
-    """The shapes of a city by place, made when they are first asked for."""
+    """The shapes of a city by place, built on first use."""
 
     def __init__(self, city: City) -> None:
         self.ground_m = city.datum_m
         tiles = Tiles(city)
-        cut = lru_cache(_KEPT_TILES)(partial(_tile_shapes, tiles))  # once, although several cells look into a tile
+        cut = lru_cache(_KEPT_TILES)(partial(_tile_shapes, tiles))  # several cells read the same tile
         lands = tuple((land, bounds(land.polygon)) for land in city.lands if land.top_m > city.datum_m + _LEVEL_M)
         self._cell = lru_cache(_KEPT_CELLS)(partial(_cell_shapes, tiles, cut, lands, city.datum_m))
         self._held: frozenset[CellIndex] = frozenset()
 
     def suffices(self, points: Sequence[Vector2]) -> bool:
-        """Whether what was loaded last is enough for dogs at these points."""
+        """Return whether the cells that were loaded last suffice for dogs at these points."""
         return all(cell in self._held for point in points for cell in _cells_around(point, NEED_M))
 
     def load(self, points: Sequence[Vector]) -> tuple[Shape, ...]:
-        """The shapes around these points, each once, in an order that only the points decide."""
+        """Return the shapes around these points without duplicates, in an order that depends only on the points."""
         wanted = sorted({cell for x, y, _ in points for cell in _cells_around((x, y), LOAD_M)})
         self._held = frozenset(wanted)
         low, high = min(point[2] for point in points) - REACH_M, max(point[2] for point in points) + REACH_M
@@ -57,7 +69,7 @@ _BoundedShapes = tuple[tuple[Shape, Extent], ...]
 
 
 def _tile_shapes(tiles: Tiles, key: TileKey) -> _BoundedShapes:
-    """A tile's shapes and what they cover."""
+    """Return a tile's shapes with their bounding rectangles."""
     return tuple((shape, _extent(shape)) for shape in shapes_of(tiles.load(key)))
 
 
@@ -70,17 +82,17 @@ def _cell_shapes(
 ) -> tuple[Shape, ...]:
     square = _square(cell)
     centre = 0.5 * (square[0] + square[2]), 0.5 * (square[1] + square[3])
-    found: list[Shape] = []
+    shapes: list[Shape] = []
     for key in tiles.keys_near(*centre, CELL_M * math.sqrt(0.5)):
-        found += [shape for shape, extent in shapes_in(key) if _meet(extent, square)]
+        shapes += [shape for shape, extent in shapes_in(key) if _meet(extent, square)]
     for number, (land, span) in enumerate(lands):
         if _meet(span, square):
-            found += _ground(f"land-{number}", land, square, ground_m)
-    return tuple(found)
+            shapes += _ground(f"land-{number}", land, square, ground_m)
+    return tuple(shapes)
 
 
 def _ground(name: str, land: Land, square: Extent, ground_m: float) -> list[Shape]:
-    """The part of a raised land in a cell: whole lands are kilometres wide, too wide for exact contacts."""
+    """Return the part of a raised land inside a cell. Whole lands are kilometres wide, too wide for exact contacts."""
     import shapely
 
     whole = shapely.make_valid(shapely.Polygon(land.polygon))
@@ -104,8 +116,8 @@ def _square(cell: CellIndex) -> Extent:
     return column * CELL_M, row * CELL_M, (column + 1) * CELL_M, (row + 1) * CELL_M
 
 
-def _meet(one: Extent, other: Extent) -> bool:
-    return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
+def _meet(first: Extent, second: Extent) -> bool:
+    return first[0] <= second[2] and second[0] <= first[2] and first[1] <= second[3] and second[1] <= first[3]
 
 
 def _extent(shape: Shape) -> Extent:
@@ -120,7 +132,10 @@ def _extent(shape: Shape) -> Extent:
 
 
 def _within(shape: Shape, low: float, high: float) -> Shape | None:
-    """The part of a shape between two elevations: exact for prisms, which alone are tall. None if nothing is left."""
+    """Return the part of a shape between two elevations; None if nothing is left.
+
+    It is exact for prisms, the only tall shapes.
+    """
     if isinstance(shape, OrientedBox):
         (x, y, z), (length, width, height) = shape.centre, shape.half
         base, top = max(z - height, low), min(z + height, high)

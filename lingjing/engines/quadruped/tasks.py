@@ -1,10 +1,11 @@
-"""From a command to velocities: walk a line, turn on the spot, stop, and say how it is going.
+"""Tasks of a dog: the velocity demand that carries out a walk, a turn or a halt, and its progress.
 
-A walk holds its heading and comes back to its line; it slows down before its end, and what a dog cannot do slower than
-at a slow walk it does by stopping. A dog that pushes against something waits a moment and tries again; a request that
-has come no further for `PATIENCE_S` is given up by whoever asks `stuck`. On steps a walk is given up later: the policy
-does not see them, a foot that meets a riser stays there, and the way up is to step back and come again. Each time it
-steps back by another distance, so that the feet meet the riser in another phase of the gait.
+A walk keeps its heading and returns to its line. It slows down before its end; below a slow walk a dog can only stop. A
+dog that pushes against something waits a moment and tries again. A task without progress for `PATIENCE_S` is `stuck`.
+
+On steps a walk has more patience. The policy does not perceive steps, and a foot that meets a riser stays there. The
+way up is to step back and try again. Each step back has another length, so that the feet meet the riser in another
+phase of the gait.
 """
 
 from __future__ import annotations
@@ -17,62 +18,102 @@ from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.scene.outlines import wrapped
 
 PATIENCE_S = 4.0
+"""Time without progress after which a walk on level ground is stuck, seconds (chosen)."""
+
 CLIMBING_PATIENCE_S = 24.0
-"""How long a walk may come no further on level ground, and on steps: a dozen tries."""
+"""The same on steps, seconds: time for a dozen tries (chosen)."""
 
 WAIT_S = 1.0
+"""Time that a walk waits after a contact ahead, seconds (chosen)."""
 
 Velocity = tuple[float, float, float]
-"""Forward and left in m/s, anticlockwise in rad/s."""
+"""Forward and left speed in m/s, anticlockwise turning speed in rad/s."""
 
 _REST: Velocity = (0.0, 0.0, 0.0)
+
+# The following constants were tuned in walks in this model (chosen). Gains are 1/s.
 _BRAKE_MPS2 = 1.2
+"""Deceleration before the end of a walk, m/s^2."""
+
 _COAST_S = 0.05
+"""Time that a dog runs on after the demand ends, seconds."""
+
 _SLOWEST_MPS = 0.35
+"""Slowest speed of a walk, m/s."""
+
 _THERE_M = 0.02
+"""Distance from the end at which a walk is done, metres."""
+
 _LINE_GAIN, _LINE_MPS = 1.0, 0.3
+"""Gain and limit (m/s) of the return to the line."""
+
 _HEADING_GAIN, _HEADING_RADPS = 2.0, 1.0
+"""Gain and limit (rad/s) of the return to the heading."""
+
 _CLIMBING_LINE_GAIN, _CLIMBING_HEADING_GAIN = 0.3, 1.0
-"""On steps: a dog whose foot is held by a riser is twisted over by stronger ones."""
+"""Gains on steps. Higher gains turn over a dog whose foot is held by a riser."""
 
 _TURN_GAIN, _TURN_RADPS, _SLOWEST_RADPS = 2.2, 1.2, 0.3
+"""Gain, largest and smallest speed (rad/s) of a turn on the spot."""
+
 _TURNED_RAD = math.radians(1.5)
+"""Angle at which a turn is done, rad."""
+
 _HELD_GAIN, _HELD_MPS = 1.0, 0.25
+"""Gain and limit (m/s) of the speed towards a place that a dog holds."""
+
 _HELD_RADPS = 0.6
+"""Limit of the turning speed in a halt, rad/s."""
+
 _CALM_MPS, _CALM_STIR, _CALM_PERIODS = 0.1, 1.5, 3
+"""Speed (m/s), joint speed (rad/s) and number of periods at which a halt is complete."""
+
 _NEAR_M, _STOP_S = 0.13, 0.37
+"""Distance from its place at which a halt may be complete (m), and time that a dog takes to stop (s)."""
+
 _CALM_RADPS = 0.2
+"""Turning speed at which a halt is complete, rad/s."""
+
 _CALM_LIMIT_S, _LATE_MPS, _PUSHED_S = 2.0, 0.3, 8.0
+"""Time after which a halt at less than a speed (m/s) is complete anyway, and time after which any halt is; seconds."""
+
 _RETREAT_MPS = 0.5
+"""Speed of a step back, m/s."""
+
 _PUSH_S, _RETREATS_S = 1.4, (0.7, 1.0, 0.5, 1.2)
-"""A walk that comes no further pushes on for so long, then steps back for the next of these, in turn."""
+"""Time for which a walk without progress pushes on, and times of the steps back that follow in turn; seconds."""
 
 _GAINED_M, _GAINED_RAD = 0.1, math.radians(5.0)
+"""Least progress that ends a stall, metres and rad."""
 
 
 @dataclass(slots=True, kw_only=True)
 class _Way:
-    """A distance or an angle of size `whole` that is to be covered, how much of it was at best, and since when no
-    more."""
+    """A distance or an angle to cover, with the progress so far."""
 
     whole: float = 0.0
+    """Size, metres or radians."""
     best: float = 0.0
+    """Largest part covered so far."""
     stalled_s: float = 0.0
+    """Time without progress, seconds."""
     climbing: bool = False
+    """True on steps."""
     done: bool = False
+    """True once the end is reached."""
 
     @property
     def share(self) -> float:
-        """How much is behind, 0..1."""
+        """Share that is covered, 0..1."""
         return min(max(self.best / self.whole, 0.0), 1.0) if self.whole > 0.0 else 1.0
 
     @property
     def stuck(self) -> bool:
-        """Whether it has come no further for too long."""
+        """True if there has been no progress for too long."""
         return self.stalled_s > (CLIMBING_PATIENCE_S if self.climbing else PATIENCE_S)
 
     def count(self, covered: float, gained: float) -> None:
-        """Take what is covered now; once stalled, less than `gained` is no progress."""
+        """Take over the covered part. After a stall only a gain of more than `gained` is progress."""
         if covered > self.best + gained or (covered > self.best and self.stalled_s <= 0.0):
             self.best, self.stalled_s = covered, 0.0
         else:
@@ -81,30 +122,37 @@ class _Way:
 
 @dataclass(slots=True)
 class WalkTask(_Way):
-    """Go `length` metres along `yaw` (radians) from where it begins."""
+    """Walk a line."""
 
     x: float
+    """East coordinate of the start, metres."""
     y: float
+    """North coordinate of the start, metres."""
     yaw: float
+    """Direction, radians anticlockwise from east."""
     length: float
+    """Length, metres."""
     cruise: float
+    """Speed, m/s."""
     waiting_s: float = 0.0
+    """Time still to wait after a contact, seconds."""
     status: str = "walking"
+    """Status word of the dog."""
 
     def __post_init__(self) -> None:
         self.whole = self.length
 
     def end(self, here: DogState) -> HaltTask:
-        """How to stop once the end is reached."""
+        """Return the halt at the end of the line."""
         goal = self.x + self.length * math.cos(self.yaw), self.y + self.length * math.sin(self.yaw)
         return HaltTask(*goal, self.yaw)
 
     def bump(self) -> None:
-        """Something is in the way: wait before the next try."""
+        """Wait before the next try, after a contact ahead."""
         self.waiting_s = WAIT_S
 
     def wanted(self, here: DogState) -> Velocity:
-        """What to do in the coming period."""
+        """Return the velocity demand of the coming period."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         east, north = here.position[0] - self.x, here.position[1] - self.y
         along, left = east * cosine + north * sine, north * cosine - east * sine
@@ -131,26 +179,31 @@ class WalkTask(_Way):
 
 @dataclass(slots=True)
 class TurnTask(_Way):
-    """Turn by `left` radians anticlockwise on the spot; whole turns count."""
+    """Turn on the spot; whole turns count."""
 
     x: float
+    """East coordinate of the place to hold, metres."""
     y: float
+    """North coordinate of the place to hold, metres."""
     left: float
+    """Angle still to turn, radians anticlockwise."""
     last_yaw: float | None = None
+    """Heading in the last period, rad; None before the first."""
     status: str = "turning"
+    """Status word of the dog."""
 
     def __post_init__(self) -> None:
         self.whole = abs(self.left)
 
     def end(self, here: DogState) -> HaltTask:
-        """How to stop once the turn is done."""
+        """Return the halt at the end of the turn."""
         return HaltTask(self.x, self.y, wrapped(here.yaw + self.left))
 
     def bump(self) -> None:
-        """Turning goes on: what is touched on the way is pushed along."""
+        """Ignore a contact: the dog pushes along what it touches."""
 
     def wanted(self, here: DogState) -> Velocity:
-        """What to do in the coming period."""
+        """Return the velocity demand of the coming period."""
         if self.last_yaw is not None:
             self.left -= wrapped(here.yaw - self.last_yaw)
         self.last_yaw = here.yaw
@@ -164,23 +217,32 @@ class TurnTask(_Way):
 
 @dataclass(slots=True)
 class HaltTask:
-    """Come to rest at a place, facing `yaw` (radians)."""
+    """Stop at a place."""
 
     x: float
+    """East coordinate of the place, metres."""
     y: float
+    """North coordinate of the place, metres."""
     yaw: float
+    """Heading at the place, radians anticlockwise from east."""
     calm: int = 0
+    """Number of successive periods at rest."""
     spent_s: float = 0.0
+    """Time since the halt began, seconds."""
     share: float = 1.0
+    """Share that is covered: a halt counts as complete."""
     stuck: bool = False
+    """Always False: a halt ends by itself."""
     done: bool = False
+    """True once the dog is at rest, or too late."""
     status: str = "standing"
+    """Status word of the dog."""
 
     def bump(self) -> None:
-        """Nothing to wait for."""
+        """Ignore a contact."""
 
     def wanted(self, here: DogState) -> Velocity:
-        """What to do in the coming period; `done` once the dog has been calm for a moment."""
+        """Return the velocity demand of the coming period; `done` is set once the dog has been at rest for a moment."""
         off = wrapped(self.yaw - here.yaw)
         away = math.dist((self.x, self.y), here.position[:2])
         still = abs(here.ahead_mps) < _CALM_MPS and here.stir < _CALM_STIR and abs(here.turning) < _CALM_RADPS
@@ -193,7 +255,7 @@ class HaltTask:
 
 
 def _steps_back(stalled_s: float) -> bool:
-    """Whether a walk that has come no further for so long is stepping back just now."""
+    """Return whether a walk without progress for `stalled_s` is in a step back."""
     left = stalled_s % sum(_PUSH_S + retreat for retreat in _RETREATS_S)
     for retreat in _RETREATS_S:
         if left < _PUSH_S + retreat:
@@ -203,13 +265,13 @@ def _steps_back(stalled_s: float) -> bool:
 
 
 def stopping(here: DogState) -> HaltTask:
-    """Come to rest from any speed, as soon as legs can."""
+    """Return the halt from the present speed, at the place where a dog can stop."""
     x, y = (at + _STOP_S * rate for at, rate in zip(here.position[:2], here.velocity[:2], strict=True))
     return HaltTask(x, y, here.yaw)
 
 
 def _hold(x: float, y: float, here: DogState) -> tuple[float, float]:
-    """Forward and left speed towards a place that should not be left."""
+    """Return forward and left speed towards a place that the dog holds."""
     east, north = x - here.position[0], y - here.position[1]
     cosine, sine = math.cos(here.yaw), math.sin(here.yaw)
     ahead, side = east * cosine + north * sine, north * cosine - east * sine

@@ -1,6 +1,6 @@
-"""The layers of a multilayer perceptron out of an ONNX file: its float tensors and its matrix products.
+"""The layers of a multilayer perceptron from an ONNX file: its float tensors and its matrix products.
 
-An ONNX file is one protobuf message. Declared here is the part of it that is read, with the numbers of
+An ONNX file is one protobuf message. This module declares the part of it that is read, with the field numbers of
 https://github.com/onnx/onnx/blob/main/onnx/onnx.proto.
 """
 
@@ -33,10 +33,13 @@ _REPEATED = frozenset({"node", "initializer", "input", "dims"})
 
 
 def read_layers(path: Path) -> tuple[tuple[Matrix, Matrix], ...]:
-    """Weights (inputs, outputs) and biases (outputs,) of each layer, first to last."""
+    """Return weights (inputs, outputs) and biases (outputs,) of each layer, first to last.
+
+    Raises `InfrastructureError` if the file is no such network.
+    """
     try:
         graph = _model().FromString(path.read_bytes()).graph
-        tensors = {one.name: _tensor(one) for one in graph.initializer}
+        tensors = {tensor.name: _tensor(tensor) for tensor in graph.initializer}
         named = [node.input for node in graph.node if node.op_type == "Gemm"]
         layers = tuple((np.ascontiguousarray(tensors[weight].T), tensors[bias]) for _, weight, bias in named)
     except (KeyError, ValueError, OSError, DecodeError) as fault:
@@ -46,14 +49,14 @@ def read_layers(path: Path) -> tuple[tuple[Matrix, Matrix], ...]:
     return layers
 
 
-def _tensor(one: Any) -> Matrix:
-    if one.data_type != _FLOAT:
-        raise ValueError("a tensor that is not of 32-bit floats")
-    return np.frombuffer(one.raw_data, "<f4").astype(np.float32).reshape(one.dims)
+def _tensor(message: Any) -> Matrix:
+    if message.data_type != _FLOAT:
+        raise ValueError("a tensor does not hold 32-bit floats")
+    return np.frombuffer(message.raw_data, "<f4").astype(np.float32).reshape(message.dims)
 
 
 def _model() -> Any:
-    """The class of the whole message."""
+    """Return the class of the message of a whole file."""
     file = FileDescriptorProto(name="onnx.proto", package="onnx", syntax="proto2")
     for name, fields in _MESSAGES.items():
         message = file.message_type.add(name=name)

@@ -1,20 +1,24 @@
-"""Road vehicles and background traffic: SUMO behind the five-method contract.
+"""Road vehicles and background traffic, simulated by SUMO behind the engine contract.
 
-In the order in which an episode meets them:
+A *network* consists of edges (one direction of a street) with lanes, and of links between them. SUMO drives all
+vehicles. The mission's vehicles take commands. *Background traffic* drives between random edges. A *queue* of standing
+vehicles marks each target that blocks a road. Bodies of other engines appear in SUMO as *stand-ins*, for which its
+drivers brake.
 
-- `simulation` is the one door to libsumo: one simulation a process, started and closed here.
-- `graph` is what the network's edges, lanes and links are, and which lane is nearest to a point.
-- `routing` finds the quickest way on that graph around places to avoid; `waypoints` says where a route passes.
-- `kinds` are the vehicles: sizes, masses, accelerations, what a load does to them.
-- `kerb` is where vehicles park beside the road, and who comes by when one wants to pull out.
-- `vehicle` is one vehicle of the mission: where it is, what it is doing, what it carries; `lateral_motion` shows its
-  lane changes as motion.
-- `verbs` turns commands into what a vehicle does, or refuses them.
-- `traffic` keeps background vehicles driving, `congestion` lets queues stand where a target blocks the road.
-- `foreign_bodies` sets the bodies of other engines into the simulation at each of its steps, `contact` sees who is hit.
-- `options` is what the scene asks for.
-- `engine` puts all of it behind `FleetEngine`.
+Modules, in the order in which an episode uses them:
 
-Invariants: every number that decides something comes from the simulation, the mission's seed or a command; a fork of
-the process is a whole copy; a vehicle of the mission never leaves the network and is never removed.
+- `simulation`: the interface to libsumo; one simulation in a process.
+- `graph`: edges, lanes and links of the network, and the lanes near a point.
+- `routing`: the fastest way around places to avoid; `waypoints`: points on a route.
+- `kinds`: sizes, masses and accelerations of vehicles, and the effect of a load.
+- `kerb`: parking places beside the road, and the vehicles that pass them.
+- `vehicle`: one vehicle of the mission; `lateral_motion`: gradual lane changes.
+- `verbs`: the effect of commands.
+- `traffic`: background vehicles; `congestion`: queues at targets that block a road.
+- `foreign_bodies`: stand-ins for bodies of other engines; `contact`: collisions.
+- `options`: the scene's options.
+- `engine`: the engine contract.
+
+Invariants: each value that affects an outcome comes from the simulation, the mission's seed or a command. A fork of the
+process is a complete copy. A vehicle of the mission never leaves the network and is never removed.
 """

@@ -1,7 +1,7 @@
-"""Queues that stand where a target blocks the road: real vehicles on the lanes around it, as long as it is there.
+"""Queues of standing vehicles at targets that block a road.
 
-A queue stands on every lane that passes within the target's radius: from somewhat ahead of the place back against the
-traffic. Nothing tells routing about it: it has to be seen. When the target is cleared the queue drives off.
+A queue stands on every lane that passes within the target's radius. It reaches from a point ahead of the target back
+against the traffic. Routing does not know it; agents must observe it. When the target is cleared, the queue drives off.
 """
 
 from __future__ import annotations
@@ -20,32 +20,50 @@ from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
 QUEUE_M = 45.0
-"""How far a queue reaches back beyond the target's radius."""
+"""Length of a queue beyond the target's radius, metres (chosen)."""
 
 MOST = 20
+"""Most vehicles in a queue (chosen)."""
+
 MOST_A_LANE = 9
+"""Most vehicles of a queue on one lane (chosen)."""
+
 _GAPS_M = (1.2, 2.4)
+"""Bounds of the gaps between two vehicles of a queue, metres (chosen)."""
+
 _BRAKING_MPS2 = 4.0
+"""Deceleration that a moving vehicle needs to stop before a new queue, m/s^2 (chosen)."""
+
 _MIX = ("car", "car", "car", "car", "delivery_van", "car", "truck")
+"""Kinds of vehicles, drawn with equal probability (chosen)."""
 
 
 @dataclass(slots=True)
 class Jam:
-    """A target that blocks: where, and the vehicles that stand there now, each with its kind."""
+    """A target that blocks the road, with its queue."""
 
     id: str
+    """Id of the target."""
     x: float
+    """East coordinate of the target, metres."""
     y: float
+    """North coordinate of the target, metres."""
     radius_m: float
+    """Radius within which it blocks lanes, metres."""
     stream: Stream
+    """Random stream of its vehicles."""
     queue: dict[str, str] = field(default_factory=dict)
+    """Kinds of the vehicles that stand there now, by id."""
     blocking: bool = False
+    """True while the queue stands."""
     lanes: tuple[RoadLane, ...] = ()
+    """The lanes on which it stands."""
     rounds: int = 0
+    """Number of times that the queue has appeared."""
 
 
 def jam_of(entity: Entity, seed: int) -> Jam:
-    """The jam that a target makes; its vehicles come from a stream of its own."""
+    """Return the jam of a target; it has its own random stream."""
     x, y, _ = entity.position
     return Jam(entity.id, x, y, entity.blocked_m or 0.0, Stream(seed, f"road/jam/{entity.id}"))
 
@@ -60,7 +78,7 @@ class Congestion:
         self._leaving: dict[str, str] = {}
 
     def appear(self, jam: Jam, occupied: Occupied | None = None) -> None:
-        """Let the queue stand there from the next step on, where it would not stand in somebody."""
+        """Let the queue stand from the next step on, at the places that are free."""
         near = self._graph.places(jam.x, jam.y, jam.radius_m)
         jam.blocking, jam.lanes = True, tuple(place.lane for place in near)
         jam.rounds += 1
@@ -77,7 +95,7 @@ class Congestion:
             try:
                 self._sim.vehicle.resume(name)
                 self._sim.vehicle.changeTarget(name, self._graph.core[jam.stream.below(len(self._graph.core))])
-            except SumoError:  # it leaves by the end of its edge
+            except SumoError:  # there is no route: it leaves at the end of its edge
                 continue
         self._leaving.update(jam.queue)
         jam.queue = {}
@@ -88,22 +106,22 @@ class Congestion:
         return frozenset(lane.edge for jam in self.jams if jam.blocking for lane in jam.lanes)
 
     def at(self, x: float, y: float) -> Jam | None:
-        """The jam whose queue stands at a place, if one does."""
+        """Return the jam whose queue stands at a place, or None."""
         standing = (jam for jam in self.jams if jam.blocking)
         return next((jam for jam in standing if math.dist((x, y), (jam.x, jam.y)) <= 2.0 * jam.radius_m), None)
 
     def is_over(self, name: str) -> bool:
-        """Whether a jam of that name has stood and stands no more."""
+        """Return whether a jam of that name has been cleared."""
         return any(jam.id == name and not jam.blocking for jam in self.jams)
 
     def states(self, there: Container[str], ahead_s: float) -> Iterator[BodyState]:
-        """The vehicles of all queues that are `there`, also of those that are driving off."""
-        everyone = dict(self._leaving)
+        """Return the states of the vehicles of all queues that are in `there`, with those that are driving off."""
+        kinds = dict(self._leaving)
         for jam in self.jams:
-            everyone.update(jam.queue)
+            kinds.update(jam.queue)
         for name in [name for name in self._leaving if name not in there]:
             del self._leaving[name]
-        for name, kind in everyone.items():
+        for name, kind in kinds.items():
             if name in there:
                 body = body_state(self._sim, name, SIZES[kind].length_m, ahead_s, kind)
                 if body.position[0] > NOWHERE_M:
@@ -112,14 +130,14 @@ class Congestion:
     def _line_up(
         self, jam: Jam, lane: RoadLane, front_m: float, back_m: float, most: int, occupied: Occupied | None
     ) -> None:
-        taken = () if occupied is not None else self._standing_on(lane)
+        spans = () if occupied is not None else self._standing_on(lane)
         for _ in range(most):
             kind = _MIX[jam.stream.below(len(_MIX))]
             length = SIZES[kind].length_m
             gap = jam.stream.uniform(*_GAPS_M)
             if front_m - length < max(back_m, 0.5):
                 return
-            free = occupied.take(lane.id, front_m, length) if occupied else _is_free(taken, front_m, length)
+            free = occupied.take(lane.id, front_m, length) if occupied else _is_free(spans, front_m, length)
             if free:
                 self._stand(jam, kind, lane, front_m)
             front_m -= length + gap
@@ -133,7 +151,8 @@ class Congestion:
         jam.queue[name] = kind
 
     def _standing_on(self, lane: RoadLane) -> tuple[tuple[float, float], ...]:
-        """Stretches of a lane that are taken, with what who drives there needs to brake."""
+        """Return the occupied stretches of a lane, (from, to) metres, with the stopping distances of moving
+        vehicles."""
         vehicles = self._sim.vehicle
         spans = []
         for name in self._sim.lane.getLastStepVehicleIDs(lane.id):
@@ -142,5 +161,5 @@ class Congestion:
         return tuple(spans)
 
 
-def _is_free(taken: tuple[tuple[float, float], ...], front_m: float, length_m: float) -> bool:
-    return all(front_m < lower - 1.0 or front_m - length_m > upper for lower, upper in taken)
+def _is_free(spans: tuple[tuple[float, float], ...], front_m: float, length_m: float) -> bool:
+    return all(front_m < lower - 1.0 or front_m - length_m > upper for lower, upper in spans)

@@ -1,7 +1,7 @@
-"""Who is hit: a vehicle of the mission that touches another vehicle or a foreign body, reported once a contact.
+"""Collisions of the mission's vehicles with other vehicles and with bodies of other engines, each reported once.
 
-Vehicles among themselves are SUMO's to say. Who walks is compared with the vehicle's own rectangle, because SUMO also
-reports those stand-ins that only herald where somebody is going to be.
+SUMO reports collisions between vehicles. A walking body is compared with the vehicle's own rectangle, because SUMO also
+reports contacts with the stand-ins of its future positions.
 """
 
 from __future__ import annotations
@@ -14,15 +14,20 @@ from lingjing.engines.road.simulation import Simulation
 from lingjing.engines.road.vehicle import Vehicle
 
 Emit = Callable[[str, str, float], None]
-"""Called with the mover, what it hit, and the speed of the collision in metres per second."""
+"""Callback with the id of the mover, the id of what it hit, and the speed of the collision in m/s."""
 
 _APART_S = 2.0
+"""Time without contact after which a contact of the same pair is a new one, seconds (chosen)."""
+
 _MOVING_MPS = 0.2
+"""Speed below which a contact is no collision, m/s (chosen)."""
+
 _LONGEST_M = 20.0
+"""Distance along each axis beyond which no vehicle touches a body, metres: more than half the longest vehicle."""
 
 
 class Contacts:
-    """Remembers which pairs are in touch, so that each contact is told once."""
+    """The contacts of an episode. It keeps the pairs in contact, so that each contact is reported once."""
 
     def __init__(self, sim: Simulation, emit: Emit) -> None:
         self._sim = sim
@@ -32,7 +37,8 @@ class Contacts:
     def step(
         self, vehicles: Mapping[str, Vehicle], bodies: Iterable[ForeignBody], ahead_s: float, time_s: float
     ) -> None:
-        """After a step: `ahead_s` since the bodies' states were taken, simulation time `time_s`."""
+        """Check for collisions after a step. `ahead_s` is the time since the bodies' mirrors, `time_s` the simulation
+        time."""
         near = list(bodies)
         for collision in self._sim.simulation.getCollisions():
             if collision.victim in self._sim.person.getIDList():

@@ -28,15 +28,20 @@ from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import CLEARED, BodyState, Command
 
 WARM_UP_STEPS = 100
-"""Steps before time 0 in which background traffic gets going; the mission's vehicles stand."""
+"""Steps before time 0 in which background traffic starts to drive while the mission's vehicles stand (chosen)."""
 
 FARTHEST_ROAD_M = 2000.0
+"""Largest distance of a vehicle's declared place from a road, metres (chosen)."""
+
 _ROOM_STEPS = 10
+"""Steps between two checks for vehicles that block others (chosen)."""
+
 _ROOM_ROUNDS = 3
+"""Successive checks after which a blocking vehicle must make room (chosen)."""
 
 
 class RoadEngine(FleetEngine):
-    """All vehicles of an episode behind the five methods."""
+    """The engine of all road vehicles of an episode."""
 
     step_s = STEP_S
     at_once = PLANNING
@@ -45,7 +50,10 @@ class RoadEngine(FleetEngine):
         self._sim: Simulation | None = None
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
-        """Load the network, put everyone on the road, let the traffic get going."""
+        """Load the network, place all vehicles and let the traffic start.
+
+        Raises `InfrastructureError` if the scene has no roads or a vehicle's place is too far from them.
+        """
         self.close()
         owned = spec.owned()
         if not city.network:
@@ -61,8 +69,8 @@ class RoadEngine(FleetEngine):
         self._vehicles = {entity.id: Vehicle(entity, sim, graph, kerb) for entity in owned}
         lowest, highest = elevations(sim, graph)
         sim.level = lowest == highest
-        strangers = [entity for entity in instance.entities if entity.id not in spec.owns]
-        self._foreign = ForeignBodies(sim, graph, strangers, highest)
+        foreign = [entity for entity in instance.entities if entity.id not in spec.owns]
+        self._foreign = ForeignBodies(sim, graph, foreign, highest)
         self._contacts = Contacts(sim, self._collided)
         blockers = (entity for entity in instance.entities if entity.blocked_m is not None)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
@@ -81,8 +89,9 @@ class RoadEngine(FleetEngine):
                 self._congestion.appear(jam, occupied)
         self._traffic.populate(count, occupied)
         self._traffic.keep_off(self._congestion.blocked)
-        if count:  # what stands on a road is there before the traffic comes
-            self._foreign.look([self._standing(one) for one in strangers if self._schedule.present(one.id, 0.0)], 0.0)
+        if count:  # bodies that stand on a road must be there before the traffic starts
+            present = (entity for entity in foreign if self._schedule.present(entity.id, 0.0))
+            self._foreign.look([self._standing(entity) for entity in present], 0.0)
         for _ in range(WARM_UP_STEPS if count else 3):
             self._foreign.step(0.0)
             sim.step()
@@ -95,11 +104,11 @@ class RoadEngine(FleetEngine):
             self._sim = None
 
     def start(self, command: Command) -> None:
-        """Begin a command, or refuse it."""
+        """Begin a command; raises `Refusal` if it cannot be carried out."""
         self._planner.start(self._vehicles[command.resource], command, self.clock.time_s)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
-        """Take the others' bodies, what they have loaded or unloaded, and which targets have been cleared."""
+        """Take over the mirrors: bodies of other engines, goods on board, and cleared targets."""
         self._foreign.look(mirrors, self.clock.time_s)
         self._looked_s = self.clock.time_s
         self._cleared = {state.id for state in mirrors if state.status == CLEARED}
@@ -110,7 +119,7 @@ class RoadEngine(FleetEngine):
         self._update_jams(self.clock.time_s)
 
     def step(self) -> None:
-        """One step of the simulation with everyone in it."""
+        """Advance the simulation by one step."""
         assert self._sim is not None
         now = self.clock.now_s
         self._update_jams(now - STEP_S)
@@ -127,12 +136,12 @@ class RoadEngine(FleetEngine):
             self._report(vehicle, standing, now)
 
     def states(self) -> Iterable[BodyState]:
-        """Every vehicle of the mission."""
+        """Return the states of the mission's vehicles."""
         ahead = self.clock.remainder_s
         return [vehicle.state(ahead) for vehicle in self._vehicles.values()]
 
     def ambient(self) -> Iterable[BodyState]:
-        """Background traffic, then the queues."""
+        """Return the states of background traffic, then those of the queues."""
         ahead, after = self.clock.remainder_s, self.clock.time_s - self._shown_s
         self._shown_s = self.clock.time_s
         assert self._sim is not None
@@ -140,7 +149,7 @@ class RoadEngine(FleetEngine):
         return [*self._traffic.states(there, ahead, after), *self._congestion.states(there, ahead)]
 
     def progress(self) -> Mapping[str, float]:
-        """By remaining length of the route, distance or speed."""
+        """Return the share of each vehicle's task that is done, by remaining route, distance or speed."""
         shares = ((vehicle.id, vehicle.progress()) for vehicle in self._vehicles.values())
         return {name: max(0.0, share) for name, share in shares if share is not None}
 
@@ -153,7 +162,7 @@ class RoadEngine(FleetEngine):
             self.emit(ARRIVED, vehicle.id, odometer_m=vehicle.odometer_m)
 
     def _standing(self, entity: Entity) -> BodyState:
-        """An entity of another engine before that has told of it."""
+        """Return the state of another engine's entity before its first mirror."""
         return BodyState(id=entity.id, position=entity.position, heading_deg=entity.heading_deg)
 
     def _put(self, entity: Entity, occupied: Occupied) -> None:
@@ -176,8 +185,11 @@ class RoadEngine(FleetEngine):
                 self._traffic.keep_off(self._congestion.blocked)
 
     def _make_room(self) -> None:
-        """Let vehicles without a task park that somebody waited for each time in the last seconds; who has arrived
-        and found no place then does so at once."""
+        """Let vehicles make room.
+
+        A vehicle without a task makes room if another vehicle has waited for it in each of the last checks. A vehicle
+        that arrived and found no parking place makes room at once.
+        """
         held = {vehicle.held_by for vehicle in self._vehicles.values()}
         for vehicle in self._vehicles.values():
             idle = vehicle.task is None and not vehicle.is_aside
@@ -192,7 +204,7 @@ class RoadEngine(FleetEngine):
 
 
 def _free_place(place: LanePoint, length_m: float, occupied: Occupied) -> LanePoint:
-    """The place itself, or the nearest free one along its lane where somebody stands there already."""
+    """Return the place itself, or the nearest free one along its lane if it is occupied."""
     lane = place.lane
     for number in range(200):
         offset = (number + 1) // 2 * (1.0 if number % 2 else -1.0)

@@ -1,15 +1,15 @@
-"""The bodies of other engines in the simulation: set at each of its steps, moved on along their velocity.
+"""The bodies of other engines in SUMO: stand-ins that are set at each step, at constant velocity between mirrors.
 
-What walks is a person of SUMO's, placed freely; what is as large as a car is a vehicle. Whoever drives there brakes
-for them. Only bodies beside a road and near its height count, so aircraft, boats and far people cost one look-up.
+A walking body is a SUMO person that is placed freely; a body as large as a car is a vehicle. SUMO's drivers brake for
+both. Only bodies beside a road and near its height count; for all others the check costs one look-up.
 
-SUMO sees a person once it is in a car's own lane, which is too late to stop for one who walks on without looking. So
-who is about to step onto a lane has heralds: stand-ins where it will be in one, two and three seconds.
+SUMO detects a person only in a car's own lane. That is too late to stop for a body that walks on without looking. A
+body that is about to step onto a lane therefore has heralds: stand-ins at its positions in one, two and three seconds.
 
-A stand-in is in one lane of SUMO's and slows the cars of that lane alone. A car that changes lanes for it is still
-partly in its lane when it passes (`lateral_motion`). So a body that touches a second lane, or almost does, blocks that
-lane too: it has stand-ins in the middle of each. SUMO does not look at persons of the lane that a car changes to, so
-the cars just before a body keep their lanes; those farther back go around.
+A stand-in is in one SUMO lane and slows only the cars of that lane. A car that changes lanes for it is still partly in
+its lane when it passes (`lateral_motion`). A body that touches a second lane, or almost does, therefore blocks that
+lane too: it has stand-ins in the middle of each. SUMO ignores persons on the lane to which a car changes. So cars just
+before a body keep their lanes, and those farther back drive around it.
 """
 
 from __future__ import annotations
@@ -27,51 +27,72 @@ from lingjing.scene.sizes import Size
 from lingjing.trace.records import BodyState
 
 _HEIGHT_M = 2.5
+"""Height above or below a road beyond which a body does not matter, metres (chosen)."""
+
 _ROAD_M = 60.0
+"""Largest distance from a road at which its height is read, metres (chosen)."""
+
 _LANE_REACH_M = 4.0
+"""Distance added to a body's length in searches for lanes, metres: more than half a lane's width (chosen)."""
+
 _WALKING_MPS = 0.2
+"""Speed from which a body has heralds, m/s (chosen)."""
+
 _LEADS_S = (1.0, 2.0, 3.0)
+"""Times ahead of the heralds, seconds (chosen)."""
+
 _VEHICLE_LENGTH_M = 1.6
+"""Length from which a body is a vehicle in SUMO, metres (chosen)."""
+
 _SIDE_M = 0.2
-"""Room that cars of its lane leave beside a body. SUMO knows no heading of a person, so one counts as wide as it is
-long."""
+"""Room that cars leave beside a body, metres (chosen). A person in SUMO has no heading, so its width is its length."""
 _TOUCH_M = 0.5
-"""A lane whose edge is no farther than this from a body is one that it blocks (chosen: buses leave 0.4 m of a lane)."""
+"""Largest distance of a lane's edge from a body that blocks the lane, metres (chosen: buses leave 0.4 m of a lane)."""
 _KEEPS_LANE_M = 60.0
-"""So far before a body on a lane no vehicle changes lanes: more than the way to stop from 70 km/h, and what a change
-shown at walking speed takes at 50 km/h."""
+"""Distance before a body on a lane within which no vehicle changes lanes, metres.
+
+It is more than the stopping distance from 70 km/h. It is also the way at 50 km/h of a lane change that is shown at
+walking speed.
+"""
 _KEEP_LANE = 512
-"""SUMO's lane change mode without any change but to avoid a collision."""
+"""SUMO's lane change mode that allows changes only to avoid a collision."""
 _BLOCKERS_APART_M = 3.0
-"""Stand-ins of a long body in the middle of a lane are no farther apart than this."""
+"""Largest distance between two stand-ins of a long body in the middle of a lane, metres (chosen)."""
 _BLOCKER = Size(0.7, 0.7, 0.5)
-"""A stand-in in the middle of a lane."""
+"""Size of a stand-in in the middle of a lane."""
 _FREELY = 6
+"""SUMO's `moveToXY` flag for persons: any position, on or off a lane."""
+
 _FREELY_BY_CAR = 2
+"""SUMO's `moveToXY` flag for vehicles: any position, on or off a lane."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignBody:
-    """A foreign body near a road: its state at the interval's start, its size, how many seconds ahead it is shown."""
+    """A body of another engine near a road."""
 
     state: BodyState
+    """Its mirror at the start of the interval."""
     size: Size
+    """Its dimensions."""
     drives: bool
+    """True if it is a vehicle in SUMO, False if it is a person."""
     leads_s: tuple[float, ...] = (0.0,)
+    """Times ahead at which it has a stand-in, seconds; 0 is the body itself."""
     beside: tuple[tuple[str, tuple[float, float]], ...] = ()
-    """Stand-ins in the middles of several lanes that it blocks: a name each, and how far east and north of it."""
+    """Stand-ins in the middle of several lanes that it blocks: their names and their offsets (east, north), metres."""
 
     def at(self, ahead_s: float) -> tuple[float, float]:
-        """Its place later on."""
+        """Return its position `ahead_s` after the mirror, (east, north) metres."""
         (x, y, _), (east, north, _) = self.state.position, self.state.velocity
         return (x + east * ahead_s, y + north * ahead_s)
 
 
 class ForeignBodies:
-    """Keeps the simulation's stand-ins of foreign bodies; `bodies` are those near a road now, by id."""
+    """The stand-ins of all bodies of other engines. `bodies` holds those near a road now, by id."""
 
     def __init__(self, sim: Simulation, graph: Graph, entities: Sequence[Entity], highest_m: float) -> None:
-        """`highest_m` is the elevation of the highest road."""
+        """Create an empty set; `highest_m` is the elevation of the highest road."""
         self.bodies: dict[str, ForeignBody] = {}
         self._sim = sim
         self._graph = graph
@@ -84,7 +105,7 @@ class ForeignBodies:
         self._kept: dict[str, int] = {}
 
     def look(self, mirrors: Sequence[BodyState], time_s: float) -> None:
-        """Take the mirrors of time `time_s`."""
+        """Take over the mirrors of time `time_s`."""
         self._time_s = time_s
         self.bodies = {body.state.id: body for body in self._near(mirrors)}
         wanted = {_stand_in(body.state.id, lead) for body in self.bodies.values() for lead in body.leads_s}
@@ -93,7 +114,7 @@ class ForeignBodies:
             self._remove(name)
 
     def step(self, time_s: float) -> None:
-        """Set every stand-in to where its body will be at `time_s`, the end of the coming step."""
+        """Move every stand-in to the position of its body at `time_s`, the end of the coming step."""
         for body in self.bodies.values():
             for lead in body.leads_s:
                 self._set(_stand_in(body.state.id, lead), body, time_s - self._time_s + lead)
@@ -103,7 +124,7 @@ class ForeignBodies:
         self._keep_lanes()
 
     def _keep_lanes(self) -> None:
-        """Let no vehicle change lanes that is just before a body on its stretch of road; others may again."""
+        """Forbid lane changes to vehicles just before a body on their road, and allow them again afterwards."""
         vehicles, coming = self._sim.vehicle, set(self._coming())
         for name in coming - self._kept.keys():
             self._kept[name] = vehicles.getLaneChangeMode(name)
@@ -114,7 +135,7 @@ class ForeignBodies:
                 vehicles.setLaneChangeMode(name, before)
 
     def _coming(self) -> Iterator[str]:
-        """The vehicles just before the bodies that are on a lane or touch one, on the edges of those lanes."""
+        """Return the vehicles just before bodies that are on or touch a lane, on the edges of those lanes."""
         for body in self.bodies.values():
             x, y, _ = body.state.position
             near = self._graph.places(x, y, body.size.length_m + _LANE_REACH_M)
@@ -126,7 +147,7 @@ class ForeignBodies:
                         yield name
 
     def _set_beside(self, name: str, x: float, y: float) -> None:
-        """Put a stand-in into the middle of a lane: a person, whatever the body is."""
+        """Set a stand-in in the middle of a lane; it is a person for every kind of body."""
         if name not in self._present:
             self._enter_person(name, self._declared(_BLOCKER, drives=False), x, y)
         self._sim.person.moveToXY(name, "", x, y, 0.0, _FREELY)
@@ -158,7 +179,7 @@ class ForeignBodies:
             yield ForeignBody(state, size, drives, leads_s, tuple(self._beside(state, size)))
 
     def _beside(self, state: BodyState, size: Size) -> Iterator[tuple[str, tuple[float, float]]]:
-        """The stand-ins of a body in the middles of all lanes that it touches, if it touches more than one."""
+        """Return the stand-ins of a body in the middle of all lanes that it touches, if it touches more than one."""
         (x, y, _), angle = state.position, math.radians(state.heading_deg)
         touched: list[tuple[str, tuple[float, float]]] = []
         for number, along in enumerate(_places_along(size.length_m)):
@@ -173,7 +194,7 @@ class ForeignBodies:
         return iter(touched if len(lanes) > 1 else ())
 
     def _heralds(self, state: BodyState) -> tuple[float, ...]:
-        """The leads at which a walking body will be on a lane."""
+        """Return the times at which a walking body will be on a lane, seconds."""
         (x, y, _), (east, north, _) = state.position, state.velocity
         if math.hypot(east, north) < _WALKING_MPS:
             return ()
@@ -197,7 +218,7 @@ class ForeignBodies:
 
     def _nearest(self, x: float, y: float) -> LanePoint:
         near = self._graph.nearest(x, y, most_m=_ROAD_M)
-        assert near is not None  # bodies are near a road, their heralds on one
+        assert near is not None  # only bodies near a road have stand-ins
         return near
 
     def _enter_person(self, name: str, kind: str, x: float, y: float) -> None:
@@ -221,7 +242,7 @@ class ForeignBodies:
             types = self._sim.vehicletype
             types.copy("DEFAULT_VEHTYPE" if drives else "DEFAULT_PEDTYPE", name)
             if not drives:
-                types.setVehicleClass(name, "ignoring")  # it walks where it walks, permitted or not
+                types.setVehicleClass(name, "ignoring")  # bodies also walk where pedestrians may not
             types.setLength(name, size.length_m)
             types.setWidth(name, size.width_m if drives else max(size.length_m, size.width_m) + 2.0 * _SIDE_M)
             types.setHeight(name, size.height_m)
@@ -234,18 +255,22 @@ class ForeignBodies:
                 self._sim.vehicle.remove(name)
             else:
                 self._sim.person.remove(name)
-        except SumoError:  # it never got in
+        except SumoError:  # SUMO had not inserted it yet
             return
 
 
 def _places_along(length_m: float) -> tuple[float, ...]:
-    """Metres along a body from its middle to its stand-ins in a lane's middle: one if it is short, else to its ends."""
+    """Return the positions of stand-ins along a body, metres from its middle: one for a short body, else up to its
+    ends."""
     gaps = math.ceil(length_m / _BLOCKERS_APART_M) if length_m > _BLOCKERS_APART_M else 0
     return tuple(length_m * (number / gaps - 0.5) for number in range(gaps + 1)) if gaps else (0.0,)
 
 
 def _reach_m(size: Size, turned_deg: float) -> float:
-    """How far across a lane a body at this angle to it blocks. What walks turns on the spot, and counts across."""
+    """Return the half width across a lane that a body blocks at an angle to the lane, metres.
+
+    A walking body can turn on the spot, so its length counts across the lane too.
+    """
     if size.length_m < _VEHICLE_LENGTH_M:
         return max(size.length_m, size.width_m) / 2.0 + _TOUCH_M
     return size.width_m / 2.0 * abs(math.cos(math.radians(turned_deg))) + _TOUCH_M
@@ -260,5 +285,5 @@ def _stand_in(body: str, lead_s: float) -> str:
 
 
 def entity_of(vehicle: str) -> str:
-    """The body behind a vehicle's id in the simulation."""
+    """Return the id of the body for an id in the simulation."""
     return vehicle.removeprefix("foreign/")

@@ -1,7 +1,7 @@
-"""The network as the engine asks for it: edges, their lanes, the links between them, and the nearest lane to a point.
+"""The road network: edges, their lanes, the links between them, and the lanes near a point.
 
-Read once from the running simulation. Only what a passenger car may use counts. Positions along a lane are SUMO's:
-metres from its start, scaled where a lane's length is not that of its drawn shape.
+It is read once from the running simulation, and holds only what passenger cars may use. Positions along a lane are
+SUMO's: metres from its start, scaled if the lane's length differs from that of its drawn shape.
 """
 
 from __future__ import annotations
@@ -19,84 +19,115 @@ from lingjing.scene.lines import LinePlace, project
 from lingjing.scene.network import THROUGH_KEY
 
 CAR = "passenger"
+"""SUMO's vehicle class of passenger cars."""
+
 _CELL_M = 50.0
+"""Side of a square of the index of lanes, metres (chosen)."""
+
 _NEAR_CELL_M = 4.0
+"""Side of a square of the cache of `is_near_road`, metres (chosen)."""
+
 _BESIDE_M = 12.0
+"""Distance beyond the nearest lane up to which lanes count as beside it, metres (chosen)."""
+
 _ALONG_DEG = 75.0
+"""Largest difference of headings of a lane that leads in the same direction, degrees (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoadLink:
-    """A way from the end of an edge onto another: SUMO's direction (`s`, `l`, `r`, `L`, `R`, `t`), metres between."""
+    """A link from the end of an edge to another edge."""
 
     edge: str
+    """The edge that follows."""
     direction: str
+    """SUMO's direction: `s` straight, `l` left, `r` right, `L` half left, `R` half right, `t` turn back."""
     length_m: float
+    """Length within the junction, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoadLane:
-    """One lane that cars may use; `index` counts from the right, `shape` is its centre line."""
+    """One lane that cars may use."""
 
     id: str
+    """SUMO's id."""
     edge: str
+    """Its edge."""
     index: int
+    """Index from the right, from 0."""
     shape: tuple[Vector2, ...]
+    """Centre line, (east, north) metres."""
     length_m: float
+    """Length in SUMO's metres."""
     width_m: float
+    """Width, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoadEdge:
-    """One direction of a street. `lanes` are those that cars may use; `links` one to each edge that follows.
-
-    `through` is False where only traffic that begins or ends there may drive.
-    """
+    """One direction of a street."""
 
     id: str
+    """SUMO's id."""
     lanes: tuple[RoadLane, ...]
+    """The lanes that cars may use, from the right."""
     links: tuple[RoadLink, ...]
+    """One link to each edge that follows."""
     length_m: float
+    """Length of the shortest lane, metres."""
     speed_mps: float
+    """Permitted speed, m/s."""
     through: bool = True
+    """False if only traffic that begins or ends there may use it."""
 
     @property
     def time_s(self) -> float:
-        """How long it takes to drive along at the permitted speed."""
+        """Driving time at the permitted speed, seconds."""
         return self.length_m / max(self.speed_mps, 0.1)
 
 
 @dataclass(frozen=True, slots=True)
 class LanePoint:
-    """A point on a lane: metres from the lane's start, how far the point asked for lies off, the lane's heading."""
+    """A point on a lane."""
 
     lane: RoadLane
+    """The lane."""
     at_m: float
+    """Distance from the lane's start, metres."""
     off_m: float
+    """Distance of the query point from it, metres."""
     heading_deg: float
+    """Heading of the lane, degrees clockwise from north."""
 
 
 @dataclass(frozen=True)
 class Graph:
-    """All edges by id in the network's order, and an index of their lanes by squares."""
+    """All edges, and an index of their lanes."""
 
     edges: Mapping[str, RoadEdge]
+    """Edges by id, in the network's order."""
     _cells: Mapping[tuple[int, int], tuple[RoadLane, ...]]
+    """Lanes by square of `_CELL_M`."""
     _near: dict[tuple[int, int], bool] = field(default_factory=dict)
+    """Cache of `is_near_road`, by square of `_NEAR_CELL_M`."""
 
     @cached_property
     def core(self) -> tuple[str, ...]:
-        """The edges of the largest part of the network in which every edge can be reached from every other."""
+        """The edges of the largest strongly connected component of the network."""
         return max(_components(self.edges), key=len, default=())
 
     def places(self, x: float, y: float, within_m: float) -> tuple[LanePoint, ...]:
-        """The nearest point of each lane within a distance, nearest first (ties in the network's order)."""
+        """Return the nearest point of each lane within a distance, the nearest first; ties keep the network's order."""
         near = ((lane, project(lane.shape, x, y)) for lane in self._lanes_near(x, y, within_m))
-        found = (_on_lane(lane, place) for lane, place in near if place.off_m <= within_m)
-        return tuple(sorted(found, key=lambda place: place.off_m))
+        points = (_on_lane(lane, place) for lane, place in near if place.off_m <= within_m)
+        return tuple(sorted(points, key=lambda place: place.off_m))
 
     def nearest(self, x: float, y: float, heading_deg: float | None = None, most_m: float = 2000.0) -> LanePoint | None:
-        """The nearest lane point within `most_m`; with a heading, of the lanes beside it one that leads that way."""
+        """Return the nearest lane point within `most_m`, or None.
+
+        With a heading, a lane beside the nearest one is preferred if it leads in that direction.
+        """
         reach = min(_CELL_M, most_m)
         while not (near := self.places(x, y, reach)):
             if reach >= most_m:
@@ -105,10 +136,10 @@ class Graph:
         close = (place for place in near if place.off_m <= near[0].off_m + _BESIDE_M)
         if heading_deg is None:
             return near[0]
-        return next((one for one in close if abs(turn_deg(heading_deg, one.heading_deg)) < _ALONG_DEG), near[0])
+        return next((place for place in close if abs(turn_deg(heading_deg, place.heading_deg)) < _ALONG_DEG), near[0])
 
     def is_near_road(self, x: float, y: float) -> bool:
-        """Whether a lane's edge is within a few metres; answers come from a memory of small squares."""
+        """Return whether a lane's edge is within a few metres. Answers are cached by small squares."""
         cell = (math.floor(x / _NEAR_CELL_M), math.floor(y / _NEAR_CELL_M))
         known = self._near.get(cell)
         if known is None:
@@ -125,7 +156,7 @@ class Graph:
 
 
 def read_graph(sim: Simulation) -> Graph:
-    """The graph of the network that the simulation has loaded."""
+    """Return the graph of the network that the simulation has loaded."""
     lanes: dict[str, list[RoadLane]] = {}
     links: dict[str, dict[str, RoadLink]] = {}
     speeds: dict[str, float] = {}
@@ -157,15 +188,15 @@ def read_graph(sim: Simulation) -> Graph:
 
 
 def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
-    """Elevations of the lowest and the highest point of all lanes, metres."""
-    found = [0.0] if not graph.edges else []
+    """Return the elevations of the lowest and the highest point of all lanes, metres."""
+    heights = [0.0] if not graph.edges else []
     for lane in (lane for edge in graph.edges.values() for lane in edge.lanes):
         steps = [math.dist(*pair) for pair in itertools.pairwise(lane.shape)]
         scale = lane.length_m / (sum(steps) or 1.0)
         for at_m in (0.0, *itertools.accumulate(steps)):
             at = min(at_m * scale, lane.length_m)
-            found.append(float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))
-    return min(found), max(found)
+            heights.append(float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))
+    return min(heights), max(heights)
 
 
 def _on_lane(lane: RoadLane, place: LinePlace[Vector2]) -> LanePoint:
@@ -179,7 +210,10 @@ def _drivable(sim: Simulation, lane: str) -> bool:
 
 
 def _through(sim: Simulation, via: str) -> float:
-    """Length of the lanes within a junction that begin with `via`: where one waits for others there are two."""
+    """Return the length of the lanes within a junction that begin with `via`, metres.
+
+    There are two of them if a vehicle can wait inside the junction.
+    """
     length = 0.0
     while via:
         length += sim.lane.getLength(via)
@@ -199,11 +233,11 @@ def _indexed(lanes: Iterator[RoadLane]) -> dict[tuple[int, int], tuple[RoadLane,
     for lane in lanes:
         for cell in _crossed(lane.shape):
             cells.setdefault(cell, []).append(lane)
-    return {cell: tuple(found) for cell, found in cells.items()}
+    return {cell: tuple(own) for cell, own in cells.items()}
 
 
 def _crossed(shape: Sequence[Vector2]) -> Iterator[tuple[int, int]]:
-    """The squares in which a line has a point, taken each half square."""
+    """Return the squares in which a line has a point, sampled every quarter square."""
     seen: dict[tuple[int, int], None] = {}
     for (ax, ay), (bx, by) in itertools.pairwise(shape):
         parts = max(1, math.ceil(math.hypot(bx - ax, by - ay) / (_CELL_M / 4.0)))
@@ -214,7 +248,7 @@ def _crossed(shape: Sequence[Vector2]) -> Iterator[tuple[int, int]]:
 
 
 def _components(edges: Mapping[str, RoadEdge]) -> Iterator[tuple[str, ...]]:
-    """Strongly connected components (Kosaraju): finish order on the graph, then floods against it."""
+    """Return the strongly connected components (Kosaraju): finish order on the graph, then floods against it."""
     order: list[str] = []
     seen: set[str] = set()
     for root in edges:
@@ -237,7 +271,7 @@ def _components(edges: Mapping[str, RoadEdge]) -> Iterator[tuple[str, ...]]:
 
 
 def _without_traps(edges: Mapping[str, RoadEdge]) -> dict[str, RoadEdge]:
-    """Without the edges from which there is no way back, such as one-way streets that leave the map."""
+    """Return the edges without those from which there is no way back, such as one-way streets that leave the map."""
     core = max(_components(edges), key=len, default=())
     kept = frozenset(_flood(core[0], _before(edges), dict.fromkeys(edges))) if core else frozenset()
     return {
@@ -248,7 +282,7 @@ def _without_traps(edges: Mapping[str, RoadEdge]) -> dict[str, RoadEdge]:
 
 
 def _before(edges: Mapping[str, RoadEdge]) -> dict[str, list[str]]:
-    """The edges that lead to each."""
+    """Return the edges that lead to each edge."""
     before: dict[str, list[str]] = {name: [] for name in edges}
     for name, edge in edges.items():
         for link in edge.links:
@@ -258,10 +292,10 @@ def _before(edges: Mapping[str, RoadEdge]) -> dict[str, list[str]]:
 
 def _flood(root: str, before: Mapping[str, Sequence[str]], left: dict[str, None]) -> tuple[str, ...]:
     del left[root]
-    found = [root]
-    for name in found:
+    reached = [root]
+    for name in reached:
         for neighbour in before[name]:
             if neighbour in left:
                 del left[neighbour]
-                found.append(neighbour)
-    return tuple(found)
+                reached.append(neighbour)
+    return tuple(reached)

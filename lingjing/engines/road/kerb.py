@@ -1,8 +1,8 @@
-"""The kerb: where vehicles of the mission park beside the road, who stands there, and who comes by in the lane.
+"""The kerb: parking places beside the road, and the vehicles that pass them.
 
-A place is a stretch of the lane beside which a vehicle stands, named by the metres of its front along the lane. Whoever
-is on the way to a place has it promised, so that two vehicles sent to one door park one behind the other. There is no
-kerb on bridges, in tunnels and within junctions.
+A place is a stretch beside a lane, named by the position of the vehicle's front along the lane. A vehicle reserves its
+place before it arrives, so two vehicles with one destination park one behind the other. Bridges, tunnels and junctions
+have no kerb.
 """
 
 from __future__ import annotations
@@ -15,39 +15,47 @@ from lingjing.engines.road.simulation import Simulation
 from lingjing.scene.tiles import Tiles
 
 GAP_M = 3.5
-"""Between two that are parked: who pulls out at walking speed sideways passes the one before it."""
+"""Gap between two parked vehicles, metres. A vehicle that pulls out sideways at walking speed passes the one
+before it."""
 
 REACH_M = 40.0
-"""A place this far from the one asked for is still there."""
+"""Largest distance of a parking place from the requested one, metres (chosen)."""
 
 SIGHT_M = 80.0
-"""How far back along the road one looks before pulling out."""
+"""Distance back along the road within which approaching vehicles matter to one that pulls out, metres (chosen)."""
 
 _STEP_M = 0.5
+"""Distance between two candidates in the search for a place, metres (chosen)."""
 _END_M = 0.2
-"""What a stop keeps from the end of its lane."""
+"""Distance of a stop from the end of its lane, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParkingPlace:
-    """A place at the kerb: the lane beside it and metres of the front along it."""
+    """A place at the kerb."""
 
     lane: RoadLane
+    """The lane beside it."""
     at_m: float
+    """Position of the vehicle's front along the lane, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaneVehicle:
-    """A vehicle in the lane: metres of its front from the lane's start (negative: not on it yet), length and speed."""
+    """A vehicle on a lane."""
 
     id: str
+    """Id in the simulation."""
     front_m: float
+    """Position of its front from the lane's start, metres; negative before the lane."""
     length_m: float
+    """Length, metres."""
     speed_mps: float
+    """Speed, m/s."""
 
 
 class Kerb:
-    """Who stands where beside the lanes, and who is going to."""
+    """The occupied and reserved places beside all lanes."""
 
     def __init__(self, sim: Simulation, graph: Graph, tiles: Tiles) -> None:
         self._sim = sim
@@ -61,38 +69,38 @@ class Kerb:
     def promise(
         self, name: str, edge: str, front_m: float, length_m: float, least_m: float = 0.0, *, bare: bool = False
     ) -> ParkingPlace | None:
-        """Keep the free place nearest to a front for a vehicle, not before `least_m`; None: none is near.
+        """Reserve the free place nearest to a front position, not before `least_m`; None if none is near.
 
-        `bare`: also beside an edge without a kerb, for who would block the road otherwise.
+        `bare` also allows an edge without a kerb, for a vehicle that would block the road otherwise.
         """
         self._promised.pop(name, None)
         lane = self._graph.edges[edge].lanes[0]
         if not bare and self._is_bare(lane):
             return None
-        taken = [span for who, span in self._spans() if who != name and span[0] == lane.id]
+        spans = [span for owner, span in self._spans() if owner != name and span[0] == lane.id]
         lowest, highest = max(least_m, min(length_m, lane.length_m - _END_M)), lane.length_m - _END_M
         for at_m in _outwards(min(max(front_m, lowest), highest)):
-            free = all(at_m < low - GAP_M or at_m - length_m > high + GAP_M for _, low, high in taken)
+            free = all(at_m < low - GAP_M or at_m - length_m > high + GAP_M for _, low, high in spans)
             if free and lowest <= at_m <= highest:
                 self._promised[name] = (lane.id, at_m - length_m, at_m)
                 return ParkingPlace(lane, at_m)
         return None
 
     def take(self, name: str, room: ParkingPlace, length_m: float) -> None:
-        """A vehicle stands there now."""
+        """Record that a vehicle stands at a place."""
         self._promised.pop(name, None)
         self._standing[name] = (room.lane.id, room.at_m - length_m, room.at_m)
 
     def leave(self, name: str) -> None:
-        """A vehicle stands there no more."""
+        """Record that a vehicle has left its place."""
         self._standing.pop(name, None)
 
     def forgo(self, name: str) -> None:
-        """A vehicle is not going to its place any more."""
+        """Cancel the reservation of a vehicle."""
         self._promised.pop(name, None)
 
     def passing(self, lane: RoadLane) -> Iterator[LaneVehicle]:
-        """Who is on the lane, is just leaving it or comes towards it within sight."""
+        """Return the vehicles that are on the lane, just leave it or approach it within `SIGHT_M`."""
         yield from self._on(lane.id, 0.0)
         for _, _, _, _, via, *_ in self._sim.lane.getLinks(lane.id):
             if via:
@@ -115,7 +123,7 @@ class Kerb:
             yield LaneVehicle(name, front, length, vehicles.getSpeed(name))
 
     def _is_bare(self, lane: RoadLane) -> bool:
-        """Whether its edge has no kerb."""
+        """Return whether the lane's edge has no kerb."""
         if lane.edge not in self._bare:
             near = self._tiles.near(*lane.shape[0], 1.0)
             road = next((road for tile in near for road in tile.roads if road.id == lane.edge), None)
@@ -127,7 +135,7 @@ class Kerb:
         yield from self._promised.items()
 
     def _lanes_before(self, lane: str) -> list[str]:
-        """The lanes, those within junctions included, from which one drives onto a lane."""
+        """Return the lanes that lead onto a lane, with those inside junctions."""
         if not self._before:
             lanes = self._sim.lane
             for name in lanes.getIDList():
@@ -137,7 +145,8 @@ class Kerb:
 
 
 def _outwards(middle_m: float) -> Iterator[float]:
-    """Metres along a lane by their distance from a middle; of two that are as far the one behind first."""
+    """Return positions along a lane by their distance from a middle; of two equally far ones the rear one comes
+    first."""
     yield middle_m
     for number in range(1, round(REACH_M / _STEP_M) + 1):
         yield middle_m - number * _STEP_M

@@ -1,7 +1,7 @@
-"""The vehicles: how large and heavy they are, how they accelerate, and what a load does to them.
+"""Kinds of vehicles: dimensions, masses, accelerations and the effect of a load.
 
-A loaded vehicle pulls away more slowly, because the same force moves more mass: a = a0 · m / (m + load). Its top speed
-falls by 15 % at its full payload and in proportion below it, a stand-in for power and handling.
+A loaded vehicle accelerates less, because the same force moves more mass: a = a0 · m / (m + load). Its top speed falls
+by 15 % at full payload and in proportion below it, as an approximation of power and handling.
 """
 
 from __future__ import annotations
@@ -15,23 +15,31 @@ from lingjing.plugins.bodies import entity_size
 from lingjing.scene.sizes import SIZES, Size
 
 FULL_LOAD_SLOWDOWN = 0.15
+"""Reduction of the top speed at full payload, as a share (chosen)."""
+
 SPEED_MPS = 13.9
-"""Top speed of a vehicle that says none: 50 km/h."""
+"""Top speed of an entity without the property `speed_mps`, m/s: 50 km/h."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleKind:
-    """A kind of vehicle: outer dimensions, kerb mass in kg, acceleration and comfortable braking in m/s²."""
+    """A kind of vehicle."""
 
     name: str
+    """Name."""
     size: Size
+    """Outer dimensions."""
     mass_kg: float
+    """Kerb mass, kg."""
     accel_mps2: float
+    """Acceleration without load, m/s^2."""
     decel_mps2: float = 4.5
+    """Comfortable braking, m/s^2."""
     top_mps: float = 22.0
+    """Top speed in background traffic, m/s."""
 
     def acceleration(self, load_kg: float) -> float:
-        """What it accelerates with under a load."""
+        """Return the acceleration under a load, m/s^2."""
         return self.accel_mps2 * self.mass_kg / (self.mass_kg + max(load_kg, 0.0))
 
 
@@ -45,11 +53,11 @@ VEHICLE_KINDS = {
         VehicleKind("motorcycle", SIZES["motorcycle"], 220.0, 4.0, 6.0),
     )
 }
-"""The background traffic. Masses of common models; accelerations after SUMO's defaults of the vehicle classes."""
+"""Kinds of background vehicles. Masses are those of common models; accelerations follow SUMO's vehicle classes."""
 
 
 def vehicle_kind(entity: Entity) -> VehicleKind:
-    """The vehicle that an entity is, by its measures, mass, acceleration and braking; a car where it declares none."""
+    """Return the kind of an entity from its dimensions, mass, acceleration and braking; undeclared ones are a car's."""
     usual = VEHICLE_KINDS["car"]
     measured = any(entity.number(f"{name}_m") for name in MEASURES)
     return VehicleKind(
@@ -62,7 +70,7 @@ def vehicle_kind(entity: Entity) -> VehicleKind:
 
 
 def top_speed(speed_mps: float, load_kg: float, payload_kg: float) -> float:
-    """Top speed under a load, metres per second."""
+    """Return the top speed under a load, m/s."""
     share = min(max(load_kg / payload_kg, 0.0), 1.0) if payload_kg > 0.0 else 0.0
     return speed_mps * (1.0 - FULL_LOAD_SLOWDOWN * share)
 
@@ -70,9 +78,10 @@ def top_speed(speed_mps: float, load_kg: float, payload_kg: float) -> float:
 def declare(
     sim: Simulation, name: str, kind: VehicleKind, top_mps: float, *, blue_light: bool = False, reaction_s: float = 0.0
 ) -> None:
-    """Make a vehicle type of the simulation. Blue lights drive through red and make others give way.
+    """Declare a vehicle type in SUMO.
 
-    `reaction_s` is how long a driver goes on before deciding anew; 0: decides in each step.
+    A vehicle with blue light drives through red lights and makes others give way. `reaction_s` is the time between two
+    decisions of its driver; 0 means one in each step.
     """
     types, size = sim.vehicletype, kind.size
     types.copy("DEFAULT_VEHTYPE", name)

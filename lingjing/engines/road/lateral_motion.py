@@ -1,9 +1,9 @@
-"""Sideways motion: what SUMO does at once, shown as a car would do it.
+"""Gradual sideways motion, where SUMO moves a vehicle at once.
 
-SUMO moves a vehicle that changes lanes by a whole lane in one step, and one that parks by 3.2 m to the right. (Its own
-`--lanechange.duration` works beside vehicles that are set from outside, but the vehicles then drive otherwise, and
-every digest with traffic is another one.) Here each such jump is found in the positions and shown as an offset that
-fades at walking speed.
+SUMO moves a vehicle that changes lanes by a whole lane in one step, and a parking vehicle by 3.2 m to the right. This
+module detects such a jump in the positions and shows it as an offset that fades at walking speed. SUMO's own
+`--lanechange.duration` would also work beside vehicles that are set from outside. But vehicles then drive differently,
+which would change every digest with traffic.
 """
 
 from __future__ import annotations
@@ -15,25 +15,30 @@ import msgspec
 from lingjing.trace.records import BodyState
 
 SPEED_MPS = 1.3
+"""Speed at which an offset fades, m/s: a walking speed (chosen)."""
+
 _JUMP_M = (2.0, 5.0)
+"""Least and largest size of a sideways jump, metres (chosen: about a lane)."""
+
 _LONGEST_S = 0.6
+"""Longest time between two readings between which a jump is detected, seconds (chosen)."""
 
 
 class LateralOffsets:
-    """The offsets of vehicles, by id: metres to the right of where SUMO has them."""
+    """The sideways offsets of vehicles by id: metres to the right of SUMO's position."""
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[float, float, float]] = {}
 
     def follow(self, body: BodyState, after_s: float, rest_m: float = 0.0) -> float:
-        """The offset of a body that is read `after_s` after the last time; it fades towards `rest_m`."""
+        """Return the offset of a body, read `after_s` after the last time; it fades towards `rest_m`."""
         x, y, _ = body.position
         last = self._last.get(body.id)
         offset = rest_m
         if last is not None and after_s <= _LONGEST_S:
             offset = last[2]
             east, north = x - last[0], y - last[1]
-            if abs(east) + abs(north) > _JUMP_M[0]:  # what is less is no jump in whatever direction
+            if abs(east) + abs(north) > _JUMP_M[0]:  # a shorter way is no jump in any direction
                 angle = math.radians(body.heading_deg)
                 across = east * math.cos(angle) - north * math.sin(angle)
                 if _JUMP_M[0] < abs(across) < _JUMP_M[1]:
@@ -45,12 +50,12 @@ class LateralOffsets:
         return offset
 
     def forget(self, name: str) -> None:
-        """A vehicle has been put elsewhere."""
+        """Forget the position of a vehicle that was placed elsewhere."""
         self._last.pop(name, None)
 
 
 def shifted(body: BodyState, offset_m: float) -> BodyState:
-    """The body so far to the right."""
+    """Return the body shifted to the right by an offset."""
     if offset_m == 0.0:
         return body
     (x, y, z), angle = body.position, math.radians(body.heading_deg)

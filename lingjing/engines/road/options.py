@@ -1,4 +1,4 @@
-"""What a mission's scene options ask of the road engine."""
+"""The scene options of a mission that configure the road engine."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from lingjing.mission.instance import Instance
 
 
 def traffic(instance: Instance) -> int:
-    """How many background vehicles the scene's option `traffic` asks for; they drive also when no car is anybody's."""
+    """Return the number of background vehicles in the scene's option `traffic`; it does not depend on the mission's
+    cars."""
     value = instance.scene.options.get("traffic", 0.0)
     return int(value) if isinstance(value, int | float) else 0

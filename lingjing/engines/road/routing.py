@@ -1,6 +1,6 @@
-"""The quickest way through the graph: Dijkstra over edges by free-flow time, with what turning costs.
+"""The fastest way through the graph: Dijkstra over edges by free-flow time and the time of turns.
 
-Routes know nothing of traffic but the places that somebody said to avoid: that is what inspection is for.
+Routes do not take account of traffic. They avoid only the places that an agent has named after an inspection.
 """
 
 from __future__ import annotations
@@ -14,31 +14,39 @@ from dataclasses import dataclass
 from lingjing.engines.road.graph import Graph, LanePoint, RoadLink
 
 TURN_S = {"s": 1.0, "r": 3.0, "R": 2.0, "l": 6.0, "L": 4.0, "t": 25.0}
-"""Seconds that a link of each direction costs beyond driving it: slowing down, giving way."""
+"""Time that a link of each direction adds to its driving time, seconds: slowing down and giving way (chosen)."""
 
 NO_THROUGH_S = 1800.0
-"""The detour that a way takes rather than lead through streets that are open to their own traffic alone."""
+"""Longest detour around streets that are closed to through traffic, seconds (chosen)."""
 
 _SAME_EDGE_MARGIN_M = 1.0
+"""Distance by which a goal on the same edge may lie behind the vehicle, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrivingWay:
-    """Edges from the start's to the goal's, with what driving them takes."""
+    """A route."""
 
     edges: tuple[str, ...]
+    """Edges from the start's to the goal's."""
     length_m: float
+    """Length, metres."""
     duration_s: float
+    """Free-flow driving time, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Avoided:
-    """A place to keep away from, as long as the jam `because` blocks it (always, where none is known)."""
+    """A place to avoid."""
 
     x: float
+    """East coordinate, metres."""
     y: float
+    """North coordinate, metres."""
     radius_m: float
+    """Radius, metres."""
     because: str = ""
+    """Name of the jam that blocks it. The place is avoided until the jam is over; always if the name is empty."""
 
 
 def find_way(
@@ -48,10 +56,10 @@ def find_way(
     avoid: Collection[str] = (),
     ahead_m: float = 0.0,
 ) -> DrivingWay | None:
-    """The quickest way from (edge, metres along it) to (edge, metres), not by the edges to avoid; None: there is none.
+    """Return the fastest way between two places, each an edge and the metres along it; None if there is none.
 
-    The start's edge is left by its end, avoided or not, for the vehicle is there; what lies less than `ahead_m` ahead
-    on it is reached by coming back.
+    The way leaves the start's edge at its end even if that edge is to be avoided, because the vehicle is on it. A goal
+    less than `ahead_m` ahead on the same edge is reached by a way around.
     """
     (origin, from_m), (target, to_m) = start, goal
     if origin == target and to_m >= from_m + ahead_m - _SAME_EDGE_MARGIN_M:
@@ -62,34 +70,35 @@ def find_way(
 
 
 def straight_on(graph: Graph, edge: str) -> RoadLink | None:
-    """The link by which one drives on at the end of an edge: straight, else a slight turn, else the only way on."""
+    """Return the link that continues an edge: straight, else a slight turn, else the only one; None if there is
+    none."""
     links = [link for link in graph.edges[edge].links if link.direction != "t"]
     slight = [link for direction in "sRL" for link in links if link.direction == direction]
     return slight[0] if slight else links[0] if len(links) == 1 else None
 
 
 def onward(graph: Graph, edges: Sequence[str], reserve_m: float) -> tuple[str, ...]:
-    """The edges and those by which one could go on for `reserve_m` behind the last: back where the road ends."""
-    found, ahead = list(edges), 0.0
+    """Return the edges, extended by those that continue for `reserve_m`; they turn back where a road ends."""
+    route, ahead = list(edges), 0.0
     while ahead < reserve_m:
-        links = graph.edges[found[-1]].links
-        link = straight_on(graph, found[-1]) or next(iter(links), None)
+        links = graph.edges[route[-1]].links
+        link = straight_on(graph, route[-1]) or next(iter(links), None)
         if link is None:
             break
-        found.append(link.edge)
+        route.append(link.edge)
         ahead += graph.edges[link.edge].length_m
-    return tuple(found)
+    return tuple(route)
 
 
 def edges_at(graph: Graph, place: Avoided, goal: LanePoint | None = None) -> frozenset[str]:
-    """The edges that pass a place, without the goal's where the goal is reached before the place is."""
-    found = set()
+    """Return the edges that pass a place, without the goal's edge if the goal comes before the place."""
+    passing = set()
     for near in graph.places(place.x, place.y, place.radius_m):
         here = goal is not None and near.lane.edge == goal.lane.edge
         if here and goal is not None and goal.at_m < near.at_m - place.radius_m:
             continue
-        found.add(near.lane.edge)
-    return frozenset(found)
+        passing.add(near.lane.edge)
+    return frozenset(passing)
 
 
 def _search(graph: Graph, origin: str, target: str, avoid: frozenset[str]) -> tuple[str, ...] | None:
@@ -134,7 +143,7 @@ def _link_s(graph: Graph, link: RoadLink) -> float:
 
 
 def measure(graph: Graph, edges: tuple[str, ...], from_m: float, to_m: float) -> DrivingWay:
-    """The way along edges that follow each other, from a point on the first to one on the last."""
+    """Return the way along connected edges, from a point on the first to a point on the last."""
     length, duration = -from_m, -from_m / graph.edges[edges[0]].speed_mps
     for name, following in itertools.pairwise(edges):
         edge = graph.edges[name]

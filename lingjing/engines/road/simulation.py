@@ -1,8 +1,8 @@
-"""The one door to libsumo: a simulation that is started once, stepped by 0.1 s and closed.
+"""The interface to libsumo: a simulation that is started once, advanced by steps of 0.1 s and closed.
 
-libsumo keeps its simulation in process-wide state: a second `start` silently replaces the first. So a second one here
-raises. The domains (`vehicle`, `lane`, …) are libsumo's own, unwrapped: at a microsecond a call a wrapper would double
-the price of reading a thousand vehicles.
+libsumo keeps its simulation in global state of the process: a second `start` would silently replace the first, so a
+second `Simulation` raises. The domains (`vehicle`, `lane`, …) are libsumo's own, without wrappers. A call takes a
+microsecond; a wrapper would double the time of reading a thousand vehicles.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 _PROJ = ("PROJ_LIB", "PROJ_DATA")
 _BEFORE = {name: os.environ.get(name) for name in (*_PROJ, "LIBSUMO_AS_TRACI")}
-os.environ["LIBSUMO_AS_TRACI"] = "quiet"  # else it prints, among a user's results, what it thinks of pyarrow's version
+os.environ["LIBSUMO_AS_TRACI"] = "quiet"  # otherwise the import prints a message about the version of pyarrow
 
 import libsumo  # type: ignore[import-untyped,unused-ignore]  # noqa: E402 - the import changes the environment
 
@@ -24,13 +24,13 @@ _OWN = {name: os.environ.get(name) for name in _PROJ}
 from lingjing.errors import InfrastructureError  # noqa: E402
 
 STEP_S = 0.1
-"""The step of the simulation: what cars need to react to dogs and people in time."""
+"""Step of the simulation, seconds: short enough for cars to react to dogs and people."""
 
 FOREVER_S = 1e7
-"""A stop that only a command ends."""
+"""Duration of a stop that only a command ends, seconds."""
 
 SumoError = libsumo.TraCIException
-"""What a call raises that SUMO refuses."""
+"""The exception of a call that SUMO rejects."""
 
 _MOST_SEED = 2**31 - 1
 
@@ -38,10 +38,13 @@ _running: list[Simulation] = []
 
 
 class Simulation:
-    """A running simulation of one network; `vehicle`, `person`, `lane`, `edge`, … are libsumo's domains."""
+    """A running simulation of one network. `vehicle`, `person`, `lane`, `edge`, … are libsumo's domains."""
 
     def __init__(self, network: str, seed: int) -> None:
-        """Start it. Raises `InfrastructureError` where one is running in this process or the network is no network."""
+        """Start the simulation.
+
+        Raises `InfrastructureError` if one is running in this process or if SUMO cannot read the network.
+        """
         if _running:
             raise InfrastructureError(
                 "a second traffic simulation in one process: SUMO can hold only one",
@@ -59,7 +62,7 @@ class Simulation:
         _running.append(self)
         self._entries = 0
         self.level = False
-        """Whether all roads are known to lie at one height, so that no vehicle stands on a slope."""
+        """True if all roads have the same elevation; slopes are not read then."""
         self.vehicle: Any = libsumo.vehicle
         self.vehicletype: Any = libsumo.vehicletype
         self.person: Any = libsumo.person
@@ -70,14 +73,14 @@ class Simulation:
         self.step: Any = libsumo.simulationStep
 
     def enter(self, name: str, edges: Sequence[str], kind: str, lane: int, front_m: float) -> None:
-        """Put a vehicle on a lane of the first of some edges, standing with its front there, from the next step on."""
+        """Put a vehicle on a lane of the first edge, with speed 0 and its front at `front_m`, from the next step on."""
         self._entries += 1
         route = f"route/{name}/{self._entries}"
         self.route.add(route, list(edges))
         self.vehicle.add(name, route, kind, departLane=str(lane), departPos=str(front_m), departSpeed="0")
 
     def close(self) -> None:
-        """End it; twice does no harm."""
+        """End the simulation; a second call has no effect."""
         if self in _running:
             _running.remove(self)
             libsumo.close()
@@ -93,7 +96,8 @@ def _set(values: Mapping[str, str | None]) -> None:
 
 @contextmanager
 def _environment(values: Mapping[str, str | None]) -> Iterator[None]:
-    """PROJ's variables as libsumo wants them, and afterwards as they were: another PROJ here has its own database."""
+    """Set the variables of PROJ for libsumo and restore them: other copies of PROJ in the process need other
+    databases."""
     before = {name: os.environ.get(name) for name in values}
     _set(values)
     try:
@@ -112,11 +116,11 @@ def _arguments(network: str, seed: int) -> list[str]:
         "--seed": str(seed % _MOST_SEED),
         "--no-step-log": "true",
         "--no-warnings": "true",
-        "--time-to-teleport": "-1",  # nothing jumps: who is stuck is seen to be stuck
+        "--time-to-teleport": "-1",  # a stuck vehicle stays visible instead of jumping
         "--collision.action": "warn",
         "--collision.check-junctions": "true",
-        "--collision.mingap-factor": "0",  # touching, not coming close
-        "--insertion-checks": "none",  # a vehicle stands where the mission puts it
+        "--collision.mingap-factor": "0",  # only contact is a collision
+        "--insertion-checks": "none",  # a vehicle starts exactly at its declared place
         "--default.speeddev": "0",
         "--xml-validation": "never",
         "--xml-validation.net": "never",

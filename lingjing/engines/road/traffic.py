@@ -1,8 +1,7 @@
-"""Background traffic: a number of vehicles that are kept driving from one random edge to the next.
+"""Background traffic: a fixed number of vehicles that drive from one random edge to the next.
 
-A vehicle that comes near the end of its trip is given a new destination, so none appears or vanishes while it is
-looked at; one that stood for minutes in a jam that does not dissolve is taken out and starts elsewhere. Edges on which
-a queue stands are driven around where a way around exists.
+A vehicle near the end of its trip gets a new destination, so vehicles do not appear or vanish in view. A vehicle that
+has stood for minutes in a jam starts again elsewhere. Vehicles drive around edges with a queue if there is a way.
 """
 
 from __future__ import annotations
@@ -21,38 +20,51 @@ from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
 MIX = (("car", 70), ("delivery_van", 10), ("truck", 8), ("motorcycle", 7), ("bus", 5))
-"""Kinds of background vehicles and their shares in percent."""
+"""Kinds of background vehicles and their shares in percent (chosen)."""
 
 PATIENCE_S = 150.0
-"""Standing this long, a background vehicle is taken out of the jam."""
+"""Waiting time after which a background vehicle is removed and starts elsewhere, seconds (chosen)."""
 
 REACTION_S = 0.3
-"""How often a background driver decides: like a person, and at half the price of deciding in each step."""
+"""Interval of a background driver's decisions, seconds: human-like, and half the cost of a decision in each step."""
 
 BLOCKED_S = 100_000.0
+"""Travel time that SUMO's routing assumes on an edge with a queue, seconds: more than any detour."""
+
 _GAP_M = 3.0
+"""Gap between vehicles that are placed before time 0, metres (chosen)."""
+
 _ROUND = 10
+"""Steps in which every vehicle is checked once (chosen)."""
+
 _NEARLY_THERE = 3
+"""Edges before the end of a route at which a vehicle gets a new destination (chosen)."""
+
 _TRIES = 30
+"""Draws of a place or destination before a vehicle is skipped (chosen)."""
 
 
 @dataclass(slots=True)
 class BackgroundVehicle:
-    """A background vehicle: its id, its kind, how many edges its route has."""
+    """A background vehicle."""
 
     id: str
+    """Id in the simulation."""
     kind: str
+    """Name of its kind."""
     edges: int
+    """Number of edges of its route."""
 
 
 class Occupied:
-    """Which parts of lanes are taken while vehicles are put on the road before time 0."""
+    """The occupied stretches of lanes while vehicles are placed before time 0."""
 
     def __init__(self) -> None:
         self._taken: dict[str, list[tuple[float, float]]] = {}
 
     def take(self, lane: str, front_m: float, length_m: float, gap_m: float = _GAP_M) -> bool:
-        """Take the length behind a front if it is free, with a gap before and behind."""
+        """Occupy the length behind a front position if it is free with a gap before and behind; return whether it
+        was."""
         low, high = front_m - length_m - gap_m, front_m + gap_m
         spans = self._taken.setdefault(lane, [])
         if any(low < upper and high > lower for lower, upper in spans):
@@ -61,12 +73,12 @@ class Occupied:
         return True
 
     def add(self, lane: str, front_m: float, length_m: float) -> None:
-        """Take it, free or not."""
+        """Occupy a stretch, whether it is free or not."""
         self._taken.setdefault(lane, []).append((front_m - length_m, front_m))
 
 
 class Traffic:
-    """The background vehicles of an episode, drawn from one stream."""
+    """The background vehicles of an episode, drawn from one random stream."""
 
     def __init__(self, sim: Simulation, graph: Graph, seed: int) -> None:
         self._sim = sim
@@ -83,12 +95,12 @@ class Traffic:
             declare(sim, f"traffic/{name}", VEHICLE_KINDS[name], VEHICLE_KINDS[name].top_mps, reaction_s=REACTION_S)
 
     def populate(self, count: int, occupied: Occupied) -> None:
-        """Put vehicles at random places; fewer where the streets are full."""
+        """Place up to `count` vehicles at random places; full streets take fewer."""
         for number in range(count if self._graph.core else 0):
             self._populate(f"traffic/{number + 1}", occupied)
 
     def step(self) -> None:
-        """Give new destinations, a tenth of the vehicles each step; bring back those that got lost."""
+        """Give new destinations to a tenth of the vehicles, and insert again those that SUMO has removed."""
         arrived = set(self._sim.simulation.getArrivedIDList()) if self._movers else set()
         for mover in self._movers:
             if mover.id in arrived:
@@ -99,7 +111,7 @@ class Traffic:
         self._turn = (self._turn + 1) % _ROUND
 
     def keep_off(self, edges: Collection[str]) -> None:
-        """The edges that are blocked now: routes are changed where they lead there."""
+        """Set the blocked edges, and change the routes that use them."""
         blocked = frozenset(edges)
         if blocked == self._blocked:
             return
@@ -112,8 +124,10 @@ class Traffic:
             self._evade(mover, fresh)
 
     def states(self, there: Container[str], ahead_s: float, after_s: float) -> Iterator[BodyState]:
-        """Every background vehicle that is `there`, `ahead_s` after the last step, `after_s` after they were last asked
-        for."""
+        """Return the states of the background vehicles that are in `there`.
+
+        `ahead_s` is the time after the last step, `after_s` the time since the last call.
+        """
         for mover in self._movers:
             if mover.id in there:
                 length = SIZES[mover.kind].length_m
@@ -134,7 +148,7 @@ class Traffic:
                 return
 
     def _enter(self, mover: BackgroundVehicle) -> None:
-        """Start again on an edge that is empty, or be tried again at the next step."""
+        """Insert a vehicle on an empty edge; if none is drawn, the next step tries again."""
         for _ in range(_TRIES):
             edge = self._graph.edges[self._draw_edge()]
             length = SIZES[mover.kind].length_m
@@ -151,7 +165,7 @@ class Traffic:
         vehicles = self._sim.vehicle
         try:
             index = vehicles.getRouteIndex(mover.id)
-        except SumoError:  # it could not enter
+        except SumoError:  # SUMO could not insert it
             self._enter(mover)
             return
         if index >= mover.edges - _NEARLY_THERE:
@@ -165,7 +179,7 @@ class Traffic:
         for _ in range(_TRIES):
             try:
                 vehicles.changeTarget(mover.id, self._draw_edge())
-            except SumoError:  # no way there for this one
+            except SumoError:  # this vehicle has no way there
                 continue
             mover.edges = len(vehicles.getRoute(mover.id))
             if mover.edges > _NEARLY_THERE:
@@ -178,11 +192,11 @@ class Traffic:
             if blocked.intersection(route[max(0, vehicles.getRouteIndex(mover.id)) + 1 :]):
                 vehicles.rerouteTraveltime(mover.id)
                 mover.edges = len(vehicles.getRoute(mover.id))
-        except SumoError:  # no way around, or not on the road yet: it will wait its turn
+        except SumoError:  # there is no way around, or the vehicle is not inserted yet: its route stays
             return
 
     def _usual_s(self, name: str) -> float:
-        """What an edge costs on which no queue stands."""
+        """Return the travel time of an edge without a queue, seconds."""
         edge = self._graph.edges[name]
         return edge.time_s if edge.through else edge.time_s + NO_THROUGH_S
 

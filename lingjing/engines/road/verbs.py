@@ -1,8 +1,9 @@
-"""Commands to vehicles: what each verb starts, or why it is refused.
+"""The effect of commands on vehicles, or the reason of a refusal.
 
-`setDestination` follows the route published last where it leads there; `forward` goes straight on at junctions; `left`
-and `right` turn at the next junction that leaves a choice and halt just behind it; `stop` brakes. `route` and `replan`
-come from the kernel: they plan and publish, and nothing moves (but a vehicle on its way follows its new route).
+`setDestination` follows the last published route if it leads to the same place. `forward` goes straight on at
+junctions. `left` and `right` turn at the next junction with a choice and halt just behind it. `stop` brakes. The kernel
+sends `route` and `replan`: they plan and publish a route without motion, but a vehicle on its way follows its new
+route.
 """
 
 from __future__ import annotations
@@ -22,28 +23,38 @@ from lingjing.plugins.requests import STOP, Refusal, number, number_at_least
 from lingjing.trace.records import Command, Route
 
 KIND = builtin_engines()["road"]
+"""The declared kind of this engine."""
 
 PLANNING = ("route", "replan")
-"""Verbs that only plan: they need nobody to stand still, and end at once."""
+"""Verbs that only plan. They complete at once and may be sent while a vehicle moves."""
 
 SAME_PLACE_M = 5.0
-"""A destination this close to the planned one is the planned one."""
+"""Distance within which a destination counts as the planned one, metres (chosen)."""
 
 FARTHEST_M = 150.0
-"""A destination farther than this from every road cannot be reached by road."""
+"""Largest distance of a destination from a road, metres (chosen)."""
 
 AVOID_M = 25.0
-"""The radius around a place to avoid at which nothing is known to block."""
+"""Radius of a place to avoid without a known jam, metres (chosen)."""
 
 _OTHER_SIDE_M = 20.0
+"""Distance beyond the nearest lane up to which other lanes serve as goal, metres: a street's other side (chosen)."""
+
 _BEHIND_TURN_M = 8.0
+"""Distance behind a turn at which a vehicle halts, metres, in addition to its length (chosen)."""
+
 _MOST_EDGES = 50
+"""Most edges in the search for the next junction (chosen)."""
+
 _TURNS = {"left": "lL", "right": "rR"}
+"""SUMO's directions of links for each verb, the best first."""
+
 _NAMES = {"l": "left", "L": "left", "r": "right", "R": "right", "s": "straight on", "t": "back"}
+"""Words for SUMO's directions of links."""
 
 
 class Planner:
-    """Plans for vehicles on one network; `publish` is told of each route."""
+    """Plans for vehicles on one network; `publish` receives each route."""
 
     def __init__(
         self,
@@ -58,7 +69,7 @@ class Planner:
         self._congestion = congestion
 
     def start(self, vehicle: Vehicle, command: Command, time_s: float) -> None:
-        """Begin a command. Raises `Refusal`."""
+        """Begin a command; raises `Refusal` if it cannot be carried out."""
         if command.verb == "setDestination":
             self._set_destination(vehicle, command, time_s)
         elif command.verb == "forward":
@@ -115,20 +126,20 @@ class Planner:
         if near is None:
             raise Refusal("unreachable", f"there is no road within {FARTHEST_M:g} m of ({x:.1f}, {y:.1f})")
         start = vehicle.route_start()
-        place = (start.edge, _middle(vehicle, start))
-        vehicle.avoided = tuple(one for one in vehicle.avoided if not self._congestion.is_over(one.because))
+        origin = (start.edge, _middle(vehicle, start))
+        vehicle.avoided = tuple(place for place in vehicle.avoided if not self._congestion.is_over(place.because))
         for goal in self._graph.places(x, y, near.off_m + _OTHER_SIDE_M):
-            avoid = {name for one in vehicle.avoided for name in edges_at(self._graph, one, goal)}
-            if start.edge in avoid:  # it stands there: by one of these edges it must leave
+            avoid = {name for spot in vehicle.avoided for name in edges_at(self._graph, spot, goal)}
+            if start.edge in avoid:  # the vehicle is on it and must leave by one of the following edges
                 avoid -= {link.edge for link in self._graph.edges[start.edge].links}
-            way = find_way(self._graph, place, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
+            way = find_way(self._graph, origin, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
             if way is not None:
                 return DrivingPlan(x, y, goal, way)
         around = " around the places to avoid" if vehicle.avoided else ""
         raise Refusal("unreachable", f"no road leads from `{vehicle.id}` to ({x:.1f}, {y:.1f}){around}")
 
     def _from_here(self, vehicle: Vehicle, planned: DrivingPlan) -> DrivingPlan | None:
-        """The rest of a plan from where the vehicle is, or None if it has left it."""
+        """Return the rest of a plan from the vehicle's place, or None if the vehicle has left the plan."""
         start, edges, goal = vehicle.route_start(), planned.way.edges, planned.goal
         if start.edge not in edges:
             return None

@@ -1,7 +1,7 @@
-"""Where a route passes: points on its lanes at each turn and at most some 200 m apart, the last one its end.
+"""Points on a route: at each turn and at most about 200 m apart; the last one is its end.
 
-A stretch between two turns is cut into equal parts of 220 m at most; a turn closer than 80 m to the point before is
-left out, so that a route of 900 m has four or five points.
+A stretch between two turns is divided into equal parts of at most 220 m. A turn less than 80 m after the point before
+is left out. A route of 900 m thus has four or five points.
 """
 
 from __future__ import annotations
@@ -18,12 +18,17 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.camera_geometry import bearing_deg, turn_deg
 
 SPACING_M = 220.0
+"""Largest distance between two points, metres (chosen)."""
+
 TURN_DEG = 40.0
+"""Change of heading from which a turn has a point, degrees (chosen)."""
+
 _CLOSEST_M = 80.0
+"""Least distance between a turn's point and its neighbours, metres (chosen)."""
 
 
 def waypoints(sim: Simulation, graph: Graph, way: DrivingWay, from_m: float, to_m: float) -> tuple[Vector, ...]:
-    """The points of a way from a point on its first edge to one on its last; the start itself is none of them."""
+    """Return the points of a way from a point on its first edge to one on its last; the start is left out."""
     stretches = _stretches(graph, way, from_m, to_m)
     ends = tuple(itertools.accumulate(upper - lower for _, lower, upper in stretches))
     stops: list[float] = []
@@ -38,7 +43,7 @@ def waypoints(sim: Simulation, graph: Graph, way: DrivingWay, from_m: float, to_
 
 
 Stretch = tuple[str, float, float]
-"""A part of an edge: its id and the metres along it from where to where."""
+"""A part of an edge: its id, and the metres along it at which the part begins and ends."""
 
 
 def _stretches(graph: Graph, way: DrivingWay, from_m: float, to_m: float) -> list[Stretch]:
@@ -50,7 +55,7 @@ def _stretches(graph: Graph, way: DrivingWay, from_m: float, to_m: float) -> lis
 
 
 def _turns(graph: Graph, stretches: Sequence[Stretch], ends: Sequence[float]) -> list[float]:
-    """How far along the ends of those edges are that are left by a turn."""
+    """Return the distances along the way of the edges' ends at which it turns, metres."""
     marks = []
     for (name, _, _), (following, _, _), end in zip(stretches, stretches[1:], ends, strict=False):
         leaving, entering = graph.edges[name].lanes[0].shape, graph.edges[following].lanes[0].shape

@@ -1,4 +1,4 @@
-"""The satellite engine: all satellites of an episode behind the five-method contract."""
+"""The satellite engine: all satellites of an episode behind the engine contract."""
 
 from __future__ import annotations
 
@@ -18,36 +18,42 @@ from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState, Command
 
 DEFAULT_EPOCH = "2026-03-20T12:00:00Z"
+"""Simulation time 0 if no other epoch is declared (chosen)."""
+
 SWATH_M = 20_000.0
-"""What an entity without this property gets."""
+"""Swath of an entity without the property `swath_m`, metres (chosen)."""
 
 
 class SatelliteEngine(FleetEngine):
-    """Positions are exact at every time asked for; passes are noticed at whole seconds. No seed: nothing is random."""
+    """The engine of all satellites.
+
+    Positions are exact at every boundary. Begin and end of passes are detected at whole seconds. The engine draws no
+    random numbers, so the seed is not used.
+    """
 
     step_s = 1.0
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
-        """Read the elements, or make orbits that pass."""
+        """Read the elements of each satellite, or make an orbit that passes over the scene."""
         owned = spec.owned()
-        given = {entity.id: _given(entity) for entity in owned}
-        start = _start(spec.instance, owned, [orbit for orbit in given.values() if orbit is not None])
+        orbits = {entity.id: _given(entity) for entity in owned}
+        start = _start(spec.instance, owned, [orbit for orbit in orbits.values() if orbit is not None])
         origin = Horizon.at(*city.origin)
         region = origin.moved(*_aim(spec.instance))
         whole = spec.instance.budget.ticks * spec.instance.clock.tick_s
-        ownless = [entity.id for entity in owned if given[entity.id] is None]
+        without_elements = [entity.id for entity in owned if orbits[entity.id] is None]
         self._watches: dict[str, PassSearch] = {}
         for entity in owned:
-            orbit = given[entity.id]
+            orbit = orbits[entity.id]
             if orbit is None:
-                share = (ownless.index(entity.id) + 1) / (len(ownless) + 1)
+                share = (without_elements.index(entity.id) + 1) / (len(without_elements) + 1)
                 orbit = passing(entity.id, start, origin, city.origin[0], share * whole)
             swath_km = entity.number_or("swath_m", SWATH_M) / 1000.0
             self._watches[entity.id] = PassSearch(orbit, start, origin, region, swath_km)
         self._in_view = {name: watch.sees(watch.view(0.0)) for name, watch in self._watches.items()}
 
     def start(self, command: Command) -> None:
-        """A picture is the camera's to take; one without a view is refused as `not_in_view`."""
+        """Accept a picture, which the camera engine takes. Raises `Refusal` with `not_in_view` or `unknown_verb`."""
         watch = self._watches[command.resource]
         if command.verb != PHOTO:
             raise Refusal("unknown_verb", f"a satellite has no verb `{command.verb}`")
@@ -59,7 +65,7 @@ class SatelliteEngine(FleetEngine):
             raise Refusal("not_in_view", f"`{command.resource}` does not see the region {when}")
 
     def step(self) -> None:
-        """Notice passes that begin and end; a picture that was asked for is taken within the step."""
+        """Detect passes that begin and end. A requested picture completes within the step."""
         now = self.clock.now_s
         for name, watch in self._watches.items():
             self.requests.complete(name, now)
@@ -69,11 +75,11 @@ class SatelliteEngine(FleetEngine):
                 self.emit("in_view" if sees else "out_of_view", name)
 
     def states(self) -> Iterable[BodyState]:
-        """Every satellite where it is now."""
+        """Return the present states of all satellites."""
         return (self._state(name, watch) for name, watch in self._watches.items())
 
     def close(self) -> None:
-        """Let go of the orbits."""
+        """Drop the orbits."""
         self._watches = {}
 
     def _state(self, name: str, watch: PassSearch) -> BodyState:
@@ -100,22 +106,22 @@ class SatelliteEngine(FleetEngine):
 
 
 def _given(entity: Entity) -> Orbit | None:
-    """The orbit of an entity's elements; None if it has none."""
+    """Return the orbit of an entity's elements; None if it has none."""
     lines = [str(entity.properties.get(name) or "") for name in ("tle1", "tle2")]
     return from_lines(entity.id, *lines) if any(lines) else None
 
 
 def _start(instance: Instance, owned: Iterable[Entity], orbits: Iterable[Orbit]) -> JulianDate:
-    """When simulation time 0 is (see the package's docstring)."""
-    for said in (instance.scene.options.get("epoch"), *(entity.properties.get("epoch") for entity in owned)):
-        if said:
-            return instant(str(said))
+    """Return the instant of simulation time 0; the package's docstring lists the candidates."""
+    for text in (instance.scene.options.get("epoch"), *(entity.properties.get("epoch") for entity in owned)):
+        if text:
+            return instant(str(text))
     epochs = [orbit.epoch for orbit in orbits]
     return max(epochs, key=lambda epoch: epoch.day + epoch.fraction, default=instant(DEFAULT_EPOCH))
 
 
 def _aim(instance: Instance) -> tuple[float, float]:
-    """The middle of the mission's regions, (east, north) metres; hidden ones are left out."""
+    """Return the middle of the mission's public regions, (east, north) metres; the origin if there are none."""
     points = [point for region in instance.regions if not region.hidden for point in region.polygon]
     if not points:
         return 0.0, 0.0

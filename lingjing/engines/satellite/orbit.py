@@ -1,4 +1,4 @@
-"""Orbits by SGP4: elements in, positions in the equatorial frame of date (TEME) out. The one place that imports sgp4.
+"""Orbits by SGP4: from elements to positions in the equatorial frame of date (TEME). Only this module imports sgp4.
 
 Hoots and Roehrich, Spacetrack Report No. 3, in the revision of Vallado et al. (2006) that the library implements.
 """
@@ -16,26 +16,34 @@ from lingjing.mission.elements import epoch_fault, line_fault
 from lingjing.mission.instance import Vector
 
 DAY_S = 86_400.0
+"""Length of a day, seconds."""
+
 _J1949_JD = 2_433_281.5
+"""Julian day of 1949 December 31, 00:00 UTC, from which sgp4 counts epochs."""
+
 _UNIX_JD = 2_440_587.5
+"""Julian day of 1970 January 1, 00:00 UTC."""
+
 _EARTH_KM, _EARTH_MU = 6378.135, 398_600.8
-"""WGS-72, which SGP4 is made with."""
+"""Radius of the Earth, km, and its gravitational parameter, km^3/s^2 (WGS-72, the constants of SGP4)."""
 
 
 @dataclass(frozen=True, slots=True)
 class JulianDate:
-    """A UTC date as a Julian day that ends in .5 and the fraction of the day since."""
+    """A UTC instant."""
 
     day: float
+    """Julian day; it ends in .5, so it stands for midnight."""
     fraction: float
+    """Fraction of a day since then."""
 
     def later(self, seconds: float) -> JulianDate:
-        """The instant some seconds later."""
+        """Return the instant some seconds later."""
         return JulianDate(self.day, self.fraction + seconds / DAY_S)
 
 
 def instant(text: str) -> JulianDate:
-    """An instant from ISO 8601 (UTC where it names no zone); `UsageError` for anything else."""
+    """Return the instant of an ISO 8601 text, UTC if it names no zone. Raises `UsageError` for any other text."""
     message, hint = epoch_fault(text)
     if message:
         raise UsageError(f"`{text}` {message}", hint=hint)
@@ -47,7 +55,7 @@ def instant(text: str) -> JulianDate:
 
 
 class Orbit:
-    """One satellite's orbit. `epoch` is when its elements were taken."""
+    """The orbit of one satellite; `epoch` is the instant of its elements."""
 
     def __init__(self, name: str, record: Satrec) -> None:
         self._name = name
@@ -55,7 +63,7 @@ class Orbit:
         self.epoch = JulianDate(record.jdsatepoch, record.jdsatepochF)
 
     def at(self, when: JulianDate) -> tuple[Vector, Vector]:
-        """Position (km) and velocity (km/s) in TEME; an orbit that has decayed is an `InfrastructureError`."""
+        """Return position (km) and velocity (km/s) in TEME. Raises `InfrastructureError` if the orbit has decayed."""
         error, position, velocity = self._record.sgp4(when.day, when.fraction)
         if error:
             raise InfrastructureError(f"the elements of `{self._name}` give no orbit here: {SGP4_ERRORS[error]}")
@@ -63,7 +71,7 @@ class Orbit:
 
 
 def from_lines(name: str, line1: str, line2: str) -> Orbit:
-    """The orbit of two-line elements; `UsageError` if they are none."""
+    """Return the orbit of two-line elements. Raises `UsageError` if the lines are no such elements."""
     for number, line in enumerate((line1.strip(), line2.strip()), start=1):
         message, hint = line_fault(number, line)
         if message:
@@ -75,7 +83,7 @@ def from_lines(name: str, line1: str, line2: str) -> Orbit:
 
 
 def circular(name: str, epoch: JulianDate, height_km: float, inclination: float, node: float, anomaly: float) -> Orbit:
-    """A circular orbit; angles in radians at `epoch`."""
+    """Return a circular orbit; angles are in radians at `epoch`."""
     record = Satrec()
     motion = 60.0 * circular_rate(height_km)
     days = epoch.day - _J1949_JD + epoch.fraction
@@ -84,5 +92,5 @@ def circular(name: str, epoch: JulianDate, height_km: float, inclination: float,
 
 
 def circular_rate(height_km: float) -> float:
-    """Mean motion of a circular orbit, rad/s."""
+    """Return the mean motion of a circular orbit, rad/s."""
     return math.sqrt(_EARTH_MU / (_EARTH_KM + height_km) ** 3)

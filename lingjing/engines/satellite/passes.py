@@ -1,7 +1,6 @@
-"""When a satellite sees the region: the view at an instant, the passes to come, and an orbit made to pass.
+"""Passes: the view of a satellite at an instant, the next passes, and an orbit that is made to pass over a place.
 
-Passes are searched forward from simulation time 0 on a grid of their own, so that the answer depends on the time asked
-for and on nothing else.
+The search runs forward from simulation time 0 on a fixed grid. Its answer therefore depends only on the requested time.
 """
 
 from __future__ import annotations
@@ -15,31 +14,48 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.outlines import wrapped
 
 LEAST_ELEVATION_DEG = 30.0
-"""From which elevation pictures are worth taking."""
+"""Elevation from which pictures of the region are possible, degrees (chosen)."""
 
 HEIGHT_KM = 550.0
-"""Height of an orbit made to pass."""
+"""Height of an orbit that is made to pass, km (chosen)."""
 
-_INCLINATION, _POLAR = math.radians(97.6), math.radians(90.0)
+_INCLINATION = math.radians(97.6)
+"""Inclination of a sun-synchronous orbit at `HEIGHT_KM`, rad."""
+
+_POLAR = math.radians(90.0)
+"""Inclination of the orbit over a scene that `_INCLINATION` does not reach, rad."""
+
 _FAR_NORTH_DEG = 80.0
+"""Latitude from which the orbit is polar, degrees (chosen)."""
+
 _ROUNDS = 8
+"""Newton steps in the search for an orbit; fewer suffice (chosen)."""
+
 _LOW_DEG = -15.0
+"""Elevation below which the search takes large steps, degrees (chosen)."""
+
 _SLOW_S, _FINE_S = 60.0, 10.0
+"""Large and small step of the search, seconds (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SatelliteView:
-    """The satellite from the region and from the scene's origin: (east, north, up) in km, velocity in km/s."""
+    """The satellite relative to the region and to the scene's origin."""
 
     region: Vector
+    """Position relative to the region (east, north, up), km."""
     position: Vector
+    """Position relative to the scene's origin (east, north, up), km."""
     velocity: Vector
+    """Velocity in the frame of the origin (east, north, up), km/s."""
     elevation_deg: float
+    """Elevation above the region's horizon, degrees."""
     off_track_km: float
+    """Distance of the region from the ground track, km."""
 
 
 class PassSearch:
-    """One satellite over one region. Times are simulation seconds."""
+    """The passes of one satellite over one region. Times are simulation seconds."""
 
     def __init__(self, orbit: Orbit, start: JulianDate, origin: Horizon, region: Horizon, swath_km: float) -> None:
         self._orbit, self._start = orbit, start
@@ -49,7 +65,7 @@ class PassSearch:
         self._searched = 0.0
 
     def view(self, time_s: float) -> SatelliteView:
-        """What there is to see at a time."""
+        """Return the view at a time."""
         position, velocity = earth_fixed(self._orbit, self._start.later(time_s))
         region = self._region.seen(position)
         return SatelliteView(
@@ -61,22 +77,25 @@ class PassSearch:
         )
 
     def sees(self, view: SatelliteView) -> bool:
-        """Whether a picture of the region can be taken."""
+        """Return whether a picture of the region is possible."""
         return view.elevation_deg >= LEAST_ELEVATION_DEG and view.off_track_km <= self._half_km
 
     def next_pass_s(self, time_s: float) -> float:
-        """Seconds until the region comes into view; 0 while it is, a day if it does not within a day."""
+        """Return the seconds until the region comes into view.
+
+        The value is 0 while the region is in view, and one day if it does not come into view within a day.
+        """
         for start, end in self._passes:
             if end > time_s:
                 return min(max(start - time_s, 0.0), DAY_S)
         while self._searched < time_s + DAY_S:
-            found = self._search()
-            if found is not None and found[1] > time_s:
-                return min(max(found[0] - time_s, 0.0), DAY_S)
+            next_pass = self._search()
+            if next_pass is not None and next_pass[1] > time_s:
+                return min(max(next_pass[0] - time_s, 0.0), DAY_S)
         return DAY_S
 
     def _search(self) -> tuple[float, float] | None:
-        """Go on by one step of the grid; the pass that was found there, if any."""
+        """Advance the search by one step, and return the pass that begins there, if any."""
         view = self.view(self._searched)
         if not self.sees(view):
             self._searched += _SLOW_S if view.elevation_deg < _LOW_DEG else _FINE_S
@@ -91,7 +110,7 @@ class PassSearch:
         return start, end
 
     def _edge(self, outside: float, inside: float) -> float:
-        """The time between the two at which the view begins or ends, to a millisecond."""
+        """Return the time between the two at which the view begins or ends, to a millisecond."""
         while abs(inside - outside) > 1e-3:
             middle = 0.5 * (outside + inside)
             outside, inside = (outside, middle) if self.sees(self.view(middle)) else (middle, inside)
@@ -99,7 +118,7 @@ class PassSearch:
 
 
 def passing(name: str, start: JulianDate, over: Horizon, latitude_deg: float, at_s: float) -> Orbit:
-    """A circular orbit that is right above `over` (a place at `latitude_deg`) `at_s` seconds after `start`."""
+    """Return a circular orbit that is exactly above `over` (a place at `latitude_deg`) `at_s` seconds after `start`."""
     inclination = _INCLINATION if abs(latitude_deg) < _FAR_NORTH_DEG else _POLAR
     latitude, longitude = _direction(over.place)
     rise = math.asin(math.sin(latitude) / math.sin(inclination))
@@ -114,5 +133,5 @@ def passing(name: str, start: JulianDate, over: Horizon, latitude_deg: float, at
 
 
 def _direction(place: Vector) -> tuple[float, float]:
-    """Geocentric latitude and longitude of an Earth-fixed place."""
+    """Return geocentric latitude and longitude of an Earth-fixed place, rad."""
     return math.atan2(place[2], math.hypot(place[0], place[1])), math.atan2(place[1], place[0])

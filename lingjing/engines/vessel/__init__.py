@@ -1,5 +1,12 @@
-"""Surface vessels: a 3-DOF hull (surge, sway, yaw) at 10 Hz, steered along a line of sight.
+"""Surface vessels: hulls with three degrees of freedom (surge, sway, yaw) at 10 Hz.
 
-`engine` (the contract) → `boat` (one vessel: where it is bound, land ahead, station keeping) → `steering` (course and
-speed) → `hull` (forces and motion). Heave, pitch and roll follow the waves of `lingjing.engines.sea`.
+A vessel steers along the line from its start to its destination and stops before land. Heave, pitch and roll follow the
+waves of `lingjing.engines.sea`.
+
+Modules:
+
+- `engine`: the engine contract.
+- `boat`: one vessel, its destination, land ahead and station keeping.
+- `steering`: guidance and control of course and speed.
+- `hull`: forces and motion.
 """

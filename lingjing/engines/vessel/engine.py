@@ -1,4 +1,4 @@
-"""The vessel engine: all boats of an episode behind the five-method contract."""
+"""The vessel engine: all vessels of an episode behind the engine contract."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from lingjing.trace.records import AGROUND, BodyState, Command
 
 
 class VesselEngine(FleetEngine):
-    """Steps every boat at 10 Hz; boats do not see each other. Nothing is drawn at random: the seed is not needed."""
+    """The engine of all vessels, at 10 Hz. Vessels do not detect each other. No random numbers are drawn."""
 
     step_s = STEP_S
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
-        """Put the boats on the water."""
+        """Place the vessels on the water."""
         terrain = Terrain(city)
         self._schedule = Schedule(spec.instance)
         self._boats = {entity.id: Boat(entity, terrain, self._schedule.weather(0.0)) for entity in spec.owned()}
 
     def start(self, command: Command) -> None:
-        """Begin a voyage, or `Refusal`: `aground`, `unknown_verb`, `bad_argument`, `unreachable`."""
+        """Begin a voyage. Raises `Refusal` with `aground`, `unknown_verb`, `bad_argument` or `unreachable`."""
         boat = self._boats[command.resource]
         if boat.aground:
             raise Refusal(AGROUND, f"`{boat.id}` is aground")
@@ -41,14 +41,14 @@ class VesselEngine(FleetEngine):
             raise Refusal("unknown_verb", f"a vessel has no verb `{command.verb}`")
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
-        """What the book says is on board."""
+        """Take over the goods on board from the city's accounts."""
         book = booked(mirrors)
         for boat in self._boats.values():
             boat.stock.read(book)
             boat.carry()
 
     def step(self) -> None:
-        """One step of every boat."""
+        """Move every vessel by one step."""
         weather = self._schedule.weather(self.clock.now_s - self.step_s)
         for boat in self._boats.values():
             boat.feel(weather)
@@ -56,7 +56,7 @@ class VesselEngine(FleetEngine):
             self._report(boat)
 
     def states(self) -> Iterable[BodyState]:
-        """Every boat, on the sea of its time."""
+        """Return the states of all vessels in the weather of the present time."""
         time_s = self.clock.time_s
         weather = self._schedule.weather(time_s)
         for boat in self._boats.values():
@@ -64,7 +64,7 @@ class VesselEngine(FleetEngine):
             yield boat.state(time_s, self.clock.remainder_s)
 
     def progress(self) -> Mapping[str, float]:
-        """How much of each way is behind."""
+        """Return the share of the way that each vessel has done, by id."""
         return {boat.id: boat.progress for boat in self._boats.values()}
 
     def _report(self, boat: Boat) -> None:

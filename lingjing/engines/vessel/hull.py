@@ -1,9 +1,10 @@
-"""The hull: how a small lifeboat of 6 m moves through moving water.
+"""The hull: the motion of a small lifeboat of 6 m through moving water.
 
-Fossen's 3-DOF manoeuvring model in velocities relative to the water (a steady current carries the hull without a
-force of its own): surge and sway with linear and quadratic damping, keel lift, yaw with what a skeg leaves of the Munk
-moment, wind on the hull's sides, added resistance in waves. Integrated by classical Runge-Kutta. Angles in radians,
-heading clockwise from north, yaw rate and sway positive to starboard; forces in newtons.
+Fossen's manoeuvring model with three degrees of freedom, in velocities relative to the water. A steady current carries
+the hull without a further force. Surge and sway have linear and quadratic damping; sway has the lift of the keel. Yaw
+has a part of the Munk moment. Wind acts on the sides of the hull, and waves add resistance. The integration is
+classical Runge-Kutta. Angles are radians, the heading is clockwise from north, yaw rate and sway are positive to
+starboard, forces are newtons.
 """
 
 from __future__ import annotations
@@ -15,55 +16,70 @@ from lingjing.engines.sea import current_velocity, wind_velocity
 from lingjing.mission.instance import Weather
 
 STEP_S = 0.1
-"""Integration step."""
+"""Integration step, seconds."""
 
 LENGTH_M = 6.0
+"""Length of the hull, metres (chosen)."""
+
 HALF_LENGTH_M = LENGTH_M / 2.0
 
 _SURGE_MASS = 1680.0
+"""Mass in surge with the added water, kg (chosen: 1600 kg and 5 %)."""
+
 _SWAY_MASS = 2880.0
+"""Mass in sway with the added water, kg (chosen: 1600 kg and 80 %)."""
 YAW_INERTIA = 5040.0
-"""Yaw inertia with the added water, kg m^2."""
+"""Yaw inertia with the added water, kg m^2 (chosen)."""
+# Linear and quadratic damping, N per m/s and per m^2/s^2 (yaw: N m per rad/s and per rad^2/s^2); chosen.
 _SURGE_DRAG = (60.0, 90.0)
 _SWAY_DRAG = (400.0, 1200.0)
 _YAW_DRAG = (2500.0, 6000.0)
 _KEEL_LIFT = 1500.0
-"""Side force of keel and skeg, N per m^2/s^2 of surge times sway."""
+"""Side force of keel and skeg, N per m^2/s^2 of surge times sway (chosen)."""
 _MUNK_SHARE = 0.3
-"""What the skeg, far aft, leaves of the Munk moment."""
+"""Share of the Munk moment that the skeg, far aft, does not cancel (chosen)."""
 _AIR_FORCE = 0.5 * 1.225 * 0.9
+"""Wind force per area and speed squared, kg/m^3: half the density of air times a drag coefficient of 0.9."""
+
 _FRONT_M2 = 2.5
+"""Area of the hull above water seen from ahead, m^2 (chosen)."""
+
 _SIDE_M2 = 6.0
+"""Area of the hull above water seen from abeam, m^2 (chosen)."""
 _WAVE_DRAG = 80.0
-"""Added resistance in head seas, N per metre of significant wave height squared; none in following seas."""
+"""Added resistance in head seas, N per square metre of significant wave height; 0 in following seas (chosen)."""
 
 HullState = tuple[float, float, float, float, float, float]
 """east, north (m), heading (rad), surge, sway (m/s through the water), yaw rate (rad/s)."""
 
 
 def surge_drag(speed: float) -> float:
-    """Resistance at a speed through still water, N; what a propeller must push."""
+    """Return the resistance at a speed through still water, N, which the propeller must overcome."""
     return (_SURGE_DRAG[0] + _SURGE_DRAG[1] * abs(speed)) * speed
 
 
 @dataclass(frozen=True, slots=True)
 class HullForcing:
-    """What wind, current and waves are for a hull during an episode."""
+    """Wind, current and waves that act on a hull."""
 
     wind: tuple[float, float]
+    """Velocity of the wind (east, north), m/s."""
     current: tuple[float, float]
+    """Velocity of the current (east, north), m/s."""
     wave_height_m: float
+    """Significant wave height, metres."""
     wave_to_rad: float
+    """Direction in which the waves travel, rad clockwise from north."""
 
     @classmethod
     def of(cls, weather: Weather) -> HullForcing:
-        """The surroundings of a weather."""
+        """Return the forcing of a weather."""
         towards = math.radians(weather.wind_from_deg + 180.0)
         return cls(wind_velocity(weather), current_velocity(weather), weather.wave_height_m, towards)
 
 
 def ground_velocity(state: HullState, around: HullForcing) -> tuple[float, float]:
-    """Velocity over ground (east, north), m/s."""
+    """Return the velocity over ground (east, north), m/s."""
     _, _, heading, surge, sway, _ = state
     sine, cosine = math.sin(heading), math.cos(heading)
     return (
@@ -73,7 +89,7 @@ def ground_velocity(state: HullState, around: HullForcing) -> tuple[float, float
 
 
 def advance(state: HullState, thrust: float, moment: float, around: HullForcing) -> HullState:
-    """The state `STEP_S` later under constant thrust (N) and steering moment (N m)."""
+    """Return the state `STEP_S` later under constant thrust (N) and steering moment (N m)."""
     first = _rates(state, thrust, moment, around)
     second = _rates(_moved(state, first, STEP_S / 2.0), thrust, moment, around)
     third = _rates(_moved(state, second, STEP_S / 2.0), thrust, moment, around)
