@@ -2,8 +2,8 @@
 
 numpy, OpenBLAS, OpenCV and the C library choose their code by the processor they find, and each choice rounds
 differently. `pins` are the environment variables that let the libraries choose what every x86-64 processor with AVX2
-and FMA has; they count for a process in which the libraries have not been loaded yet. `taken` reads what was really
-chosen, and `deviations` says where that is not what the promise of one digest stands on (ADR 0013).
+and FMA has; they count for a process in which the libraries have not been loaded yet. `runtime_fingerprint` reads
+what was really chosen, and `deviations` says where that is not what the promise of one digest stands on (ADR 0013).
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
     return pinned
 
 
-def taken() -> dict[str, str]:
+def runtime_fingerprint() -> dict[str, str]:
     """What this process really runs, for the libraries that it has loaded: names and values as text. Never raises: what
     stands in the place of a library may be a policy's doing."""
     flags = processor_flags()
@@ -109,7 +109,10 @@ def taken() -> dict[str, str]:
 
 
 def deviations(table: Mapping[str, str]) -> tuple[str, ...]:
-    """Where a process's `taken` is not what the promise stands on, each as library, what it runs and what is due."""
+    """Return the entries of a `runtime_fingerprint` on which the promise of one digest does not stand.
+
+    Each names the library, what it runs and what it should run.
+    """
     if "processor" not in table:
         return ()
     found = []
@@ -177,7 +180,7 @@ def _is_above(group: str) -> bool:
 def _told(ask: Callable[[], str]) -> str:
     try:
         return ask()
-    except Exception as error:  # noqa: BLE001 - see `taken`
+    except Exception as error:  # noqa: BLE001 - see `runtime_fingerprint`
         return f"what cannot be told ({type(error).__name__})"
 
 

@@ -28,7 +28,7 @@ from lingjing.installation import (
     repair_advice,
     version_of,
 )
-from lingjing.numerics import deviations, taken, worker_environment
+from lingjing.numerics import deviations, runtime_fingerprint, worker_environment
 
 PROBE_S = 60.0
 """A probe that takes longer, less what it waited for a processor, is reported as hanging."""
@@ -143,7 +143,7 @@ def check_system() -> Finding:
 
 def check_processor() -> Finding:
     """Whether digests are those of other machines; missions play either way."""
-    table = taken()
+    table = runtime_fingerprint()
     found = ", ".join(f"{name} {said}" for name, said in table.items())
     wrong = list(deviations(table))
     if table["libm"] not in {"fma", "no fma"}:

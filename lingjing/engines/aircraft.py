@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
-from lingjing.engines.bodies import moved_on
+from lingjing.engines.bodies import extrapolate
 from lingjing.engines.close_pairs import close_pairs
 from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.gust import Gust
@@ -198,7 +198,7 @@ class Aircraft(ABC):
 
     def _ahead(self, seconds: float) -> Vector:
         """Return the position some seconds later at the present velocity."""
-        return moved_on(self.position, self.velocity, seconds)
+        return extrapolate(self.position, self.velocity, seconds)
 
     def _begin(self, *legs: Vector, arrives: bool) -> None:
         self._legs, self._length, self._arrives = legs, path_length(self.position, legs), arrives

@@ -15,7 +15,7 @@ class Battery:
     """Energy left, watt-hours, from 0 to the capacity."""
 
     @classmethod
-    def lasting(cls, watts: float, endurance_s: float) -> Battery:
+    def for_endurance(cls, watts: float, endurance_s: float) -> Battery:
         """Return a full battery that supplies `watts` for `endurance_s` seconds."""
         capacity = watts * endurance_s / 3600.0
         return cls(capacity_wh=capacity, left_wh=capacity)

@@ -14,12 +14,12 @@ from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import CLEARED, DORMANT, BodyState
 
 
-def is_gone(state: BodyState, entity: Entity | None) -> bool:
+def is_absent(state: BodyState, entity: Entity | None) -> bool:
     """Return whether a mirrored body can neither be seen nor touched: dormant, cleared or taken aboard."""
     return state.status in (DORMANT, CLEARED) or (entity is not None and entity.is_aboard(state.status))
 
 
-def moved_on(position: Vector, velocity: Vector, seconds: float) -> Vector:
+def extrapolate(position: Vector, velocity: Vector, seconds: float) -> Vector:
     """Return the position of a body after `seconds` at constant velocity."""
     x, y, z = (here + seconds * rate for here, rate in zip(position, velocity, strict=True))
     return x, y, z
@@ -35,7 +35,7 @@ def shape_of(entity: Entity | None) -> str:
     return "box" if entity is None else str(entity.properties.get("shape", "box"))
 
 
-def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
+def is_inside_shape(shape: str, ahead: float, abeam: float, up: float) -> bool:
     """Return whether a point lies inside a shape that fills the box from -1 to 1 along each axis."""
     if max(abs(ahead), abs(abeam), abs(up)) >= 1.0:
         return False
@@ -46,6 +46,6 @@ def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
     return shape != "cone" or 2.0 * hypot(ahead, abeam) < 1.0 - up
 
 
-def floats(entity: Entity) -> bool:
+def is_afloat(entity: Entity) -> bool:
     """Return whether an entity floats where there is water: a vessel, a drifting body, or a body declared on water."""
     return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"

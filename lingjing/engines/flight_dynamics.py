@@ -90,7 +90,7 @@ class FlightDynamics:
         write: WriteProperty = self._node(name).set_double_value
         return write
 
-    def blow(self, east: float, north: float, up: float) -> None:
+    def set_wind(self, east: float, north: float, up: float) -> None:
         """Set the velocity of the air, m/s."""
         to_east, to_north, down = self._wind
         to_east(east / FOOT_M)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.bodies import is_gone, mirror_size, shape_of, within
+from lingjing.engines.bodies import is_absent, is_inside_shape, mirror_size, shape_of
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.plugins.bodies import solid_size, sunk_m
 from lingjing.scene.sizes import SIZES, Size
@@ -41,7 +41,7 @@ class SolidMirror:
 def solid_mirror(state: BodyState, entity: Entity | None) -> SolidMirror | None:
     """Return the solid body of a mirror, or None if there is nothing to touch."""
     size = mirror_size(state, entity)
-    if size is None or is_gone(state, entity):
+    if size is None or is_absent(state, entity):
         return None
     body = None if state.kind else entity
     return SolidMirror(size, sunk_m(body), shape_of(body))
@@ -86,7 +86,7 @@ class Neighbour:
         ahead = east * self.along[0] + north * self.along[1]
         abeam = east * self.along[1] - north * self.along[0]
         half_m = (self.high_m - self.low_m) / 2.0 + half_height_m
-        return within(
+        return is_inside_shape(
             self.shape,
             ahead / (self.half_length_m + radius_m),
             abeam / (self.half_width_m + radius_m),

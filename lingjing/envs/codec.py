@@ -156,7 +156,8 @@ class Codec:
             parts["cells"] = spaces.MultiBinary(len(self._cells))
         if self._cameras:
             shots: dict[str, spaces.Space[Any]] = {
-                observed.name: spaces.Box(0, 255, (observed.height, observed.width, 3), np.uint8) for observed in self._cameras
+                observed.name: spaces.Box(0, 255, (observed.height, observed.width, 3), np.uint8)
+                for observed in self._cameras
             }
             parts["pictures"] = spaces.Dict(shots)
         return spaces.Dict(parts)
@@ -233,7 +234,8 @@ class Codec:
         return np.clip(values, -1.0, 1.0)
 
     def _invalid(self, problem: str) -> UsageError:
-        return UsageError(f"an action of `{self._agent.id}`: {problem}", hint="actions are members of its `action_space`")
+        hint = "actions are members of its `action_space`"
+        return UsageError(f"an action of `{self._agent.id}`: {problem}", hint=hint)
 
     def _argument(self, verb: VerbSpec, spec: ArgumentSpec, entity: Entity, value: float) -> Datum:
         if spec.unit == "name":

@@ -14,7 +14,7 @@ from typing import Protocol
 from lingjing.errors import ForeignCodeError, InfrastructureError
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyBarrier, no_outage
 from lingjing.kernel.step import Kernel, Published
-from lingjing.numerics import taken
+from lingjing.numerics import runtime_fingerprint
 from lingjing.plugins.policy import Policy
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Outcome, Reason
 from lingjing.trace.signals import deferring_signals
@@ -196,5 +196,8 @@ def _outcome(
         hint=cause[1],
         wall_s=wall_s,
         ambient_random=tuple(sorted(ambient_random)),
-        processes={"caller": taken(), **{name: dict(table) for name, table in kernel.world.processes.items()}},
+        processes={
+            "caller": runtime_fingerprint(),
+            **{name: dict(table) for name, table in kernel.world.processes.items()},
+        },
     )

@@ -50,7 +50,7 @@ class Computed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SelfCheck(msgspec.Struct, frozen=True, kw_only=True):
-    """`computed` here against `stored`; `processes` say what each process ran (`lingjing.numerics.taken`)."""
+    """`computed` here against `stored`; `processes` holds each process's `lingjing.numerics.runtime_fingerprint`."""
 
     computed: Computed
     stored: Computed

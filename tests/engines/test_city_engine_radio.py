@@ -51,7 +51,7 @@ def silent(instance_of):
     def measure(metres, city=DRY, weather=CLEAR, z=0.0, range_m=400.0):
         entities = [dog(1, 0.0, z), dog(2, metres, z)]
         coverage = Coverage(commanded(instance_of, entities, range_m), Terrain(city))
-        return bool(coverage.unheard({e.id: e.position for e in entities}, weather))
+        return bool(coverage.unlinked({e.id: e.position for e in entities}, weather))
 
     return measure
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.engines.bodies import is_gone
+from lingjing.engines.bodies import is_absent
 from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.trace.records import BodyState
 
@@ -58,7 +58,7 @@ def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard
         position=(0.0, 0.0, 0.0),
         interactions=(done,),
     )
-    assert is_gone(BodyState(id="v", position=(0.0, 0.0, 0.0), status=word), target) is gone
+    assert is_absent(BodyState(id="v", position=(0.0, 0.0, 0.0), status=word), target) is gone
 
 
 def test_what_only_gives_is_never_served():

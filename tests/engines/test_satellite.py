@@ -93,8 +93,8 @@ def test_velocity_is_the_rate_of_the_position():
 def test_what_stands_over_a_place_is_in_its_zenith():
     place = Horizon.at(31.0, 121.5)
     above = tuple(p + 500.0 * u for p, u in zip(place.place, place.up, strict=True))
-    assert place.seen(above) == approx((0.0, 0.0, 500.0), abs=1e-9)
-    assert elevation_deg(place.seen(above)) == approx(90.0)
+    assert place.relative(above) == approx((0.0, 0.0, 500.0), abs=1e-9)
+    assert elevation_deg(place.relative(above)) == approx(90.0)
     assert math.dist(Horizon.at(0.0, 0.0).place, (6378.137, 0.0, 0.0)) < 1e-9
     assert math.dist(Horizon.at(90.0, 0.0).place, (0.0, 0.0, 6356.752314)) < 1e-5
 

@@ -51,7 +51,8 @@ def plain() -> dict:
 
 
 needs_glibc = pytest.mark.skipif(
-    numerics.taken()["libm"] not in {"fma", "no fma"}, reason="a C library whose variants nobody has looked at"
+    numerics.runtime_fingerprint()["libm"] not in {"fma", "no fma"},
+    reason="a C library whose variants nobody has looked at",
 )
 
 
@@ -147,7 +148,10 @@ def test_the_promise_is_withdrawn_by_name_where_numpy_was_there_first(tmp_path):
 
 @needs_avx2
 def test_pin_says_whether_it_came_in_time():
-    code = "import lingjing; print(lingjing.pin()); import numpy; print(lingjing.pin(), lingjing.numerics.taken())"
+    code = (
+        "import lingjing; print(lingjing.pin()); import numpy; "
+        "print(lingjing.pin(), lingjing.numerics.runtime_fingerprint())"
+    )
     lines = python("-c", code, OPENBLAS_CORETYPE="Nehalem").stdout.splitlines()
     assert lines[0] == "True"
     assert lines[1].startswith("False ")
@@ -239,7 +243,7 @@ def test_deviations_are_named(change, said):
 
 def test_what_a_policy_puts_in_a_librarys_place_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", object())
-    table = numerics.taken()
+    table = numerics.runtime_fingerprint()
     assert table["opencv"] == "what cannot be told (AttributeError)"
     assert any(said.startswith("OpenCV runs what cannot be told") for said in numerics.deviations(table))
 

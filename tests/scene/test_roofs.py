@@ -122,7 +122,7 @@ def test_looking_only_where_something_can_be_high_enough_finds_the_same_silence(
     entities = carriers(24, low, high)
     terrain = Terrain(CITY)
     coverage = covering(instance_of(entities, CLEAR), range_m, terrain)
-    silent = coverage.unheard({e.id: e.position for e in entities}, CLEAR)
+    silent = coverage.unlinked({e.id: e.position for e in entities}, CLEAR)
     assert silent == slowly(entities, coverage._heights, terrain, range_m * clearness(CLEAR))
     assert 0 < len(silent) < 276 or high > 80.0
 
@@ -132,5 +132,5 @@ def test_who_flies_over_the_roofs_costs_no_close_looks(instance_of, monkeypatch)
     terrain, looked = Terrain(CITY), []
     coverage = covering(instance_of(entities, CLEAR), 5000.0, terrain)
     monkeypatch.setattr(terrain, "solids_at", lambda *place: looked.append(place) or ())
-    coverage.unheard({e.id: e.position for e in entities}, CLEAR)
+    coverage.unlinked({e.id: e.position for e in entities}, CLEAR)
     assert looked == []

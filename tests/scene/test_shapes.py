@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from lingjing.engines.quadruped.city_shapes import LOAD_M, NEED_M, CityShapes
 from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
-from lingjing.engines.quadruped.surroundings import LOAD_M, NEED_M, DogSurroundings
 from lingjing.scene.city import Bridge, Building, City, Land, Pipe, Prop, Slope, Solid, Tile
 from lingjing.scene.shapes import Capsule, Hull, OrientedBox, convex_parts, shapes_of, solid_shapes
 from lingjing.scene.sizes import SIZES
@@ -92,7 +92,7 @@ def test_surroundings_hold_what_is_near_once_and_ask_for_more_in_time():
         Solid(id=f"p{k}", polygon=((x, 0.0), (x + 40.0, 0.0), (x + 40.0, 1.0), (x, 1.0)), base_m=0.0, top_m=1.0)
         for k, x in enumerate(range(-500, 500, 50))
     )
-    around = DogSurroundings(city(solids=posts))
+    around = CityShapes(city(solids=posts))
     assert not around.suffices([(0.0, 0.0)])
     held = [shape.thing for shape in around.load([(0.0, 0.0, 0.3), (5.0, 3.0, 0.3)])]
     assert len(held) == len(set(held))
@@ -101,7 +101,7 @@ def test_surroundings_hold_what_is_near_once_and_ask_for_more_in_time():
     assert len(held) < len(posts)
     assert around.suffices([(0.0, 0.0), (LOAD_M - NEED_M, 0.0)])
     assert not around.suffices([(LOAD_M + 40.0, 0.0)])
-    assert DogSurroundings(city(solids=posts)).load([(0.0, 0.0, 0.3), (5.0, 3.0, 0.3)]) == around.load(
+    assert CityShapes(city(solids=posts)).load([(0.0, 0.0, 0.3), (5.0, 3.0, 0.3)]) == around.load(
         [(0.0, 0.0, 0.3), (5.0, 3.0, 0.3)]
     )
 
@@ -110,7 +110,7 @@ def test_raised_land_is_cut_to_what_is_near_and_tall_things_too():
     tower = Solid(id="tower", polygon=ELL, base_m=-50.0, top_m=600.0)
     big = Land(polygon=((-5e3, -5e3), (5e3, -5e3), (5e3, 5e3), (-5e3, 5e3)), top_m=2.0)
     flat = Land(polygon=((-5e3, -5e3), (5e3, -5e3), (5e3, 5e3), (-5e3, 5e3)), top_m=0.0)
-    shapes = DogSurroundings(city(solids=(tower,), lands=(big, flat))).load([(0.0, 0.0, 2.3)])
+    shapes = CityShapes(city(solids=(tower,), lands=(big, flat))).load([(0.0, 0.0, 2.3)])
     ground = [shape for shape in shapes if shape.thing == "land-0"]
     assert all(
         isinstance(shape, OrientedBox) and shape.centre[2] + shape.half[2] == pytest.approx(2.0) for shape in ground

@@ -2,7 +2,7 @@
 
 It owns nothing: every entity of the instance reaches it as a mirror through `advance`, and a picture shows the
 states of the last one. A picture is a function of (city, instance, states, time, pose) alone, whatever was drawn
-before. An entity is not drawn while it is gone (`lingjing.engines.bodies.is_gone`), nor by its own cameras; one for
+before. An entity is not drawn while it is gone (`lingjing.engines.bodies.is_absent`), nor by its own cameras; one for
 which no mirror has come yet stands where the instance puts it. The context and static meshes stay warm between resets.
 """
 
@@ -13,7 +13,7 @@ from functools import partial
 
 import msgspec
 
-from lingjing.engines.bodies import is_gone
+from lingjing.engines.bodies import is_absent
 from lingjing.engines.camera.boxes import entity_boxes
 from lingjing.engines.camera.draw import Renderer, Scenery
 from lingjing.engines.camera.effects import Site, changes_of
@@ -246,7 +246,7 @@ class CameraEngine:
         shown, own = [], None
         for number, entity in enumerate(self._playing().instance.entities):
             state = self._states[entity.id]
-            here = not is_gone(state, entity) and self._schedule.present(entity.id, self._time_s)
+            here = not is_absent(state, entity) and self._schedule.present(entity.id, self._time_s)
             if here and viewer is not None and entity.id == viewer.id:
                 own = state, look_of(entity)
             elif here and entity.id not in without:

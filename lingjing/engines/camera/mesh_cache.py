@@ -27,7 +27,7 @@ from lingjing.data import cache_folder, cache_is_off
 from lingjing.engines.camera.mesh_rows import VERTEX, MeshPart
 from lingjing.engines.camera.tile_mesh import MATERIALS, TileMesh
 from lingjing.kept_files import prune, read_kept, write_kept
-from lingjing.numerics import taken
+from lingjing.numerics import runtime_fingerprint
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.tiles import TileKey
 
@@ -40,7 +40,7 @@ LOOK_EVERY = 32
 
 _COMPUTING = ("numpy", "shapely", "mapbox-earcut")
 _CHOSEN = ("libm", "numpy")
-"""What of `lingjing.numerics.taken` a mesh may depend on."""
+"""What of `lingjing.numerics.runtime_fingerprint` a mesh may depend on."""
 
 
 class _StoredTile(msgspec.Struct, frozen=True, array_like=True):
@@ -107,7 +107,7 @@ def _city_key(city: City) -> str:
 
 def _key(content: str) -> str:
     """What content, code and libraries decide."""
-    chosen = taken()
+    chosen = runtime_fingerprint()
     told = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {chosen[name]}" for name in _CHOSEN]
     return hashlib.sha256("\n".join((content, _code_sha256(), *told)).encode()).hexdigest()[:40]
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.bodies import floats
+from lingjing.engines.bodies import is_afloat
 from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY
 from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.engines.camera.effects.night import road_light
@@ -53,7 +53,7 @@ def stage(
     cast = tuple(entities)
     for number, entity, state in cast:
         plane = under(*state.position)
-        if floats(entity) and plane == level_m:  # the drawn sea is flat: its waves live in the shading
+        if is_afloat(entity) and plane == level_m:  # the drawn sea is flat: its waves live in the shading
             state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
             wet.append((state, entity))
         site = sites.get(entity.id, Site(plane))

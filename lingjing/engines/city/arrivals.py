@@ -27,7 +27,7 @@ class PeopleQueue:
         self._streams = tuple(Stream(seed, f"city/{entity.id}/{name}") for name in ("arrivals", "departures"))
         self._next = [self._gap(which) for which in (0, 1)]
 
-    def after(self, count: float, time_s: float) -> float:
+    def count_at(self, count: float, time_s: float) -> float:
         """Return the number of people after all arrivals and departures up to `time_s`, if `count` people are there
         now.
 

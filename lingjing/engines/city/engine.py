@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lingjing.engines.bodies import moved_on
+from lingjing.engines.bodies import extrapolate
 from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.engines.city.goods import Goods, check_exchange
 from lingjing.engines.city.interaction import actors_in_reach
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
-from lingjing.engines.city.whereabouts import STEP_S, body_of
+from lingjing.engines.city.target_body import STEP_S, body_of
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import UNLOCK
@@ -55,9 +55,9 @@ class CityEngine:
                 check_exchange(target.entity, interaction, actors)
                 self._actors[target.id, interaction.name] = tuple(actor.id for actor in actors)
         self._bodies: dict[str, tuple[Vector, BodyState]] = {}
-        self._show()
+        self._update_presence()
         self._coverage = Coverage(instance, terrain)
-        self._unheard = self._coverage.unheard({e.id: e.position for e in instance.entities}, self._weather)
+        self._unlinked = self._coverage.unlinked({e.id: e.position for e in instance.entities}, self._weather)
         return self._boundary()
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
@@ -67,11 +67,11 @@ class CityEngine:
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Advance the targets to `until`, then carry out interactions with the actors within reach at that time."""
         elapsed = until - self._clock.time_s
-        self._blow()
+        self._update_weather()
         self._step(until)
-        self._show()
+        self._update_presence()
         self._bodies = {
-            body.id: (moved_on(body.position, body.velocity, elapsed), body)
+            body.id: (extrapolate(body.position, body.velocity, elapsed), body)
             for body in mirrors
             if body.id in self._names
         }
@@ -79,7 +79,7 @@ class CityEngine:
             self._interact(target, elapsed)
         if self._clock.is_boundary(self._tick_s):
             places = {name: place for name, (place, _) in self._bodies.items()}
-            self._unheard = self._coverage.unheard(places, self._schedule.weather(until))
+            self._unlinked = self._coverage.unlinked(places, self._schedule.weather(until))
         return self._boundary()
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
@@ -105,13 +105,13 @@ class CityEngine:
         if name not in target.unlocked:
             target.unlocked.append(name)
 
-    def _blow(self) -> None:
+    def _update_weather(self) -> None:
         """Take over the weather, which changes at decision boundaries."""
         weather = self._schedule.weather(self._clock.time_s)
         if weather != self._weather:
             self._weather = weather
             for target in self._targets.values():
-                target.body.blow(weather)
+                target.body.set_weather(weather)
 
     def _step(self, until: float) -> None:
         moving = [target for target in self._targets.values() if target.present and target.carrier is None]
@@ -121,12 +121,12 @@ class CityEngine:
                 target.body.step()
         for target in self._targets.values():
             if target.crowd is not None:
-                count = target.crowd.after(self._book.amount(target.id, PEOPLE), until)
+                count = target.crowd.count_at(self._book.amount(target.id, PEOPLE), until)
                 self._book.put(target.id, PEOPLE, count)
 
-    def _show(self) -> None:
+    def _update_presence(self) -> None:
         for target in self._targets.values():
-            target.show(self._schedule.present(target.id, self._clock.time_s))
+            target.set_present(self._schedule.present(target.id, self._clock.time_s))
 
     def _interact(self, target: CityTarget, elapsed_s: float) -> None:
         if not target.present:
@@ -236,5 +236,5 @@ class CityEngine:
             states=tuple(self._state(target) for target in self._targets.values()),
             receipts=self._requests.drain(),
             events=events,
-            unheard=self._unheard,
+            unheard=self._unlinked,
         )

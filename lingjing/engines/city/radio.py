@@ -60,7 +60,7 @@ class Coverage:
         self._terrain, self._roofs = terrain, Roofs(terrain)
         self._heights = {entity.id: _antenna(entity) for entity in carriers}
 
-    def unheard(self, places: Mapping[str, Vector], weather: Weather) -> tuple[Pair, ...]:
+    def unlinked(self, places: Mapping[str, Vector], weather: Weather) -> tuple[Pair, ...]:
         """Return the pairs without a link; each pair is in the instance's order.
 
         An asset without an entry in `places` is out of reach.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from lingjing.engines.city.arrivals import PEOPLE, PeopleQueue, rates
 from lingjing.engines.city.goods import DUST, first_amounts
 from lingjing.engines.city.nature import TargetNature, nature_of
-from lingjing.engines.city.whereabouts import TargetBody
+from lingjing.engines.city.target_body import TargetBody
 from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.trace.records import DORMANT
 
@@ -94,7 +94,7 @@ class CityTarget:
             return self.word
         return self.nature.gone if self.appeared else DORMANT
 
-    def show(self, present: bool) -> None:
+    def set_present(self, present: bool) -> None:
         """Set whether the target is present according to the schedule."""
         self.present = present
         self.appeared = self.appeared or present

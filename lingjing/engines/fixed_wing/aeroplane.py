@@ -150,7 +150,7 @@ class Aeroplane(Aircraft):
         powered = self.phase is FlightPhase.FLYING
         climb = guidance.climb(self._height - self.position[2])
         demand = self._autopilot.fly(self._sample, self._bank(), climb, self.cruise_mps, powered=powered)
-        self._airframe.blow(*self._gust.next(weather))
+        self._airframe.set_wind(*self._gust.next(weather))
         self._airframe.command(*demand)
         self._airframe.step(STEPS)
         self._sample = sample = self._airframe.sample()

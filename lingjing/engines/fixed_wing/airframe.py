@@ -64,7 +64,7 @@ class PlaneAirframe(FlightDynamics):
         self._rates = tuple(self.reader(f"velocities/{axis}-rad_sec") for axis in "pqr")
         self._airspeed = self.reader("velocities/vt-fps")
         self._fuel_flow = self.reader("propulsion/engine[0]/fuel-flow-rate-pps")
-        self.blow(*wind)
+        self.set_wind(*wind)
 
     def command(self, aileron: float, elevator: float, throttle: float) -> None:
         """Set the stick (-1..1; positive: right wing down, nose down) and the throttle (0..1)."""

@@ -51,7 +51,7 @@ class QuadrotorAirframe(FlightDynamics):
         """Let the airframe fly from now on."""
         self["forces/hold-down"] = 0.0
 
-    def carry(self, load_kg: float) -> None:
+    def set_load(self, load_kg: float) -> None:
         """Set the load below the centre of mass, kg."""
         self["inertia/pointmass-weight-lbs[0]"] = load_kg / POUND_KG
 

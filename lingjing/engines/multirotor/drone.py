@@ -61,7 +61,7 @@ class Drone(Aircraft):
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
     ) -> None:
         super().__init__(entity, terrain, weather, origin, seed)
-        self._battery = Battery.lasting(hover_power(), entity.number_or("endurance_s", ENDURANCE_S))
+        self._battery = Battery.for_endurance(hover_power(), entity.number_or("endurance_s", ENDURANCE_S))
         self._power = RotorPower()
         self._stock = Stock(entity)
         self._full_cruise = self.cruise_mps = entity.number_or("cruise_mps", CRUISE_MPS)
@@ -129,7 +129,7 @@ class Drone(Aircraft):
             self._load_kg = self._stock.load_kg
             self._controller.mass_kg = MASS_KG + self._load_kg
             self.cruise_mps = self._full_cruise * math.sqrt(MASS_KG / self._controller.mass_kg)
-            self._airframe.carry(self._load_kg)
+            self._airframe.set_load(self._load_kg)
 
     def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
         """Move by one control period, which ends at `now_s`, and return what happened, if anything."""
@@ -164,7 +164,7 @@ class Drone(Aircraft):
     def _fly(self, weather: Weather) -> None:
         airframe, fly = self._airframe, self._controller.fly
         demand = fly(self.position, self.velocity, self._attitude, self._goal, self.cruise_mps, self._face)
-        airframe.blow(*self._gust.next(weather))
+        airframe.set_wind(*self._gust.next(weather))
         airframe.command(*demand)
         airframe.step(STEPS)
         sample = airframe.sample()

@@ -129,7 +129,7 @@ class Dog:
         self.row = -1
         self.phase = DogPhase.STANDING
         self.task: DogTask | None = None
-        self.battery = Battery.lasting(WALKING_W, entity.number_or("endurance_s", ENDURANCE_S))
+        self.battery = Battery.for_endurance(WALKING_W, entity.number_or("endurance_s", ENDURANCE_S))
         self.stock = Stock(entity)
         self._payload_kg = entity.number_or("payload_kg", PAYLOAD_KG)
         self._speed_mps = _SPEED.held(entity.number_or("speed_mps", SPEED_MPS))
@@ -313,7 +313,7 @@ class Dog:
         return None
 
     def _drop(self, model: DogModel, phase: DogPhase, notice: DogNotice) -> DogNotice:
-        model.limp(self.row)
+        model.cut_power(self.row)
         self.phase, self.task, self._ending, self._down_s = phase, None, None, 0.0
         return notice
 
@@ -333,7 +333,7 @@ class Dog:
         knocked: set[str] = set()
         for touch in touches:
             other = speeds.get(touch.thing, (0.0, 0.0, 0.0))
-            if touch.mover and not _met(touch, here, other):
+            if touch.mover and not _touches_now(touch, here, other):
                 continue
             if touch.mover and touch.thing not in knocked and math.hypot(other[0], other[1]) > _MOVING_MPS:
                 knocked.add(touch.thing)
@@ -358,10 +358,10 @@ class Dog:
         enough."""
         closing = min(_closing(here.velocity, other, touch), _KNOCK_MPS)
         if closing > _PUSHED_MPS:
-            model.knock(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
+            model.add_velocity(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
 
 
-def _met(touch: Touch, here: DogState, other: Vector) -> bool:
+def _touches_now(touch: Touch, here: DogState, other: Vector) -> bool:
     """Return whether a moving thing touches in this period; contacts with movers are reported before they occur."""
     return touch.gap_m <= max(_closing(here.velocity, other, touch), 0.0) * PERIOD_S
 

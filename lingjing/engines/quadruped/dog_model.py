@@ -123,16 +123,16 @@ class DogModel(DogBodies):
         self._motion: list[Motion] | None = None
         for dog, (_, state) in enumerate(members):
             self._enter(dog, state)
-        self.settle()
+        self.update_kinematics()
         for dog, (_, state) in enumerate(members):
             if isinstance(state, StandingPlace):
                 self.put(dog, *state.position, state.yaw)
 
-    def remember(self, dog: int) -> DogMemory:
+    def memory_of(self, dog: int) -> DogMemory:
         """Return the state from which the next model continues this dog."""
         pace = self._pace
         parts = (row[dog].copy() for row in (self._gait.answer, pace.wish, pace.trim, pace.seen))
-        return DogMemory(self.carry(dog), bool(self._walking[dog]), *parts)
+        return DogMemory(self.body_memory(dog), bool(self._walking[dog]), *parts)
 
     def put(self, dog: int, x: float, y: float, z: float, yaw: float) -> None:
         """Stand a dog at rest on the surface below a point."""
@@ -140,7 +140,7 @@ class DogModel(DogBodies):
         self.stand(dog, x, y, floor.z if math.isfinite(floor.z) else z, yaw)
         self._motion = None
         self._forget(dog)
-        self.settle()
+        self.update_kinematics()
 
     def walk(self, dog: int, wanted: tuple[float, float, float]) -> None:
         """Let the policy move a dog with a velocity: forward and left in m/s, anticlockwise in rad/s."""
@@ -153,9 +153,9 @@ class DogModel(DogBodies):
         """Begin to stop: reset the speed integral, which would carry the dog past its goal."""
         self._pace.ease(dog)
 
-    def knock(self, dog: int, change: Vector) -> None:
+    def add_velocity(self, dog: int, change: Vector) -> None:
         """Change a dog's velocity at once."""
-        super().knock(dog, change)
+        super().add_velocity(dog, change)
         self._motion = None
 
     def lock(self, dog: int) -> None:
@@ -163,9 +163,9 @@ class DogModel(DogBodies):
         super().lock(dog)
         self._forget(dog)
 
-    def limp(self, dog: int) -> None:
+    def cut_power(self, dog: int) -> None:
         """Switch a dog's motors off."""
-        super().limp(dog)
+        super().cut_power(dog)
         self._forget(dog)
 
     def step(self) -> None:
@@ -176,7 +176,9 @@ class DogModel(DogBodies):
             walking = [now[row] for row in dogs.tolist()]
             commands = self._pace.command(dogs, self._wanted[dogs], np.array([dog.measured for dog in walking]))
             turning, up = np.array([dog.turning for dog in walking]), np.array([dog.up for dog in walking])
-            self.aim(dogs, self._gait.targets(dogs, turning, -up, commands, self.angles[dogs], self.speeds[dogs]))
+            self.set_targets(
+                dogs, self._gait.targets(dogs, turning, -up, commands, self.angles[dogs], self.speeds[dogs])
+            )
         super().step()
         self._motion = None
 
@@ -185,7 +187,7 @@ class DogModel(DogBodies):
         """True if every dog stands or lies at rest, so that a step would change nothing."""
         return not self._walking.any() and self.stillness < STILL_MPS
 
-    def senses(self) -> list[DogState]:
+    def dog_states(self) -> list[DogState]:
         """Return the present states of all dogs."""
         torques, speeds = self.torques, self.speeds
         watts = np.maximum(torques * speeds, 0.0).sum(axis=1) + _COPPER_W * (torques * torques).sum(axis=1)

@@ -10,13 +10,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.engines.quadruped.assets import Assets, locate
+from lingjing.engines.quadruped.city_shapes import CityShapes
 from lingjing.engines.quadruped.dog import BLOCKED, DONE, UNREACHABLE, Dog, DogNotice
 from lingjing.engines.quadruped.dog_model import DogMemory, DogModel, DogState, StandingPlace
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
 from lingjing.engines.quadruped.physics import MovingBox, Touch
-from lingjing.engines.quadruped.surroundings import DogSurroundings
 from lingjing.mission.instance import Vector
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED
@@ -49,33 +49,33 @@ class QuadrupedEngine(FleetEngine):
         self._assets: Assets = locate()
         self._schedule = Schedule(spec.instance)
         self._terrain = Terrain(city)
-        self._around = DogSurroundings(city)
+        self._around = CityShapes(city)
         self._lookout = MirroredBodies(spec.instance, spec.owns)
         self._entities = {entity.id: entity for entity in spec.owned()}
         self._dogs = {entity.id: Dog(entity) for entity in spec.owned()}
         self._movers: tuple[MovingBox, ...] = ()
         self._model: DogModel | None = None
-        self._senses: list[DogState] = []
-        self._gather(0.0)
+        self._states_of_dogs: list[DogState] = []
+        self._update_members(0.0)
 
     def start(self, command: Command) -> None:
         """Begin a command; raises `Refusal` if it cannot be carried out."""
         dog = self._dogs[command.resource]
         if dog.row < 0 or self._model is None:
             raise Refusal("dormant", f"`{dog.id}` is not there yet")
-        dog.start(command, self._senses[dog.row], self._model, self._ground)
+        dog.start(command, self._states_of_dogs[dog.row], self._model, self._ground)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """Take over the mirrors: moving bodies near the dogs, and the goods on board. Update the set of present
         dogs."""
-        self._gather(self.clock.time_s)
+        self._update_members(self.clock.time_s)
         book = booked(mirrors)
         for dog in self._dogs.values():
             dog.stock.read(book)
         if self._model is not None:
-            self._burden(self._model)
-            self._movers = self._lookout.nearest(mirrors, [here.position for here in self._senses])
-            self._model.drive(self._movers)
+            self._set_loads(self._model)
+            self._movers = self._lookout.nearest(mirrors, [here.position for here in self._states_of_dogs])
+            self._model.set_movers(self._movers)
 
     def step(self) -> None:
         """Advance all dogs by one control period."""
@@ -86,13 +86,13 @@ class QuadrupedEngine(FleetEngine):
         if model.quiet and all(dog.idle for dog in members) and model.clearances().min() > _ALERT_M:
             model.pass_time()
             for dog in members:
-                self._tell(dog, dog.rest(self._senses[dog.row].watts))
+                self._report(dog, dog.rest(self._states_of_dogs[dog.row].watts))
             return
         model.step()
-        self._senses = model.senses()
+        self._states_of_dogs = model.dog_states()
         self._decide(model, members)
         if self.clock.done % _ZONE_PERIODS == 0 and not self._around.suffices(self._points()):
-            self._renew([(dog.id, model.remember(dog.row)) for dog in members])
+            self._rebuild([(dog.id, model.memory_of(dog.row)) for dog in members])
 
     def states(self) -> Iterable[BodyState]:
         """Return the states of all dogs; absent ones keep their declared place."""
@@ -107,7 +107,9 @@ class QuadrupedEngine(FleetEngine):
                     resources=dog.resources,
                 )
             else:
-                yield dog.state(self._senses[dog.row], self._model.model_angles(dog.row), self.clock.remainder_s)
+                yield dog.state(
+                    self._states_of_dogs[dog.row], self._model.model_angles(dog.row), self.clock.remainder_s
+                )
 
     def progress(self) -> Mapping[str, float]:
         """Return the share of the request that each dog has done, by id."""
@@ -122,16 +124,16 @@ class QuadrupedEngine(FleetEngine):
         for touch in model.touches():
             touched.setdefault(touch.dog, []).append(touch)
         speeds: dict[str, Vector] = {mover.thing: mover.velocity for mover in self._movers}
-        speeds.update((dog.id, self._senses[dog.row].velocity) for dog in members if touched)
+        speeds.update((dog.id, self._states_of_dogs[dog.row].velocity) for dog in members if touched)
         for dog in members:
-            here = self._senses[dog.row]
+            here = self._states_of_dogs[dog.row]
             for notice in dog.step(here, touched.get(dog.row, ()), speeds, model, self._ground):
-                self._tell(dog, notice)
+                self._report(dog, notice)
             if dog.rested and model.clearances()[dog.row] > _CLEAR_M:
                 dog.rise(here, model)
-                self._senses[dog.row] = model.senses()[dog.row]
+                self._states_of_dogs[dog.row] = model.dog_states()[dog.row]
 
-    def _tell(self, dog: Dog, notice: DogNotice | None) -> None:
+    def _report(self, dog: Dog, notice: DogNotice | None) -> None:
         if notice is None:
             return
         now = self.clock.now_s
@@ -151,39 +153,39 @@ class QuadrupedEngine(FleetEngine):
             self.requests.fail(dog.id, now, notice.kind, f"`{dog.id}` {notice.kind}")
             self.emit(notice.kind, dog.id)
 
-    def _gather(self, time_s: float) -> None:
+    def _update_members(self, time_s: float) -> None:
         """Build a new model if the set of dogs that are present at a time has changed."""
         there = [name for name in self._dogs if self._schedule.present(name, time_s)]
         model = self._model
         if (model is not None and list(model.ids) == there) or (model is None and not there):
             return
-        old = {name: model.remember(row) for row, name in enumerate(model.ids)} if model is not None else {}
-        self._renew([(name, old.get(name) or self._spot(name)) for name in there])
+        old = {name: model.memory_of(row) for row, name in enumerate(model.ids)} if model is not None else {}
+        self._rebuild([(name, old.get(name) or self._spot(name)) for name in there])
 
-    def _renew(self, members: Sequence[tuple[str, DogMemory | StandingPlace]]) -> None:
+    def _rebuild(self, members: Sequence[tuple[str, DogMemory | StandingPlace]]) -> None:
         """Build a new model for these dogs."""
         for dog in self._dogs.values():
             dog.row = -1
         if not members:
-            self._model, self._senses, self._movers = None, [], ()
+            self._model, self._states_of_dogs, self._movers = None, [], ()
             return
         elapsed_s = self._model.driven_s if self._model is not None else 0.0
         places = [state.place if isinstance(state, DogMemory) else state.position for _, state in members]
         self._model = DogModel(self._assets, members, self._around.load(places), self._around.ground_m, POOL)
         self._ground = GroundAhead(self._terrain, self._model)
-        self._model.drive(self._movers, elapsed_s)
-        self._senses = self._model.senses()
+        self._model.set_movers(self._movers, elapsed_s)
+        self._states_of_dogs = self._model.dog_states()
         for row, (name, _) in enumerate(members):
             self._dogs[name].row = row
-        self._burden(self._model)
+        self._set_loads(self._model)
 
-    def _burden(self, model: DogModel) -> None:
+    def _set_loads(self, model: DogModel) -> None:
         for row, name in enumerate(model.ids):
-            model.burden(row, self._dogs[name].stock.load_kg)
+            model.set_load(row, self._dogs[name].stock.load_kg)
 
     def _spot(self, name: str) -> StandingPlace:
         entity = self._entities[name]
         return StandingPlace(entity.position, math.radians(90.0 - entity.heading_deg))
 
     def _points(self) -> list[tuple[float, float]]:
-        return [(here.position[0], here.position[1]) for here in self._senses]
+        return [(here.position[0], here.position[1]) for here in self._states_of_dogs]

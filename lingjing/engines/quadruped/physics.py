@@ -1,8 +1,8 @@
 """The bodies of the dogs in MuJoCo: one model of all dogs, the shapes near them and the boxes that move near them.
 
 Only this module imports `mujoco`. Arrays have one row for each dog and joints in the order of `gait.JOINTS`. A model is
-built for one place. `DogBodies.carry` and `DogBodies.resume` move the complete state of a dog into the next model, so a
-walk continues bit by bit in every process.
+built for one place. `DogBodies.body_memory` and `DogBodies.resume` move the complete state of a dog into the next
+model, so a walk continues bit by bit in every process.
 
 Friction, inertia and damping of the joints are fitted to runs of the real robot under this policy (published with the
 model's package). The motors are position servos with the policy's gains and the torque limits of the real motors.
@@ -149,9 +149,9 @@ class DogBodies:
         self._index(shapes, pool)
         self._servos = [_WALKING] * len(self.ids)
         self._movers: tuple[MovingBox, ...] = ()
-        self.drive(())
+        self.set_movers(())
 
-    def carry(self, dog: int) -> BodyMemory:
+    def body_memory(self, dog: int) -> BodyMemory:
         """Return the complete state of a dog."""
         data = self._data
         free, joints, motors = self._free_qpos[dog], self._joint_qpos[dog], self._motors[dog]
@@ -164,24 +164,24 @@ class DogBodies:
             servo=self._servos[dog],
         )
 
-    def resume(self, dog: int, carry: BodyMemory) -> None:
-        """Restore the state of a dog. Call `settle` after all dogs are restored."""
+    def resume(self, dog: int, memory: BodyMemory) -> None:
+        """Restore the state of a dog. Call `update_kinematics` after all dogs are restored."""
         data = self._data
         dofs = np.concatenate((self._free_dof[dog], self._joint_dof[dog]))
-        data.qpos[np.concatenate((self._free_qpos[dog], self._joint_qpos[dog]))] = carry.qpos
-        data.qvel[dofs], data.qacc_warmstart[dofs] = carry.qvel, carry.warmstart
-        data.ctrl[self._motors[dog]] = carry.ctrl
-        self._hold(dog, carry.servo)
+        data.qpos[np.concatenate((self._free_qpos[dog], self._joint_qpos[dog]))] = memory.qpos
+        data.qvel[dofs], data.qacc_warmstart[dofs] = memory.qvel, memory.warmstart
+        data.ctrl[self._motors[dog]] = memory.ctrl
+        self._hold(dog, memory.servo)
 
-    def knock(self, dog: int, change: Vector) -> None:
+    def add_velocity(self, dog: int, change: Vector) -> None:
         """Change a dog's velocity at once, m/s."""
         self._data.qvel[self._free_dof[dog, :3]] += change
 
-    def burden(self, dog: int, load_kg: float) -> None:
+    def set_load(self, dog: int, load_kg: float) -> None:
         """Put a load on the middle of a dog's back, kg."""
         self._data.xfrc_applied[self._trunks[dog], 2] = load_kg * self._model.opt.gravity[2]
 
-    def settle(self) -> None:
+    def update_kinematics(self) -> None:
         """Update the values that MuJoCo derives from positions. Rays and `stand` need them; `step` updates them
         itself."""
         mujoco.mj_kinematics(self._model, self._data)
@@ -203,11 +203,11 @@ class DogBodies:
         """Set the gains of the policy."""
         self._hold(dog, _WALKING)
 
-    def limp(self, dog: int) -> None:
+    def cut_power(self, dog: int) -> None:
         """Switch the motors off."""
         self._hold(dog, _LIMP)
 
-    def drive(self, movers: Sequence[MovingBox], elapsed_s: float = 0.0) -> None:
+    def set_movers(self, movers: Sequence[MovingBox], elapsed_s: float = 0.0) -> None:
         """Set the moving boxes; `elapsed_s` is the time since their mirrors. Boxes beyond the pool are left out."""
         self._movers = tuple(movers[: len(self._boxes)])
         data = self._data
@@ -223,7 +223,7 @@ class DogBodies:
         self.driven_s = elapsed_s
         data.mocap_pos[:] = self._starts + elapsed_s * self._rates
 
-    def aim(self, dogs: Indices, targets: DogRows) -> None:
+    def set_targets(self, dogs: Indices, targets: DogRows) -> None:
         """Set the joint targets of some dogs, (len(dogs), 12) rad."""
         self._data.ctrl[self._motors[dogs]] = targets
 
@@ -303,12 +303,14 @@ class DogBodies:
     def floor(self, x: float, y: float, below_m: float) -> Floor:
         """Return the surface on which a dog would stand at a point, searched downwards from `below_m`."""
         start, down = np.array((x, y, below_m)), np.array((0.0, 0.0, -1.0))
-        distance = mujoco.mj_ray(self._model, self._data, start, down, _STATIC_ONLY, 1, -1, self._found, self._normal)
+        distance = mujoco.mj_ray(
+            self._model, self._data, start, down, _STATIC_ONLY, 1, -1, self._hit_geom, self._normal
+        )
         if distance < 0.0:
             return Floor(-math.inf, True)
         if self._normal[2] < 0.0:
             return Floor(math.inf, False)
-        bare = bool(self._thing[self._found[0]] == _NOTHING)
+        bare = bool(self._thing[self._hit_geom[0]] == _NOTHING)
         return Floor(below_m - distance + (0.0 if bare else _SKIN_M), bare)
 
     def touches(self) -> list[Touch]:
@@ -356,7 +358,7 @@ class DogBodies:
         self._motors = np.array([[motor_of[joint] for joint in row] for row in joints.tolist()], int).reshape(-1, 12)
         self._boxes = [model.body(f"mover-{slot}").id for slot in range(pool)]
         self._things = tuple(dict.fromkeys(shape.thing for shape in shapes))
-        self._found, self._normal = np.zeros(1, np.int32), np.zeros(3)
+        self._hit_geom, self._normal = np.zeros(1, np.int32), np.zeros(3)
         # Each thing has one index: dogs, then the boxes of the pool, then the shapes; the bare ground has `_NOTHING`.
         numbers = {thing: count + pool + number for number, thing in enumerate(self._things)}
         self._thing = np.full(model.ngeom, _NOTHING, np.int64)

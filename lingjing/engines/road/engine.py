@@ -77,7 +77,7 @@ class RoadEngine(FleetEngine):
         self._planner = Planner(sim, graph, self._congestion, self.publish)
         self._graph = graph
         self._cleared: set[str] = set()
-        self._waited_for: dict[str, int] = {}
+        self._blocking_rounds: dict[str, int] = {}
         self._looked_s = self._shown_s = 0.0
         occupied = Occupied()
         for entity in owned:
@@ -88,7 +88,7 @@ class RoadEngine(FleetEngine):
             if self._schedule.present(jam.id, 0.0):
                 self._congestion.appear(jam, occupied)
         self._traffic.populate(count, occupied)
-        self._traffic.keep_off(self._congestion.blocked)
+        self._traffic.set_blocked(self._congestion.blocked)
         if count:  # bodies that stand on a road must be there before the traffic starts
             present = (entity for entity in foreign if self._schedule.present(entity.id, 0.0))
             self._foreign.look([self._standing(entity) for entity in present], 0.0)
@@ -115,7 +115,7 @@ class RoadEngine(FleetEngine):
         book = booked(mirrors)
         for vehicle in self._vehicles.values():
             vehicle.stock.read(book)
-            vehicle.carry()
+            vehicle.update_load()
         self._update_jams(self.clock.time_s)
 
     def step(self) -> None:
@@ -182,7 +182,7 @@ class RoadEngine(FleetEngine):
             wanted = jam.id not in self._cleared and self._schedule.present(jam.id, time_s)
             if wanted != jam.blocking:
                 (self._congestion.appear if wanted else self._congestion.clear)(jam)
-                self._traffic.keep_off(self._congestion.blocked)
+                self._traffic.set_blocked(self._congestion.blocked)
 
     def _make_room(self) -> None:
         """Let vehicles make room.
@@ -193,11 +193,11 @@ class RoadEngine(FleetEngine):
         held = {vehicle.held_by for vehicle in self._vehicles.values()}
         for vehicle in self._vehicles.values():
             idle = vehicle.task is None and not vehicle.is_aside
-            waiting = idle and (vehicle.id in held or vehicle.is_waited_for() != "")
-            self._waited_for[vehicle.id] = self._waited_for.get(vehicle.id, 0) + 1 if waiting else 0
-            waited_for = self._waited_for[vehicle.id] >= _ROOM_ROUNDS
-            if vehicle.is_stranded or waited_for:
-                vehicle.make_room(waited_for=waited_for)
+            waiting = idle and (vehicle.id in held or vehicle.blocked_follower() != "")
+            self._blocking_rounds[vehicle.id] = self._blocking_rounds.get(vehicle.id, 0) + 1 if waiting else 0
+            blocks_others = self._blocking_rounds[vehicle.id] >= _ROOM_ROUNDS
+            if vehicle.is_stranded or blocks_others:
+                vehicle.make_room(blocks_others=blocks_others)
 
     def _collided(self, mover: str, other: str, speed_mps: float) -> None:
         self.emit(COLLIDED, mover, other, speed_mps=speed_mps)

@@ -18,7 +18,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from lingjing.engines.bodies import floats, is_gone, mirror_size
+from lingjing.engines.bodies import is_absent, is_afloat, mirror_size
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
@@ -168,10 +168,10 @@ class ForeignBodies:
         for state in mirrors:
             x, y, z = state.position
             entity = self._entities.get(state.id)
-            if z > self._highest_m + _HEIGHT_M or is_gone(state, entity) or not self._graph.is_near_road(x, y):
+            if z > self._highest_m + _HEIGHT_M or is_absent(state, entity) or not self._graph.is_near_road(x, y):
                 continue
             size = mirror_size(state, entity)
-            afloat = entity is not None and floats(entity)
+            afloat = entity is not None and is_afloat(entity)
             if size is None or afloat or abs(z - self._road_height(x, y)) > _HEIGHT_M:
                 continue
             drives = size.length_m >= _VEHICLE_LENGTH_M and state.kind != "bicycle"

@@ -61,43 +61,43 @@ class Kerb:
         self._sim = sim
         self._graph = graph
         self._tiles = tiles
-        self._bare: dict[str, bool] = {}
+        self._without_kerb: dict[str, bool] = {}
         self._standing: dict[str, tuple[str, float, float]] = {}
-        self._promised: dict[str, tuple[str, float, float]] = {}
+        self._reserved: dict[str, tuple[str, float, float]] = {}
         self._before: dict[str, list[str]] = {}
 
-    def promise(
-        self, name: str, edge: str, front_m: float, length_m: float, least_m: float = 0.0, *, bare: bool = False
+    def reserve(
+        self, name: str, edge: str, front_m: float, length_m: float, least_m: float = 0.0, *, without_kerb: bool = False
     ) -> ParkingPlace | None:
         """Reserve the free place nearest to a front position, not before `least_m`; None if none is near.
 
-        `bare` also allows an edge without a kerb, for a vehicle that would block the road otherwise.
+        `without_kerb` also allows an edge without a kerb, for a vehicle that would block the road otherwise.
         """
-        self._promised.pop(name, None)
+        self._reserved.pop(name, None)
         lane = self._graph.edges[edge].lanes[0]
-        if not bare and self._is_bare(lane):
+        if not without_kerb and self._has_no_kerb(lane):
             return None
         spans = [span for owner, span in self._spans() if owner != name and span[0] == lane.id]
         lowest, highest = max(least_m, min(length_m, lane.length_m - _END_M)), lane.length_m - _END_M
         for at_m in _outwards(min(max(front_m, lowest), highest)):
             free = all(at_m < low - GAP_M or at_m - length_m > high + GAP_M for _, low, high in spans)
             if free and lowest <= at_m <= highest:
-                self._promised[name] = (lane.id, at_m - length_m, at_m)
+                self._reserved[name] = (lane.id, at_m - length_m, at_m)
                 return ParkingPlace(lane, at_m)
         return None
 
     def take(self, name: str, room: ParkingPlace, length_m: float) -> None:
         """Record that a vehicle stands at a place."""
-        self._promised.pop(name, None)
+        self._reserved.pop(name, None)
         self._standing[name] = (room.lane.id, room.at_m - length_m, room.at_m)
 
     def leave(self, name: str) -> None:
         """Record that a vehicle has left its place."""
         self._standing.pop(name, None)
 
-    def forgo(self, name: str) -> None:
+    def cancel(self, name: str) -> None:
         """Cancel the reservation of a vehicle."""
-        self._promised.pop(name, None)
+        self._reserved.pop(name, None)
 
     def passing(self, lane: RoadLane) -> Iterator[LaneVehicle]:
         """Return the vehicles that are on the lane, just leave it or approach it within `SIGHT_M`."""
@@ -122,17 +122,17 @@ class Kerb:
             front, length = start_m + vehicles.getLanePosition(name), vehicles.getLength(name)
             yield LaneVehicle(name, front, length, vehicles.getSpeed(name))
 
-    def _is_bare(self, lane: RoadLane) -> bool:
+    def _has_no_kerb(self, lane: RoadLane) -> bool:
         """Return whether the lane's edge has no kerb."""
-        if lane.edge not in self._bare:
+        if lane.edge not in self._without_kerb:
             near = self._tiles.near(*lane.shape[0], 1.0)
             road = next((road for tile in near for road in tile.roads if road.id == lane.edge), None)
-            self._bare[lane.edge] = road is not None and (road.bridge or road.tunnel)
-        return self._bare[lane.edge]
+            self._without_kerb[lane.edge] = road is not None and (road.bridge or road.tunnel)
+        return self._without_kerb[lane.edge]
 
     def _spans(self) -> Iterator[tuple[str, tuple[str, float, float]]]:
         yield from self._standing.items()
-        yield from self._promised.items()
+        yield from self._reserved.items()
 
     def _lanes_before(self, lane: str) -> list[str]:
         """Return the lanes that lead onto a lane, with those inside junctions."""

@@ -107,10 +107,10 @@ class Traffic:
                 self._enter(mover)
         for mover in self._movers[self._turn :: _ROUND]:
             if mover.id not in arrived:
-                self._look_after(mover)
+                self._check(mover)
         self._turn = (self._turn + 1) % _ROUND
 
-    def keep_off(self, edges: Collection[str]) -> None:
+    def set_blocked(self, edges: Collection[str]) -> None:
         """Set the blocked edges, and change the routes that use them."""
         blocked = frozenset(edges)
         if blocked == self._blocked:
@@ -161,7 +161,7 @@ class Traffic:
         self._sim.enter(mover.id, [edge], f"traffic/{mover.kind}", lane, front_m)
         self._redirect(mover)
 
-    def _look_after(self, mover: BackgroundVehicle) -> None:
+    def _check(self, mover: BackgroundVehicle) -> None:
         vehicles = self._sim.vehicle
         try:
             index = vehicles.getRouteIndex(mover.id)

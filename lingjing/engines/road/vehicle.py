@@ -1,12 +1,12 @@
-"""One vehicle of the mission: where it is, what it is doing, what it carries.
+"""One vehicle of the mission: its position, its task and its load.
 
 SUMO's position is the middle of the front bumper; here and in every state it is the middle of the vehicle. A vehicle
-that is to stay somewhere has a stop of SUMO's that never ends; one that is held anywhere else has its speed set to 0.
+that stays at a place has a SUMO stop without end. A vehicle that is held anywhere else has its speed set to 0.
 
-A vehicle that has arrived is parked at the kerb and leaves its lane free; it goes back into the lane once nobody comes.
-Where there is no kerb, where a vehicle was halted on its way and where the mission put it, it stands on its lane; when
-somebody has to wait for it, it makes room: it moves to the kerb there or at the next free place ahead. A vehicle that
-finds others of the mission standing on the lane where it wants to stop has arrived behind them.
+A vehicle that has arrived parks at the kerb and leaves its lane free. It returns to the lane once no other vehicle
+comes. It stands on its lane if there is no kerb, if it was halted on its way, and at its declared place. If another
+vehicle has to wait for it there, it makes room: it moves to the kerb beside it or to the next free place ahead. A
+vehicle that finds other vehicles of the mission standing where it wants to stop has arrived behind them.
 """
 
 from __future__ import annotations
@@ -30,35 +30,57 @@ from lingjing.scene.outlines import compass
 from lingjing.trace.records import BodyState
 
 BRAKING_MPS2 = 2.0
-"""Comfortable braking of `stop`, `forward` and turns."""
+"""Comfortable braking of `stop`, `forward` and turns, m/s^2 (chosen)."""
 
 RESERVE_M = 300.0
-"""How far a route leads beyond where its vehicle is to stop."""
+"""Length of a route beyond the place where its vehicle stops, metres (chosen)."""
 
 STANDING_MPS = 0.05
+"""Speed below which a vehicle stands, m/s (chosen)."""
 NOWHERE_M = -1e8
-"""Farther west than every map: where SUMO says a vehicle is that is on no road."""
+"""West bound of every map, metres: SUMO places a vehicle that is on no road farther west."""
 
 _STILL_MPS = 1e-3
+"""Speed below which a halt is complete, m/s (chosen)."""
+
 _SLACK_M = 0.3
-"""A distance is covered when no more than this is left of it, or half of a shorter one (chosen)."""
+"""Rest of a distance at which it counts as covered, metres (chosen); half of the distance if that is less."""
+
 _SAME_LOAD_KG = 0.5
+"""Change of the load that does not change the dynamics yet, kg (chosen)."""
 
 QUEUE_M = 40.0
-"""Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
+"""Distance from its goal within which a vehicle that stands behind others of the mission has arrived, metres
+(chosen)."""
 
 _SUMO_ASIDE_M = 3.2
+"""Distance by which SUMO moves a parking vehicle to the right, metres."""
+
 _WAIT_STEPS = 30
+"""Steps at a standstill after which a vehicle checks for others ahead (chosen)."""
+
 _PARKING = 1
+"""SUMO's flag of a stop beside the lane."""
+
 _GAP_M = 2.5
+"""Gap to a vehicle in the lane when pulling out, metres (chosen)."""
+
 _HEADWAY_S = 2.5
+"""Time gap to an approaching vehicle when pulling out, seconds (chosen)."""
+
 _REACTION_S = 0.3
+"""Reaction time of an approaching driver, seconds (that of background traffic)."""
+
 _DECEL_MPS2 = 4.5
+"""Braking of an approaching driver, m/s^2 (SUMO's default)."""
+
 _PATIENCE_STEPS = 300
+"""Steps of waiting at the kerb after which a vehicle makes others brake (chosen)."""
 _SAME_PLACE_M = 12.0
-"""Who is parked this far beyond where it is sent is there already: it does not drive around the block for it."""
+"""Distance beyond its goal at which a parked vehicle is there already, metres (chosen): it does not drive around the
+block."""
 _KEEP_LANE, _CHANGE_LANES = 0, 1621
-"""Lane change modes: none at all, and SUMO's default."""
+"""SUMO's lane change modes: no changes at all, and the default."""
 
 VehicleStatus = Literal["parked", "driving", "waiting", "arrived"]
 TaskEnd = Literal["", "done", "arrived"]
@@ -66,48 +88,64 @@ TaskEnd = Literal["", "done", "arrived"]
 
 @dataclass(frozen=True, slots=True)
 class DrivingPlan:
-    """A way to a destination that was asked for: the point named, the lane point nearest to it, the edges."""
+    """A route to a requested destination."""
 
     x: float
+    """East coordinate of the destination, metres."""
     y: float
+    """North coordinate of the destination, metres."""
     goal: LanePoint
+    """The lane point nearest to it."""
     way: DrivingWay
+    """The route."""
 
 
 @dataclass(slots=True)
 class VehicleTask:
-    """What is being done: `drive` to a goal, cover a `distance` by the odometer, `halt`, or get `aside` for others."""
+    """A task of a vehicle."""
 
     kind: Literal["drive", "distance", "halt", "aside"]
+    """`drive` to a goal, cover a `distance` by the odometer, `halt`, or move `aside` for others."""
     total: float
+    """Size of the task: length (m) of `drive` and `distance`, initial speed (m/s) of `halt`."""
     start_m: float = 0.0
+    """Odometer at its start, metres."""
     plan: DrivingPlan | None = None
+    """The plan of `drive`; None otherwise."""
     onto: str = ""
+    """The edge that `distance` must reach before it ends; empty if there is none."""
     edges: tuple[str, ...] = ()
+    """The edges of `distance`."""
     steps: int = 0
+    """Steps of waiting at the kerb."""
     stays: bool = False
-    """It is parked there already."""
+    """True if the vehicle is parked at the goal already."""
 
     def is_short(self, length_m: float) -> bool:
-        """True for a distance in which a vehicle of this length has no room to change lanes: SUMO, which moves it
-        sideways at once, would let it slide while it all but stands."""
+        """Return whether this is a distance in which a vehicle of `length_m` has no room to change lanes.
+
+        SUMO would move the vehicle sideways at once, while it almost stands.
+        """
         return self.kind == "distance" and self.onto == "" and self.total < 2.0 * length_m
 
 
 @dataclass(frozen=True, slots=True)
 class RouteStart:
-    """Where a vehicle's route may change: edges that it must still follow first, then an edge and metres along it."""
+    """The point from which a vehicle's route may change."""
 
     before: tuple[str, ...]
+    """Edges that the vehicle must follow first."""
     edge: str
+    """The edge of the point."""
     at_m: float
+    """Distance along that edge, metres."""
 
 
 class Vehicle:
     """A vehicle of the mission in the simulation."""
 
     def __init__(self, entity: Entity, sim: Simulation, graph: Graph, kerb: Kerb) -> None:
-        """Declare its type; `place` puts it on the road."""
+        """Declare its type in SUMO; `place` puts it on the road."""
         self.id = entity.id
         self.entity = entity
         self.kind = vehicle_kind(entity)
@@ -122,13 +160,13 @@ class Vehicle:
         self._speed_mps = entity.number_or("speed_mps", SPEED_MPS)
         self._payload_kg = entity.number_or("payload_kg", 0.0)
         self.stock = Stock(entity)
-        self._felt_kg = math.inf
+        self._applied_load_kg = math.inf
         self._arrived = False
         self._waited = 0
         self._room: ParkingPlace | None = None
         self._bound: ParkingPlace | None = None
         self.held_by = ""
-        """Who stands in its way, while it waits at the kerb."""
+        """Id of the vehicle that prevents it from pulling out; empty if there is none."""
         self._sideways = LateralOffsets()
         self._offset_m = 0.0
         declare(
@@ -140,11 +178,12 @@ class Vehicle:
         lane, front = place.lane, self._front(place)
         self._sim.enter(self.id, [lane.edge], f"type/{self.id}", lane.index, front)
         self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
-        self.carry()
+        self.update_load()
 
     def _kerbside(self, place: LanePoint) -> ParkingPlace | None:
-        """The free place at the kerb that is nearest to a point on a lane, promised to it; None: there is none."""
-        return self._kerb.promise(self.id, place.lane.edge, self._front(place), self.size.length_m)
+        """Return the free place at the kerb nearest to a lane point, reserved for the vehicle; None if there is
+        none."""
+        return self._kerb.reserve(self.id, place.lane.edge, self._front(place), self.size.length_m)
 
     def _front(self, place: LanePoint) -> float:
         return min(max(place.at_m + self.size.length_m / 2.0, 0.1), place.lane.length_m)
@@ -156,23 +195,23 @@ class Vehicle:
 
     @property
     def speed_mps(self) -> float:
-        """Speed along the road."""
+        """Speed along the road, m/s."""
         return float(self._sim.vehicle.getSpeed(self.id))
 
     @property
     def odometer_m(self) -> float:
-        """Metres driven since the episode began."""
+        """Distance driven since the episode began, metres."""
         return max(0.0, float(self._sim.vehicle.getDistance(self.id)))
 
     @property
     def status(self) -> VehicleStatus:
-        """`driving` and `waiting` (standing on the way) while something is being done."""
+        """`driving` or `waiting` (at a standstill) during a task, otherwise `arrived` or `parked`."""
         if self.task is not None:
             return "waiting" if self.task.kind != "halt" and self.speed_mps < STANDING_MPS else "driving"
         return "arrived" if self._arrived else "parked"
 
     def route_start(self) -> RouteStart:
-        """From where a new route may start. Within a junction that is the edge being entered."""
+        """Return the point from which a new route may start. Inside a junction it is the start of the next edge."""
         vehicles = self._sim.vehicle
         road, at_m = vehicles.getRoadID(self.id), vehicles.getLanePosition(self.id)
         if not road.startswith(":"):
@@ -181,7 +220,7 @@ class Vehicle:
         return RouteStart((route[index],), route[index + 1], 0.0)
 
     def braking_m(self) -> float:
-        """The distance that a comfortable halt takes now."""
+        """Return the distance of a comfortable halt at the present speed, metres."""
         return self.speed_mps**2 / (2.0 * BRAKING_MPS2)
 
     def drive(self, plan: DrivingPlan) -> None:
@@ -193,7 +232,7 @@ class Vehicle:
             self._set_out(plan)
 
     def _is_at(self, goal: LanePoint) -> bool:
-        """Whether it is parked where it would park for a goal, or a little beyond."""
+        """Return whether the vehicle is parked at its place for a goal, or a little beyond."""
         if self._room is None or self._room.lane.edge != goal.lane.edge:
             return False
         wanted = self._kerbside(goal)
@@ -206,21 +245,21 @@ class Vehicle:
         self._follow(start, plan.way.edges)
         here = len(plan.way.edges) == 1 and not start.before
         least = start.at_m + self.braking_m() if here else 0.0
-        room = self._kerb.promise(self.id, goal.lane.edge, self._front(goal), self.size.length_m, least)
+        room = self._kerb.reserve(self.id, goal.lane.edge, self._front(goal), self.size.length_m, least)
         front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
         front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
         self._stop_at(room or ParkingPlace(goal.lane, front), 0 if room is None else _PARKING)
 
     def _stop_at(self, place: ParkingPlace, flags: int) -> None:
-        """Make it stop with its front there."""
+        """Set a stop with the front at a place."""
         self._bound = place if flags == _PARKING else None
         try:
             self._sim.vehicle.setStop(self.id, place.lane.edge, place.at_m, place.lane.index, FOREVER_S, flags)
-        except SumoError:  # it is there, or so close that braking ends beyond it
+        except SumoError:  # it is already there, or too close to brake in time
             self._brake(0.0)
 
     def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
-        """Drive a distance along edges from the route start's on, and halt there; `onto`: not before that edge."""
+        """Drive a distance along edges from the route start, and halt there, but not before the edge `onto`."""
         self._begin(VehicleTask("distance", distance_m, self.odometer_m, None, onto, edges))
         if self._room is None:
             self._set_out_along(edges)
@@ -244,20 +283,23 @@ class Vehicle:
 
     @property
     def is_aside(self) -> bool:
-        """Whether it is parked at the kerb."""
+        """True if the vehicle is parked at the kerb."""
         return self._room is not None
 
     @property
     def is_stranded(self) -> bool:
-        """Whether it has arrived and stands on the lane."""
+        """True if the vehicle has arrived and stands on the lane."""
         return self._arrived and self._room is None and self.task is None
 
     def prepare(self) -> None:
-        """Before a step: stay held; or go back into the lane for a task once nobody comes, in a queue at a gap."""
+        """Prepare a step: hold a vehicle without a task, or let a parked one pull out once the lane is free.
+
+        In a queue it pulls out at a gap.
+        """
         self.held_by = ""
         task, room = self.task, self._room
         if task is None and not self._sim.vehicle.isStopped(self.id):
-            self._brake(0.0)  # again, because SUMO has been seen to forget it
+            self._brake(0.0)  # repeated in each step: SUMO sometimes drops it
         if room is None or task is None or task.kind == "halt" or task.stays:
             return
         task.steps += 1
@@ -269,55 +311,59 @@ class Vehicle:
                 self._set_out_along(task.edges)
 
     def _in_the_way(self, room: ParkingPlace, impatient: bool) -> Iterator[str]:
-        """Whom it would cut off by pulling out now; who is impatient asks others to brake comfortably."""
+        """Return the vehicles that would have to brake hard if this one pulled out now.
+
+        With `impatient`, vehicles that can brake comfortably do not count.
+        """
         for other in self._kerb.passing(room.lane):
             behind = room.at_m - self.size.length_m - other.front_m
             ahead = other.front_m - other.length_m - room.at_m
             if other.id != self.id and ahead <= _GAP_M and behind < _needed_m(other, impatient):
                 yield other.id
 
-    def make_room(self, *, waited_for: bool) -> None:
-        """Park beside where it stands, or at the next free place ahead; ended by the next task.
+    def make_room(self, *, blocks_others: bool) -> None:
+        """Park beside the present place or at the next free place ahead; a later task ends this.
 
-        Who is waited for also leaves its edge and stands aside where there is no kerb.
+        A vehicle for which others wait also leaves its edge, and moves aside where there is no kerb.
         """
         start = self.route_start()
         lane = self._graph.edges[start.edge].lanes[0]
         if not start.before and self._sim.vehicle.getLaneIndex(self.id) != lane.index:
-            return  # others have a lane to pass on
+            return  # others can pass on another lane
         stops = self._sim.vehicle.getStops(self.id, 1)
         at_m = stops[0].endPos if stops and stops[0].lane == lane.id else start.at_m
-        ways = onward(self._graph, (start.edge,), REACH_M) if waited_for else (start.edge,)
-        found = self._room_ahead(ways, at_m)
-        if found is None and waited_for:
-            found = self._room_ahead(ways, at_m, bare=True)
-        if found is None:
+        ways = onward(self._graph, (start.edge,), REACH_M) if blocks_others else (start.edge,)
+        place = self._room_ahead(ways, at_m)
+        if place is None and blocks_others:
+            place = self._room_ahead(ways, at_m, without_kerb=True)
+        if place is None:
             return
-        edges, room = found
+        edges, room = place
         if edges == (start.edge,) and not start.before and room.at_m - at_m < 0.1:
             self._squeeze(room)
         else:
             self._move_up(start, edges, room)
 
     def _room_ahead(
-        self, edges: tuple[str, ...], at_m: float, *, bare: bool = False
+        self, edges: tuple[str, ...], at_m: float, *, without_kerb: bool = False
     ) -> tuple[tuple[str, ...], ParkingPlace] | None:
-        """The next free place at the kerb of the edges ahead within reach, and those of them that lead there."""
+        """Return the next free place at the kerb ahead within reach, with the edges that lead there; None if there is
+        none."""
         ahead_m = -at_m
         for number, name in enumerate(edges):
             least = at_m if number == 0 else 0.0
-            room = self._kerb.promise(self.id, name, least, self.size.length_m, least, bare=bare)
+            room = self._kerb.reserve(self.id, name, least, self.size.length_m, least, without_kerb=without_kerb)
             if room is not None and ahead_m + room.at_m <= REACH_M + self.size.length_m:
                 return edges[: number + 1], room
             ahead_m += self._graph.edges[name].length_m
-        self._kerb.forgo(self.id)
+        self._kerb.cancel(self.id)
         return None
 
     def _squeeze(self, room: ParkingPlace) -> None:
         try:
             self._sim.vehicle.setStop(self.id, room.lane.edge, room.at_m, room.lane.index, FOREVER_S, _PARKING)
         except SumoError:
-            self._kerb.forgo(self.id)
+            self._kerb.cancel(self.id)
             return
         self._park(room)
 
@@ -327,17 +373,18 @@ class Vehicle:
         self._arrived = arrived
         self._release()
         self._follow(start, edges)
-        self._kerb.promise(self.id, room.lane.edge, room.at_m, self.size.length_m, room.at_m, bare=True)
+        self._kerb.reserve(self.id, room.lane.edge, room.at_m, self.size.length_m, room.at_m, without_kerb=True)
         self._stop_at(room, _PARKING)
 
-    def is_waited_for(self) -> str:
-        """Who stands right behind it, or ""."""
+    def blocked_follower(self) -> str:
+        """Return the id of a vehicle that stands close behind, or an empty string."""
         follower, gap = self._sim.vehicle.getFollower(self.id, 5.0)
         standing = follower and 0.0 <= gap < 5.0 and self._sim.vehicle.getSpeed(follower) < STANDING_MPS
         return str(follower) if standing else ""
 
     def step(self, standing: Container[str]) -> TaskEnd:
-        """Look after the task behind a step of the simulation; says when it is done. `standing`: who has no task."""
+        """Check the task after a step, and return how it ended, if it did. `standing` holds the vehicles without a
+        task."""
         self._shift()
         task = self.task
         if task is None:
@@ -358,7 +405,7 @@ class Vehicle:
         return outcome
 
     def progress(self) -> float | None:
-        """The share of the task that is done; None: there is no task."""
+        """Return the share of the task that is done; None without a task."""
         task = self.task
         if task is None:
             return None
@@ -368,16 +415,16 @@ class Vehicle:
             return (self.odometer_m - task.start_m) / max(task.total, 0.1)
         return 1.0 - min(max(self._left_m(task), 0.0) / task.total, 1.0)
 
-    def carry(self) -> None:
-        """Feel the load on board; what changes it by less than `_SAME_LOAD_KG` is not felt yet."""
-        if abs(self.stock.load_kg - self._felt_kg) > _SAME_LOAD_KG:
-            self._felt_kg = self.stock.load_kg
+    def update_load(self) -> None:
+        """Take over the load on board. Changes below `_SAME_LOAD_KG` are ignored."""
+        if abs(self.stock.load_kg - self._applied_load_kg) > _SAME_LOAD_KG:
+            self._applied_load_kg = self.stock.load_kg
             vehicles = self._sim.vehicle
-            vehicles.setAccel(self.id, self.kind.acceleration(self._felt_kg))
-            vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self._felt_kg, self._payload_kg))
+            vehicles.setAccel(self.id, self.kind.acceleration(self._applied_load_kg))
+            vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self._applied_load_kg, self._payload_kg))
 
     def state(self, ahead_s: float) -> BodyState:
-        """The state `ahead_s` after the last step, moved on along its velocity."""
+        """Return the state `ahead_s` after the last step, extrapolated at constant velocity."""
         body = body_state(self._sim, self.id, self.size.length_m, ahead_s)
         return msgspec.structs.replace(
             shifted(body, self._offset_m),
@@ -391,7 +438,7 @@ class Vehicle:
         self._waited = 0
         self._arrived = False
         self._bound = None
-        self._kerb.forgo(self.id)
+        self._kerb.cancel(self.id)
 
     def _driven(self, task: VehicleTask, standing: Container[str]) -> TaskEnd:
         vehicles = self._sim.vehicle
@@ -417,7 +464,7 @@ class Vehicle:
         return "" if vehicles.getStops(self.id, 1) else "done"
 
     def _left_m(self, task: VehicleTask) -> float:
-        """Metres to the goal; infinite where there is none on the way."""
+        """Return the distance to the goal, metres; infinite if the route has none."""
         if task.plan is None:
             return math.inf
         goal = task.plan.goal
@@ -425,7 +472,7 @@ class Vehicle:
         return math.inf if left < -1e6 else left
 
     def _shift(self) -> None:
-        """Follow what SUMO does sideways: lane changes, and parking a whole lane to the right."""
+        """Update the sideways offset for lane changes and for parking."""
         rest = 0.0
         if self._room is not None and self._sim.vehicle.isStoppedParking(self.id):
             rest = (self._room.lane.width_m + self.size.width_m) / 2.0 - _SUMO_ASIDE_M
@@ -457,11 +504,11 @@ class Vehicle:
         self._sim.vehicle.setSpeed(self.id, speed_mps)
 
     def _follow(self, start: RouteStart, edges: Sequence[str]) -> None:
-        """Take a route. It goes on behind its end, for at the very end of one SUMO removes a vehicle."""
+        """Set the route. It continues behind its end, because SUMO removes a vehicle at the very end of its route."""
         self._sim.vehicle.setRoute(self.id, [*start.before, *onward(self._graph, edges, RESERVE_M)])
 
     def _release(self) -> None:
-        """Leave every stop and take the speed back."""
+        """Remove every stop and give the speed back to SUMO."""
         vehicles = self._sim.vehicle
         if vehicles.isStopped(self.id):
             vehicles.resume(self.id)
@@ -474,7 +521,7 @@ class Vehicle:
 
 
 def body_state(sim: Simulation, vehicle: str, length_m: float, ahead_s: float, kind: str = "") -> BodyState:
-    """Any vehicle of the simulation as a body: its middle, `ahead_s` after the last step."""
+    """Return any vehicle of the simulation as a body, `ahead_s` after the last step; its position is its middle."""
     vehicles = sim.vehicle
     x, y, z = vehicles.getPosition3D(vehicle)
     heading = compass(vehicles.getAngle(vehicle))
@@ -498,7 +545,7 @@ def body_state(sim: Simulation, vehicle: str, length_m: float, ahead_s: float, k
 
 
 def _needed_m(other: LaneVehicle, impatient: bool) -> float:
-    """The distance behind at which it does not matter to somebody in the lane that one pulls out."""
+    """Return the distance behind at which an approaching vehicle is not disturbed when this one pulls out, metres."""
     speed = other.speed_mps
     if impatient:
         return _GAP_M + speed * _REACTION_S + speed * speed / (2.0 * _DECEL_MPS2)

@@ -66,25 +66,25 @@ class Horizon:
             up=(cp * cl, cp * sl, sp),
         )
 
-    def moved(self, east_m: float, north_m: float) -> Horizon:
+    def shifted(self, east_m: float, north_m: float) -> Horizon:
         """Return the frame at a point of its plane, metres away. Directions stay: 0.1 degrees correspond to 11 km."""
         east, north = east_m / 1000.0, north_m / 1000.0
         x, y, z = (p + east * e + north * n for p, e, n in zip(self.place, self.east, self.north, strict=True))
         return Horizon((x, y, z), self.east, self.north, self.up)
 
-    def turned(self, vector: Vector) -> Vector:
+    def rotated(self, vector: Vector) -> Vector:
         """Return a direction or velocity in (east, north, up)."""
         return dot(vector, self.east), dot(vector, self.north), dot(vector, self.up)
 
-    def seen(self, position: Vector) -> Vector:
+    def relative(self, position: Vector) -> Vector:
         """Return an Earth-fixed position relative to this place in (east, north, up), km."""
         x, y, z = (p - q for p, q in zip(position, self.place, strict=True))
-        return self.turned((x, y, z))
+        return self.rotated((x, y, z))
 
 
-def elevation_deg(seen: Vector) -> float:
+def elevation_deg(relative: Vector) -> float:
     """Return the elevation above the horizon of a relative position in (east, north, up), degrees."""
-    return math.degrees(math.atan2(seen[2], math.hypot(seen[0], seen[1])))
+    return math.degrees(math.atan2(relative[2], math.hypot(relative[0], relative[1])))
 
 
 def off_track_km(position: Vector, velocity: Vector, place: Vector) -> float:

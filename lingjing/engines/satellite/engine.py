@@ -36,10 +36,10 @@ class SatelliteEngine(FleetEngine):
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Read the elements of each satellite, or make an orbit that passes over the scene."""
         owned = spec.owned()
-        orbits = {entity.id: _given(entity) for entity in owned}
+        orbits = {entity.id: _declared_orbit(entity) for entity in owned}
         start = _start(spec.instance, owned, [orbit for orbit in orbits.values() if orbit is not None])
         origin = Horizon.at(*city.origin)
-        region = origin.moved(*_aim(spec.instance))
+        region = origin.shifted(*_aim(spec.instance))
         whole = spec.instance.budget.ticks * spec.instance.clock.tick_s
         without_elements = [entity.id for entity in owned if orbits[entity.id] is None]
         self._watches: dict[str, PassSearch] = {}
@@ -105,7 +105,7 @@ class SatelliteEngine(FleetEngine):
         )
 
 
-def _given(entity: Entity) -> Orbit | None:
+def _declared_orbit(entity: Entity) -> Orbit | None:
     """Return the orbit of an entity's elements; None if it has none."""
     lines = [str(entity.properties.get(name) or "") for name in ("tle1", "tle2")]
     return from_lines(entity.id, *lines) if any(lines) else None

@@ -67,11 +67,11 @@ class PassSearch:
     def view(self, time_s: float) -> SatelliteView:
         """Return the view at a time."""
         position, velocity = earth_fixed(self._orbit, self._start.later(time_s))
-        region = self._region.seen(position)
+        region = self._region.relative(position)
         return SatelliteView(
             region=region,
-            position=self._origin.seen(position),
-            velocity=self._origin.turned(velocity),
+            position=self._origin.relative(position),
+            velocity=self._origin.rotated(velocity),
             elevation_deg=elevation_deg(region),
             off_track_km=off_track_km(position, velocity, self._region.place),
         )

@@ -1,4 +1,4 @@
-"""One vessel: where it is bound, whether there is land ahead, and how the sea lifts it."""
+"""One vessel: its destination, the check for land ahead, and its motion on the waves."""
 
 from __future__ import annotations
 
@@ -16,23 +16,34 @@ from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import AGROUND, BodyState
 
 SPEED_MPS = 3.0
-"""Top speed through the water of an entity that does not say."""
+"""Top speed through the water of an entity without the property `speed_mps`, m/s (chosen)."""
 
 _STOPPING_MPS2 = 0.4
+"""Deceleration that the check for land ahead assumes, m/s^2 (chosen)."""
+
 _BERTH_M = 3.0
+"""Least distance between the hull and land, metres (chosen)."""
+
 _KEEL_M = 0.5
+"""Draught, metres (chosen)."""
+
 _SUPERSTRUCTURE_M = 1.5
+"""Height above the waterline, metres (chosen)."""
+
 _STOPPED_MPS = 0.5
+"""Speed below which a vessel counts as stopped, m/s (chosen)."""
+
 _RESPONSE = 0.8
+"""Heave, pitch and roll as a share of the wave motion (chosen)."""
 _LIGHT_KG = 1600.0
-"""Displacement without a load."""
+"""Displacement without load, kg (chosen)."""
 _ADMIRALTY = 2.0 / 9.0
-"""At the same power `v^3 * displacement^(2/3)` stays the same (the Admiralty coefficient)."""
+"""Exponent of the displacement: at constant power `v^3 * displacement^(2/3)` is constant (Admiralty coefficient)."""
 _COMPASS_POINTS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 class Boat:
-    """A vessel under way or keeping its station; `step` moves it by `hull.STEP_S`."""
+    """A vessel under way or at its station; `step` moves it by `hull.STEP_S`."""
 
     def __init__(self, entity: Entity, terrain: Terrain, weather: Weather) -> None:
         x, y, _ = entity.position
@@ -47,7 +58,7 @@ class Boat:
         self._waves = sea.waves(weather)
         self._light_speed = entity.number_or("speed_mps", SPEED_MPS)
         self._pilot = Steering(self._light_speed, self._around)
-        self.carry()
+        self.update_load()
         self._state: hull.HullState = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
         self._start: Vector2 = (x, y)
         self._station: Vector2 = (x, y)
@@ -56,59 +67,59 @@ class Boat:
 
     @property
     def position(self) -> Vector2:
-        """(east, north) metres."""
+        """Position (east, north), metres."""
         return self._state[0], self._state[1]
 
     @property
     def progress(self) -> float:
-        """Share of the way to the goal that is behind, 0..1."""
+        """Share of the way to the goal that is done, 0..1."""
         if self.goal is None:
             return 0.0
         whole = math.dist(self._start, self.goal) - ARRIVED_M
         left = math.dist(self.position, self.goal) - ARRIVED_M
         return 1.0 if whole <= 0.0 else min(max(1.0 - left / whole, 0.0), 1.0)
 
-    def feel(self, weather: Weather) -> None:
-        """Be in this weather from now on."""
+    def set_weather(self, weather: Weather) -> None:
+        """Take over the weather."""
         if weather is not self._weather:
             self._weather = weather
             self._around = hull.HullForcing.of(weather)
             self._waves = sea.waves(weather)
             self._pilot.around = self._around
 
-    def carry(self) -> None:
-        """Feel the load on board: the deeper hull is slower at the same power."""
+    def update_load(self) -> None:
+        """Take over the load on board. A deeper hull is slower at the same power."""
         if self.stock.load_kg != self._load_kg:
             self._load_kg = self.stock.load_kg
             deeper = (_LIGHT_KG + self._load_kg) / _LIGHT_KG
             self._pilot.drive(self._light_speed * deeper**-_ADMIRALTY)
 
     def head_for(self, goal: Vector2) -> None:
-        """Make for a point, or `Refusal` if the hull would not float there."""
+        """Set a new goal. Raises `Refusal` with `unreachable` if the hull would not float there."""
         if not all(self._floats(goal[0] + _BERTH_M * dx, goal[1] + _BERTH_M * dy) for dx, dy in _COMPASS_POINTS):
             raise Refusal("unreachable", f"({goal[0]:.1f}, {goal[1]:.1f}) {self._hindrance(goal)}")
         self._start, self.goal, self.stopping = self.position, goal, False
 
     def halt(self) -> None:
-        """Give up the goal and take the way off; the station to keep is where that ends."""
+        """Cancel the goal and stop. The vessel then keeps its station at the place where it stops."""
         self.goal, self.stopping = None, True
 
     def arrived(self) -> bool:
-        """Whether the goal is reached; from then on it is the station to keep."""
+        """Return whether the goal is reached. It then becomes the station."""
         if self.goal is None or math.dist(self.position, self.goal) > ARRIVED_M:
             return False
         self._station, self.goal = self.goal, None
         return True
 
     def stopped(self) -> bool:
-        """Whether a halt is done."""
+        """Return whether a halt is complete. The present place then becomes the station."""
         if not self.stopping or abs(self._state[3]) > _STOPPED_MPS:
             return False
         self._station, self.stopping = self.position, False
         return True
 
     def land_ahead(self) -> bool:
-        """Whether the way in hand would carry the hull onto land or into a structure."""
+        """Return whether the present speed would carry the hull onto land or into a structure before it can stop."""
         east, north = hull.ground_velocity(self._state, self._around)
         speed = math.hypot(east, north)
         if speed < _STOPPED_MPS:
@@ -122,7 +133,7 @@ class Boat:
         )
 
     def step(self) -> None:
-        """Steer and move. A hull that has run aground stays where it is."""
+        """Steer and move. A hull that has run aground stays in place."""
         if self.aground:
             return
         if self.goal is not None:
@@ -138,7 +149,7 @@ class Boat:
             self.aground = True
 
     def state(self, time_s: float, remainder_s: float) -> BodyState:
-        """The vessel at `time_s`, `remainder_s` after its last step."""
+        """Return the state at `time_s`, which is `remainder_s` after the last step."""
         east, north = (0.0, 0.0) if self.aground else hull.ground_velocity(self._state, self._around)
         x, y = self._state[0] + remainder_s * east, self._state[1] + remainder_s * north
         heading = self._state[2]
@@ -165,7 +176,7 @@ class Boat:
         return "idle" if self.goal is None and not self.stopping else "moving"
 
     def _hindrance(self, goal: Vector2) -> str:
-        """Why the hull would not float at a place where it does not."""
+        """Return the reason, in words, that the hull would not float at a place."""
         return "is on land or too close to it" if self._terrain.holds(*goal) else "lies outside of the scene's waters"
 
     def _floats(self, x: float, y: float) -> bool:

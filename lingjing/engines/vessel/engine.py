@@ -45,13 +45,13 @@ class VesselEngine(FleetEngine):
         book = booked(mirrors)
         for boat in self._boats.values():
             boat.stock.read(book)
-            boat.carry()
+            boat.update_load()
 
     def step(self) -> None:
         """Move every vessel by one step."""
         weather = self._schedule.weather(self.clock.now_s - self.step_s)
         for boat in self._boats.values():
-            boat.feel(weather)
+            boat.set_weather(weather)
             boat.step()
             self._report(boat)
 
@@ -60,7 +60,7 @@ class VesselEngine(FleetEngine):
         time_s = self.clock.time_s
         weather = self._schedule.weather(time_s)
         for boat in self._boats.values():
-            boat.feel(weather)
+            boat.set_weather(weather)
             yield boat.state(time_s, self.clock.remainder_s)
 
     def progress(self) -> Mapping[str, float]:

@@ -28,7 +28,10 @@ _PATIENCE = 3
 
 
 class CameraProcess:
-    """The caller's end of a camera process. `taken` is what it runs (`lingjing.numerics.taken`), once it has drawn."""
+    """The caller's end of a camera process.
+
+    `taken` is its `lingjing.numerics.runtime_fingerprint` once it has drawn.
+    """
 
     def __init__(self, worker: Worker) -> None:
         self.worker = worker

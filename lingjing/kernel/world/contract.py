@@ -69,7 +69,7 @@ class World(Protocol):
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
         """The processes that the last episode's engines run in beside the caller, by name, with what each of them runs
-        (`lingjing.numerics.taken`); that of the sensor engine from the first picture on."""
+        (`lingjing.numerics.runtime_fingerprint`); that of the sensor engine from the first picture on."""
         ...
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:

@@ -30,7 +30,7 @@ from lingjing.kernel.world.messages import (
 from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart, start_by
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import CallMonitor, store_frame
-from lingjing.numerics import taken
+from lingjing.numerics import runtime_fingerprint
 from lingjing.plugins.engine import Engine
 from lingjing.plugins.host import PluginHost
 
@@ -69,7 +69,7 @@ class RequestHandler:
         """Says what this process runs with these engines: read once, what they load is loaded for good."""
         names = tuple(self._engines)
         if names not in self._taken:
-            self._taken[names] = taken()
+            self._taken[names] = runtime_fingerprint()
         return Ready(taken=self._taken[names])
 
 

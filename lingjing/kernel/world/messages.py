@@ -76,7 +76,7 @@ class Close(WorkerMessage, frozen=True, kw_only=True):
 
 class Ready(WorkerMessage, frozen=True, kw_only=True):
     """Done. `problems` are engines of the episode before that failed to close; after a `Reset`, `taken` is what the
-    process runs (`lingjing.numerics.taken`)."""
+    process runs (`lingjing.numerics.runtime_fingerprint`)."""
 
     problems: tuple[str, ...] = ()
     taken: dict[str, str] = {}

@@ -41,7 +41,7 @@ _LEVEL_M = 1e-3
 CellIndex = tuple[int, int]
 
 
-class DogSurroundings:
+class CityShapes:
     """The shapes of a city by place, built on first use."""
 
     def __init__(self, city: City) -> None:

@@ -38,7 +38,7 @@ class TargetBody:
     def __init__(self, position: Vector) -> None:
         self._position = position
 
-    def blow(self, weather: Weather) -> None:
+    def set_weather(self, weather: Weather) -> None:
         """Take over the weather."""
 
     def step(self) -> None:
@@ -62,9 +62,9 @@ class DriftingBody(TargetBody):
         self._stream = Stream(seed, f"city/{entity.id}/drift")
         self._wander = (0.0, 0.0)
         self._velocity = (0.0, 0.0)
-        self.blow(weather)
+        self.set_weather(weather)
 
-    def blow(self, weather: Weather) -> None:
+    def set_weather(self, weather: Weather) -> None:
         """Take over the waves and the mean course of the weather."""
         self._waves = sea.waves(weather)
         self._mean = _course(weather, self._speed)
