@@ -1,9 +1,11 @@
-"""Attention IoU: how well the places that a vision model looked at agree with the true boxes of targets.
+"""Attention IoU: the agreement of a vision model's attention with the true boxes of targets.
 
 The paper: "Intersection over union between the ground truth target box and the image attention region obtained by
-thresholding attention at its mean plus one standard deviation." Maps come from whoever ran the model: a NumPy archive
-(`.npz`, no pickles) with one array for each picture, its name the picture's id, of shape (rows, columns), not negative,
-of any resolution and any scale, that covers the whole picture from the top left. Closed models give none: N/A.
+thresholding attention at its mean plus one standard deviation."
+
+The user who runs the model supplies the maps in a NumPy archive (`.npz`, no pickles) with one array for each picture.
+The name of an array is the picture's id. An array has the shape (rows, columns), any resolution and any scale, no
+negative values, and covers the whole picture from the top left. Closed models supply no maps; the metric is then N/A.
 """
 
 from __future__ import annotations
@@ -22,13 +24,14 @@ from lingjing.plugins.frame_detector import UnitBox
 from lingjing.trace.reader import Trace, read_trace
 
 AttentionMap = npt.NDArray[np.float64]
+"""(rows, columns), not negative."""
 
 ATTENTION_FILE = "attention.npz"
-"""Maps of where a model looked, beside the trace that they are of."""
+"""Name of the archive of attention maps beside a trace."""
 
 
 def read_attention(path: str | Path) -> dict[str, AttentionMap]:
-    """The maps of a file by picture. Raises `UsageError` that names what is wrong with it."""
+    """Return the maps of a file by picture id. Raises `UsageError` for an invalid file, with the reason."""
     try:
         opened = np.load(path, allow_pickle=False)
         if not isinstance(opened, np.lib.npyio.NpzFile):
@@ -39,13 +42,13 @@ def read_attention(path: str | Path) -> dict[str, AttentionMap]:
         raise UsageError(f"cannot read the attention maps {path}: {error.strerror or error}") from error
     except (ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
         raise UsageError(f"{path} holds no attention maps: {error}", hint="give a .npz, an array a picture") from error
-    return {name: _checked(path, name, found) for name, found in maps.items()}
+    return {name: _checked(path, name, array) for name, array in maps.items()}
 
 
-def _checked(path: str | Path, name: str, found: npt.NDArray[np.generic]) -> AttentionMap:
-    if found.ndim != 2 or not found.size or not _real(found.dtype):
-        raise UsageError(f"{path}: `{name}` is {found.dtype} of shape {found.shape}, not numbers in rows and columns")
-    plain = found.astype(np.float64)
+def _checked(path: str | Path, name: str, array: npt.NDArray[np.generic]) -> AttentionMap:
+    if array.ndim != 2 or not array.size or not _real(array.dtype):
+        raise UsageError(f"{path}: `{name}` is {array.dtype} of shape {array.shape}, not numbers in rows and columns")
+    plain = array.astype(np.float64)
     if not np.isfinite(plain).all() or (plain < 0).any():
         raise UsageError(f"{path}: `{name}` holds a number that is negative or not finite")
     return plain
@@ -56,7 +59,7 @@ def _real(kind: np.dtype[np.generic]) -> bool:
 
 
 def attention_iou(trace: Trace, maps: Mapping[str, AttentionMap]) -> float | None:
-    """Mean over the visible targets of all pictures that have a map; None if there is none."""
+    """Return the mean IoU over the visible targets of all pictures that have a map, or None if there are none."""
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
     values = [
         box_iou(maps[frame.id], truth.box)
@@ -69,14 +72,17 @@ def attention_iou(trace: Trace, maps: Mapping[str, AttentionMap]) -> float | Non
 
 
 def attention_beside(trace: Path) -> float | None:
-    """`attention_iou` of a trace by the maps in `ATTENTION_FILE` beside it; None where one of the two files is missing
-    or no map shows a target. Raises `UsageError` for a file that holds no maps."""
+    """Return `attention_iou` of a trace for the maps in `ATTENTION_FILE` beside it.
+
+    Returns None if one of the two files is missing or no map belongs to a picture with a target. Raises `UsageError`
+    for an invalid file of maps.
+    """
     file = trace.with_name(ATTENTION_FILE)
     return attention_iou(read_trace(trace), read_attention(file)) if file.is_file() and trace.is_file() else None
 
 
 def box_iou(attention: AttentionMap, box: UnitBox) -> float:
-    """IoU of a box, in shares of the picture, with the cells above mean plus one standard deviation, by area."""
+    """Return the IoU, by area, of a box with the cells above the mean plus one standard deviation."""
     attended = attention > attention.mean() + attention.std()
     rows, columns = attention.shape
     x0, y0, x1, y1 = box
@@ -87,7 +93,7 @@ def box_iou(attention: AttentionMap, box: UnitBox) -> float:
 
 
 def _overlap(count: int, low: float, high: float) -> AttentionMap:
-    """How much of an interval within 0..1 lies in each of `count` equal parts of it."""
+    """Return the length of the interval from `low` to `high` in each of `count` equal parts of 0..1."""
     edges = np.arange(count + 1) / count
     inside: AttentionMap = np.clip(np.minimum(edges[1:], high) - np.maximum(edges[:-1], low), 0.0, None)
     return inside

@@ -1,21 +1,20 @@
-"""What agents' actions were like: adherence, repetition, out of bounds, forgotten subgoals; over all or by tercile.
+"""Rates of agents' actions: adherence, repetition, out of bounds and forgotten subgoals, over all or by tercile.
 
-An *action* is a physical command that a policy decided on (the paper's "evaluated action"); doing nothing is none,
-and what was substituted for a missing answer is none. The paper defines four rates of them in its table of
-diagnostic metrics, and partitions each agent's sequence of actions "into three equal intervals by normalized
-trajectory position" for its table of behaviour by trajectory tercile. How its terms are read from a trace:
+An *action* is a physical command that a policy decided on (the paper's "evaluated action"). Neither an idle tick nor a
+substituted decision is an action. The paper defines four rates in its table of diagnostic metrics. For its table of
+behaviour by trajectory tercile it partitions each agent's sequence of actions "into three equal intervals by normalized
+trajectory position". Its terms are read from a trace as follows:
 
-- *Constraint adherence*, "actions that satisfy all active task and motion constraints": the action was admitted as
-  it was asked for (its first receipt neither refuses nor clips it), and no constraint of the mission was broken by its
-  body before the body was given another action that was admitted. What else happens to it later (`preempted`,
-  `collided`) is no matter of constraints.
+- *Constraint adherence*, "actions that satisfy all active task and motion constraints": the first receipt neither
+  rejects nor clips the action, and its body breaks no constraint of the mission before its next admitted action. Later
+  receipts and events (`preempted`, `collided`) do not count.
 - *Out of bounds*, "actions that leave the configured operating region or violate an active altitude or motion bound":
-  the first receipt says that arguments were clipped to their bounds, or refuses them for one (`OUT_OF_BOUNDS`), or a
-  constraint was broken as above.
+  the first receipt clips the arguments or rejects them for a bound (`OUT_OF_BOUNDS`), or a constraint is broken as
+  above.
 - *Repetition*, "actions whose normalized action signature matches the immediately preceding action from the same
-  agent": the signature is verb, resource and arguments, numbers rounded to whole units, the resource named.
-- *Forgotten subgoal*, "actions that omit an active requirement or act on an already completed subgoal": the targets
-  that the action means are all completed already; or its body has an open assignment, and the action means others.
+  agent": the signature consists of verb, resource and arguments, with numbers rounded to whole units.
+- *Forgotten subgoal*, "actions that omit an active requirement or act on an already completed subgoal": all targets of
+  the action are completed already, or its body has an open assignment and the action has other targets.
 """
 
 from __future__ import annotations
@@ -28,42 +27,42 @@ import msgspec
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
-from lingjing.analysis.memo import once_per_trace
+from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.repetition import assignments_of
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Action, BoundaryRecord, Receipt
 from lingjing.trace.request_ids import is_request_of
 
 OUT_OF_BOUNDS = frozenset({"clipped", "altitude", "outside_world", "unreachable", "water"})
-"""Reasons of first receipts that name a bound of place, height or motion."""
+"""Reasons of first receipts for a bound of place, height or motion."""
 
 TERCILES = ("early", "mid", "late")
+"""Names of the three thirds of an agent's actions."""
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedAction:
-    """One action, decided at boundary `tick - 1`; `third` (0, 1 or 2) is the interval of its agent's sequence that
-    it lies in.
-
-    `elsewhere` says that its body has an open assignment and is sent to a place in the region of no target. `repeated`
-    is None for the first action of an agent, which has no predecessor.
-    """
+    """One action and its evaluation."""
 
     agent: str
     tick: int
+    """The tick after the boundary at which the action was decided."""
     verb: str
     resource: str
     third: int
+    """The third of the agent's actions that it belongs to: 0, 1 or 2."""
     admitted: bool
     adherent: bool
     out_of_bounds: bool
     forgotten: bool
     elsewhere: bool
+    """True if its body has an open assignment and is sent to a place in the region of no target."""
     repeated: bool | None
+    """None for the first action of an agent, which has no predecessor."""
 
 
 class BehaviourRates(msgspec.Struct, frozen=True, kw_only=True):
-    """The four rates over some actions, None over none."""
+    """The four rates over a set of actions, 0 to 1. A rate over no actions is None."""
 
     actions: int
     adherence: float | None
@@ -73,12 +72,12 @@ class BehaviourRates(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ActionCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """What the four rates are made of: how many of some `actions` were each; `following` are those that have a
-    predecessor. Counts of several episodes add up."""
+    """The counts behind the four rates. Counts of several episodes can be added."""
 
     actions: int = 0
     adherent: int = 0
     following: int = 0
+    """Actions with a predecessor: the denominator of `repetition`."""
     repeated: int = 0
     out_of_bounds: int = 0
     forgotten: int = 0
@@ -87,7 +86,7 @@ class ActionCounts(msgspec.Struct, frozen=True, kw_only=True):
         return ActionCounts(**{name: getattr(self, name) + getattr(other, name) for name in self.__struct_fields__})
 
     def rates(self) -> BehaviourRates:
-        """The rates."""
+        """Return the rates."""
         return BehaviourRates(
             actions=self.actions,
             adherence=ratio(self.adherent, self.actions),
@@ -111,47 +110,50 @@ def counted(actions: Iterable[JudgedAction]) -> ActionCounts:
 
 
 def counted_by_tercile(actions: Iterable[JudgedAction]) -> tuple[ActionCounts, ...]:
-    """The counts of the first, second and last third of each agent's actions, in the order of `TERCILES`."""
+    """Return the counts of the first, second and last third of each agent's actions, in the order of `TERCILES`."""
     judged = list(actions)
     return tuple(counted(one for one in judged if one.third == third) for third in range(len(TERCILES)))
 
 
 def behaviour(actions: Iterable[JudgedAction]) -> BehaviourRates:
-    """The rates of actions, of one episode or pooled from many."""
+    """Return the rates of actions of one or more episodes."""
     return counted(actions).rates()
 
 
-@once_per_trace
+@cache_by_trace
 def actions(trace: Trace) -> tuple[JudgedAction, ...]:
-    """Every action of a trace, in order."""
-    found = _blamed(trace, list(_judged(trace)))
-    whole = Counter(one.agent for one in found)
-    seen = dict.fromkeys(whole, 0)
+    """Return all actions of a trace, in order."""
+    judged = _with_constraints(trace, list(_judged(trace)))
+    totals = Counter(action.agent for action in judged)
+    seen = dict.fromkeys(totals, 0)
     placed = []
-    for one in found:
-        third = min(2, 3 * seen[one.agent] // whole[one.agent])
-        seen[one.agent] += 1
-        placed.append(replace(one, third=third))
+    for action in judged:
+        third = min(2, 3 * seen[action.agent] // totals[action.agent])
+        seen[action.agent] += 1
+        placed.append(replace(action, third=third))
     return tuple(placed)
 
 
-def _blamed(trace: Trace, judged: list[JudgedAction]) -> list[JudgedAction]:
-    """The actions, those marked in whose course their body broke a constraint: the last admitted one of the body. What
-    an event that names nobody breaks was broken by the actions of its tick."""
+def _with_constraints(trace: Trace, judged: list[JudgedAction]) -> list[JudgedAction]:
+    """Return the actions with broken constraints taken into account.
+
+    A body that breaks a constraint does so by its last admitted action. A constraint event without bindings counts for
+    all actions of its tick.
+    """
     constraints = {constraint.name for constraint in trace.header.instance.constraints}
-    found, number, latest = list(judged), 0, dict[str, int]()
+    marked, number, latest = list(judged), 0, dict[str, int]()
     for record in trace.boundaries if constraints else ():
         first = number
-        while number < len(found) and found[number].tick == record.tick:
-            if found[number].admitted:
-                latest[found[number].resource] = number
+        while number < len(marked) and marked[number].tick == record.tick:
+            if marked[number].admitted:
+                latest[marked[number].resource] = number
             number += 1
         for event in record.events:
             if event.kind in constraints:
-                named = [latest[name] for name in event.bindings if name in latest]
-                for each in named if event.bindings else range(first, number):
-                    found[each] = replace(found[each], adherent=False, out_of_bounds=True)
-    return found
+                causes = [latest[name] for name in event.bindings if name in latest]
+                for index in causes if event.bindings else range(first, number):
+                    marked[index] = replace(marked[index], adherent=False, out_of_bounds=True)
+    return marked
 
 
 def _judged(trace: Trace) -> Iterator[JudgedAction]:
@@ -163,19 +165,19 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
     completed: set[str] = set()
     for record in trace.boundaries:
         _drop(open_for, completed)
-        answers = _first_receipts(record)
-        for made in record.decisions:
-            command = made.decision.command
-            if command is None or made.substituted:
+        receipts = _first_receipts(record)
+        for entry in record.decisions:
+            command = entry.decision.command
+            if command is None or entry.substituted:
                 continue
-            resource = command.resource or first.get(made.agent, "")
+            resource = command.resource or first.get(entry.agent, "")
             signature = (command.verb, resource, _rounded(command))
-            answer = answers.get(made.agent)
-            beyond = answer is not None and answer.reason in OUT_OF_BOUNDS
-            admitted = answer is not None and answer.status != "rejected"
-            meant = assigned.meant(record, command.arguments, resource)
+            receipt = receipts.get(entry.agent)
+            beyond = receipt is not None and receipt.reason in OUT_OF_BOUNDS
+            admitted = receipt is not None and receipt.status != "rejected"
+            targets = assigned.targets_of(record, command.arguments, resource)
             yield JudgedAction(
-                agent=made.agent,
+                agent=entry.agent,
                 tick=record.tick,
                 verb=command.verb,
                 resource=resource,
@@ -183,11 +185,11 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
                 admitted=admitted,
                 adherent=admitted and not beyond,
                 out_of_bounds=beyond,
-                forgotten=_forgets(meant, open_for.get(resource, set()), completed),
-                elsewhere=bool(open_for.get(resource)) and not meant and _places(command),
-                repeated=before[made.agent] == signature if made.agent in before else None,
+                forgotten=_forgets(targets, open_for.get(resource, set()), completed),
+                elsewhere=bool(open_for.get(resource)) and not targets and _has_position(command),
+                repeated=before[entry.agent] == signature if entry.agent in before else None,
             )
-            before[made.agent] = signature
+            before[entry.agent] = signature
         for body, targets, _ in assigned.at(record):
             open_for.setdefault(body, set()).update(targets)
         completed |= completed_at(instance, record)
@@ -198,19 +200,20 @@ def _drop(open_for: Mapping[str, set[str]], completed: set[str]) -> None:
         targets -= completed
 
 
-def _forgets(meant: tuple[str, ...], due: set[str], completed: set[str]) -> bool:
-    if not meant:
+def _forgets(targets: tuple[str, ...], assigned: set[str], completed: set[str]) -> bool:
+    """Return whether all `targets` of an action are completed, or none of them is `assigned` while others are."""
+    if not targets:
         return False
-    return set(meant) <= completed or bool(due and not due & set(meant))
+    return set(targets) <= completed or bool(assigned and not assigned & set(targets))
 
 
-def _places(command: Action) -> bool:
+def _has_position(command: Action) -> bool:
     return "position" in command.arguments or {"x", "y"} <= set(command.arguments)
 
 
 def _first_receipts(record: BoundaryRecord) -> dict[str, Receipt]:
-    """The first receipt of each agent's command of this boundary."""
-    own = [one for one in record.receipts if is_request_of("command", one.request, record.tick)]
+    """Return the first receipt of each agent's command of this boundary, by agent."""
+    own = [receipt for receipt in record.receipts if is_request_of("command", receipt.request, record.tick)]
     return {receipt.sender: receipt for receipt in reversed(own)}
 
 

@@ -1,7 +1,7 @@
-"""What a condition lacks: its parts that do not hold, with the values that they had.
+"""The unmet parts of a condition, with their values.
 
-A part is followed to where it can be understood: a rule that never came true into its own condition, `exists` to the
-report that came closest, a comparison to its two sides and, over the whole episode, to the value that came nearest.
+The search descends to parts that explain themselves: from a rule that never held into its own condition, from `exists`
+to the report that comes closest, and from a comparison to its sides and to the closest value of the whole episode.
 """
 
 from __future__ import annotations
@@ -33,24 +33,28 @@ from lingjing.mission.instance import Entity
 from lingjing.mission.values import Place
 
 MOST = 3
-"""Members of a `forall` that are told of; the rest are counted."""
+"""Members of a `forall` that are described; the rest are counted. Chosen."""
 
 _DEEPEST = 4
+"""Levels of rules and quantifiers that the search descends. Chosen, so that the text stays within a screen."""
 
 
 @dataclass(frozen=True, slots=True)
 class UnmetPart:
-    """A part of a condition that does not hold: how deep within it, how it reads, and what it had."""
+    """A part of a condition that does not hold."""
 
     depth: int
+    """Nesting depth within the condition, from 0."""
     text: str
+    """The part in the syntax of the mission language, with variables replaced by their values."""
     had: str
+    """The values of the part, in words."""
 
 
 def unmet(
     condition: Expr, history: Sequence[Rebuilt], scope: Locals | None = None, depth: int = 0
 ) -> Iterator[UnmetPart]:
-    """The parts of a condition that do not hold at the last boundary of `history`, in order."""
+    """Yield the parts of a condition that do not hold at the last boundary of `history`, in order."""
     at = history[-1].at
     scope = scope or {}
     for part in conjuncts(condition):
@@ -59,23 +63,23 @@ def unmet(
 
 
 def reading(expr: Expr, scope: Locals) -> str:
-    """The condition as its author would write it, with what is bound put in for the variables."""
+    """Return the condition in the syntax of the mission language, with variables replaced by their values."""
     if not scope:
         return spell(expr)
-    names = "|".join(map(re.escape, scope))  # at once, lest a name is looked for in what was put in for another
-    return re.sub(rf"(?<![\w.])(?:{names})\b(?!\()", lambda found: scope[found[0]].id, spell(expr))
+    names = "|".join(map(re.escape, scope))  # all in one pass: an inserted value may contain the name of a variable
+    return re.sub(rf"(?<![\w.])(?:{names})\b(?!\()", lambda match: scope[match[0]].id, spell(expr))
 
 
 def _unmet_part(part: Expr, history: Sequence[Rebuilt], scope: Locals, depth: int) -> Iterator[UnmetPart]:
     at, text = history[-1].at, reading(part, scope)
     match part:
         case Quantified(quantifier="forall", variable=variable, domain=domain, body=body):
-            failing = [one for one in at.domain(domain) if not holds(body, {**scope, variable: one}, at)]
+            failing = [member for member in at.domain(domain) if not holds(body, {**scope, variable: member}, at)]
             yield UnmetPart(depth, text, f"false for {len(failing)} of {len(at.domain(domain))}")
             for member in failing[:MOST]:
                 yield from unmet(body, history, {**scope, variable: member}, depth + 1)
         case Quantified(variable=variable, domain=domain, body=body):
-            yield from _nobody(part, history, scope, depth)
+            yield from _unmet_exists(part, history, scope, depth)
         case Call(function=name, rule=True, arguments=arguments) if name in at.rules:
             yield UnmetPart(depth, text, "never came true")
             rule = at.rules[name]
@@ -95,8 +99,8 @@ def _unmet_part(part: Expr, history: Sequence[Rebuilt], scope: Locals, depth: in
             yield UnmetPart(depth, text, _values(part, history, scope))
 
 
-def _nobody(part: Quantified, history: Sequence[Rebuilt], scope: Locals, depth: int) -> Iterator[UnmetPart]:
-    """An `exists` that nothing fulfils, and what the closest of its candidates lacks."""
+def _unmet_exists(part: Quantified, history: Sequence[Rebuilt], scope: Locals, depth: int) -> Iterator[UnmetPart]:
+    """Yield an unmet `exists`, then the unmet parts of its closest candidate."""
     at, text = history[-1].at, reading(part, scope)
     members: tuple[Entity | Report, ...] = at.domain(part.domain)
     if not members:
@@ -105,66 +109,66 @@ def _nobody(part: Quantified, history: Sequence[Rebuilt], scope: Locals, depth: 
     yield UnmetPart(depth, text, f"none of {len(members)}")
     if depth >= _DEEPEST:
         return
-    best = max(members, key=lambda one: (_degree(part.body, {**scope, part.variable: one}, at), one.id))
+    best = max(members, key=lambda member: (_degree(part.body, {**scope, part.variable: member}, at), member.id))
     if _degree(part.body, {**scope, part.variable: best}, at) > 0:
         inner = {**scope, part.variable: best}
         yield from unmet(part.body, history, inner, depth + 1)
 
 
 def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -> float:
-    """How much of a condition holds, 0..1: the share of its conjuncts, rules by the share of their own.
+    """Return the weighted share of the conjuncts that hold, 0..1. A rule that does not hold counts by its own share.
 
-    What joins two bound things (`matched(v, r)`) weighs more than what is said of one (`r.position in search`): else
-    any report that is well placed would be closer to a target than the one that is of it.
+    A conjunct over two variables (`matched(v, r)`) weighs more than one over a single variable
+    (`r.position in search`). Otherwise any report at a good place would be closer to a target than the matched one.
     """
-    found, weights = list[float](), list[float]()
+    shares, weights = list[float](), list[float]()
     for part in conjuncts(condition):
         names = {node.name for node in parts(part) if isinstance(node, Ref)}
         weights.append(float(4 ** len(names & set(scope))))
         if holds(part, scope, at):
-            found.append(1.0)
+            shares.append(1.0)
         elif isinstance(part, Call) and part.rule and part.function in at.rules and deep < _DEEPEST:
             rule = at.rules[part.function]
             bound = [evaluate(argument, scope, at) for argument in part.arguments]
             inner = {
-                one.name: value
-                for one, value in zip(rule.parameters, bound, strict=False)
+                parameter.name: value
+                for parameter, value in zip(rule.parameters, bound, strict=False)
                 if isinstance(value, Entity | Report)
             }
-            found.append(0.9 * _degree(rule.condition, inner, at, deep + 1))
+            shares.append(0.9 * _degree(rule.condition, inner, at, deep + 1))
         else:
-            found.append(0.0)
-    return sum(weight * share for weight, share in zip(weights, found, strict=True)) / sum(weights)
+            shares.append(0.0)
+    return sum(weight * share for weight, share in zip(weights, shares, strict=True)) / sum(weights)
 
 
 def _values(part: Expr, history: Sequence[Rebuilt], scope: Locals) -> str:
-    """What the sides of a comparison were, or that a condition was false."""
+    """Return the values of the sides of a comparison, or "false" for another condition."""
     at = history[-1].at
     if not isinstance(part, Binary):
         return "false"
-    told = []
+    texts = []
     for side in (part.left, part.right):
         if isinstance(side, Number | Text | Flag | Symbol) or (isinstance(side, Ref) and side.kind == "region"):
             continue
         value = evaluate(side, scope, at)
-        told.append(f"{reading(side, scope)} = {_shown(value)}")
+        texts.append(f"{reading(side, scope)} = {_text(value)}")
     nearest = _nearest(part, history, scope)
-    return ", ".join(told or ["false"]) + (f" ({nearest})" if nearest else "")
+    return ", ".join(texts or ["false"]) + (f" ({nearest})" if nearest else "")
 
 
 def _nearest(part: Binary, history: Sequence[Rebuilt], scope: Locals) -> str:
-    """Over the whole episode, the value of the left side that was nearest to what a bound asks for."""
+    """Return the value of the left side, over the whole episode, that came nearest to the bound on the right side."""
     if part.operator not in ("<", "<=", ">", ">=") or not isinstance(part.right, Number):
         return ""
-    values = [(one.record.tick, evaluate(part.left, scope, one.at)) for one in history]
+    values = [(boundary.record.tick, evaluate(part.left, scope, boundary.at)) for boundary in history]
     numbers = [(float(value), tick) for tick, value in values if isinstance(value, int | float)]
     if len({value for value, _ in numbers}) < 2:
         return ""
-    value, tick = min(numbers) if part.operator.startswith("<") else max(numbers, key=lambda one: (one[0], -one[1]))
+    value, tick = min(numbers) if part.operator.startswith("<") else max(numbers, key=lambda pair: (pair[0], -pair[1]))
     return f"{'least' if part.operator.startswith('<') else 'most'} {value:.4g} at tick {tick}"
 
 
-def _shown(value: object) -> str:
+def _text(value: object) -> str:
     match value:
         case None:
             return "unknown"
@@ -175,7 +179,7 @@ def _shown(value: object) -> str:
         case Entity() | Report():
             return value.id
         case tuple():
-            return f"({', '.join(map(_shown, value))})"
+            return f"({', '.join(map(_text, value))})"
         case str():
             return value
     if isinstance(value, Place):

@@ -1,12 +1,12 @@
-"""Which targets were completed, and when: what the mission's success asks of each, wherever the mission says it.
+"""Completion of targets.
 
-A target is completed by an event of a rule that the success condition calls (`forall v in victim: rescued(v)`), or,
-where success calls none, by the mission's last stage.
+A target is completed by an event of a rule that the success condition calls (`forall v in victim: rescued(v)`). If the
+success condition calls no rule, the mission's last stage completes it.
 """
 
 from __future__ import annotations
 
-from lingjing.analysis.memo import once_per_trace
+from lingjing.analysis.memo import cache_by_trace
 from lingjing.mission.expression import Call, parts
 from lingjing.mission.feasibility.condition_needs import mentions
 from lingjing.mission.feasibility.needs import Supply
@@ -18,18 +18,18 @@ from lingjing.trace.records import BoundaryRecord
 _MASS = "kg"
 
 
-@once_per_trace
+@cache_by_trace
 def completion_ticks(trace: Trace) -> dict[str, int]:
-    """The tick at which each completed target was completed."""
-    found: dict[str, int] = {}
+    """Return the tick of completion of each completed target."""
+    ticks: dict[str, int] = {}
     for record in trace.boundaries:
         for target in completed_at(trace.header.instance, record):
-            found.setdefault(target, record.tick)
-    return found
+            ticks.setdefault(target, record.tick)
+    return ticks
 
 
-def asked_groups(instance: Instance) -> frozenset[str]:
-    """The groups of which success asks something: what its rules, or else the last stage, range over."""
+def required_target_groups(instance: Instance) -> frozenset[str]:
+    """Return the groups that success requires something of: the domains of its rules, or else of the last stage."""
     rules = _success_rules(instance)
     if rules:
         return frozenset(
@@ -39,34 +39,34 @@ def asked_groups(instance: Instance) -> frozenset[str]:
     return frozenset({last} if last is not None else ())
 
 
-def owed_kg(trace: Trace) -> tuple[float, float] | None:
-    """Mass that success asks to be brought, as (at the beginning, still due at the end); None if it asks for none.
+def required_mass_kg(trace: Trace) -> tuple[float, float] | None:
+    """Return the mass to deliver at the beginning and at the end of the episode, or None if success requires none.
 
-    Such a condition holds when a mass that is a target's state is small enough: `p.demand <= 0 kg`.
+    Such a condition bounds a state of a target that is a mass: `p.demand <= 0 kg`.
     """
     instance = trace.header.instance
-    asked = _masses(instance)
-    if not asked or not trace.boundaries or not trace.boundaries[-1].snapshots:
+    bounds = _mass_bounds(instance)
+    if not bounds or not trace.boundaries or not trace.boundaries[-1].snapshots:
         return None
     last = {state.id: state.resources for state in trace.boundaries[-1].snapshots[-1].states}
-    initial = due = 0.0
+    initial = remaining = 0.0
     for entity in instance.entities:
-        for (wanted, field), most in asked.items():
+        for (target, field), most in bounds.items():
             spec, amount = entity.state_of(field), entity.number(field)
-            if wanted in (entity.group, entity.id) and spec is not None and spec.unit == _MASS and amount is not None:
+            if target in (entity.group, entity.id) and spec is not None and spec.unit == _MASS and amount is not None:
                 initial += max(0.0, amount - most)
-                due += max(0.0, last.get(entity.id, {}).get(spec.name, amount) - most)
-    return (initial, due) if initial > 0.0 else None
+                remaining += max(0.0, last.get(entity.id, {}).get(spec.name, amount) - most)
+    return (initial, remaining) if initial > 0.0 else None
 
 
-def _masses(instance: Instance) -> dict[tuple[str, str], float]:
-    """Of which group or target success wants which state at most how large."""
-    found = mentions(instance.success, of_instance(instance))
-    return {(leaf.target.id, leaf.name): leaf.most for leaf in found if isinstance(leaf, Supply)}
+def _mass_bounds(instance: Instance) -> dict[tuple[str, str], float]:
+    """Return the upper bounds of success on states, by (group or target, name of the state)."""
+    needs = mentions(instance.success, of_instance(instance))
+    return {(leaf.target.id, leaf.name): leaf.most for leaf in needs if isinstance(leaf, Supply)}
 
 
 def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
-    """Targets that this boundary's events or stages complete."""
+    """Return the targets that are completed by the events or stages of this boundary."""
     if not record.events and not record.stages:
         return set()
     targets = {entity.id for entity in instance.entities if entity.role == "target"}

@@ -1,10 +1,12 @@
-"""Detection reports against the ground truth of the frames they speak of (the paper's box-matching rule).
+"""Comparison of detection reports with the ground truth of their frames (the paper's box-matching rule).
 
-The kernel decides which report matches which target (`adjudicate matched`, one to one in a frame); here it is
-counted. A report of a kind that no such rule compares with the truth (a jam, which the engine records when the UAV is
-near) is neither true nor false. Aligned frames are all stored frames, each of which was handed to a policy at its
-boundary, but reference pictures, of which no report may speak; a mission that judges no reports has none. A report
-counts once, whether many heard it or nobody. A target without visible pixels is not evaluated in a frame.
+The kernel decides which report matches which target (`adjudicate matched`, one to one in a frame). This module counts
+the results. A report of a kind that no matching rule compares with the truth is neither true nor false. An example is
+the report of a jam, which the engine records when the UAV is near.
+
+*Aligned frames* are all stored frames except reference pictures, which no report may name. Each of them was an input of
+a policy at its boundary. A mission without a matching rule has no aligned frames. A report counts once, whatever the
+number of its recipients. A target without visible pixels is not evaluated in a frame.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from statistics import median
 
 import msgspec
 
-from lingjing.analysis.memo import once_per_trace
+from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.messages import admitted
 from lingjing.plugins.frame_detector import UnitBox
 from lingjing.plugins.policy import REFERENCE
@@ -25,58 +27,60 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
 BINS = 10
-"""Bins of equal width of the expected calibration error."""
+"""Number of bins, of equal width, of the expected calibration error (the paper's definition)."""
 
 OVERLAP = 0.5
-"""The IoU from which two boxes are of the same thing (the paper's box-matching rule)."""
+"""Lowest IoU of two boxes of the same object (the paper's box-matching rule)."""
 
 
 @dataclass(frozen=True, slots=True)
 class MatchedReport:
-    """One detection report: what was said, about which frame, and the target it matched, if any.
-
-    `judged` if a rule of the mission compares such reports with the truth: only then is one without a target false.
-    `box` is normalised (x0, y0, x1, y1); `position` is (east, north) in metres; `error_m` its planar distance to
-    the matched target at the frame's capture time.
-    """
+    """One detection report, with the target that it matched."""
 
     id: str
     tick: int
     sender: str
     frame: str
+    """The id of the frame that the report names; "" if it names none."""
     cls: str
     box: UnitBox | None
+    """None if the report has no valid box."""
     position: tuple[float, float] | None
+    """(east, north) in metres. None if the report has no position."""
     confidence: float | None
     target: str | None
+    """The matched target, or None."""
     judged: bool
+    """True if a rule of the mission compares reports of this kind with the truth."""
     error_m: float | None
+    """Planar distance between `position` and the matched target at the capture time of the frame. None if unknown."""
 
     @property
     def false(self) -> bool:
-        """Whether it was compared with the truth and matches no target."""
+        """True if the report was compared with the truth and matches no target."""
         return self.judged and self.target is None
 
 
 class PerceptionCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """What rates of perception over several episodes need of one.
-
-    `missing`, `hallucinating` and `confusing` of the aligned `frames` have one or more of each. `errors_m` are the
-    distances of matched reports from their targets, `confidences` what compared reports said of
-    themselves and whether they matched.
-    """
+    """The counts of one episode for rates of perception over several episodes."""
 
     frames: int = 0
+    """Number of aligned frames."""
     missing: int = 0
+    """Number of aligned frames with an unmatched visible target."""
     hallucinating: int = 0
+    """Number of aligned frames with a false report."""
     confusing: int = 0
+    """Number of aligned frames with a report that confuses another object with a target."""
     errors_m: tuple[float, ...] = ()
+    """Distances of matched reports from their targets."""
     confidences: tuple[tuple[float, bool], ...] = ()
+    """The confidence of each judged report, and True if it matched."""
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """Counts over aligned frames; rates are None where their denominator is zero."""
+    """Reports, and counts over aligned frames. A rate is None if its denominator is zero."""
 
     reports: tuple[MatchedReport, ...]
     frames: int
@@ -115,10 +119,10 @@ class Detection:
 
     @property
     def confusion_rate(self) -> float | None:
-        """Share of aligned frames with a report that took something else for a target.
+        """Share of aligned frames with a report that confuses another object with a target.
 
-        "Number of evaluated perception calls assigned to an incorrect target class or distractor": a report without a
-        target of its own whose box overlaps by half (IoU) with the true box of something of another class.
+        The paper: "Number of evaluated perception calls assigned to an incorrect target class or distractor". Such a
+        report is false, and its box has an IoU of at least `OVERLAP` with the true box of an object of another class.
         """
         return ratio(self.confusing_frames, self.frames)
 
@@ -130,7 +134,7 @@ class Detection:
 
     @property
     def counts(self) -> PerceptionCounts:
-        """What is pooled over episodes."""
+        """The counts that are pooled over episodes."""
         return PerceptionCounts(
             frames=self.frames,
             missing=self.missing_frames,
@@ -147,15 +151,15 @@ class Detection:
 
     @property
     def confidences(self) -> tuple[tuple[float, bool], ...]:
-        """The confidence of each report that was compared with the truth and has one, and whether it matched."""
+        """The confidence of each judged report that has one, and True if it matched."""
         return tuple(
             (r.confidence, r.target is not None) for r in self.reports if r.judged and r.confidence is not None
         )
 
 
-@once_per_trace
+@cache_by_trace
 def detect(trace: Trace) -> Detection:
-    """Align every report of the trace with the frame it names."""
+    """Align every report of the trace with its frame, and count."""
     reports = tuple(_reports(trace))
     hits: dict[str, set[str]] = {}
     wrong: set[str] = set()
@@ -170,7 +174,7 @@ def detect(trace: Trace) -> Detection:
     return Detection(
         reports=reports,
         frames=len(frames),
-        true_positives=sum(len(found) for found in hits.values()),
+        true_positives=sum(map(len, hits.values())),
         false_positives=sum(report.false for report in reports),
         false_negatives=sum(missed.values()),
         missing_frames=sum(count > 0 for count in missed.values()),
@@ -180,14 +184,19 @@ def detect(trace: Trace) -> Detection:
 
 
 def calibration_error(judged: Sequence[tuple[float, bool]]) -> float | None:
-    """Expected calibration error of confidences and whether each was right: "Mean absolute difference between box-match
-    accuracy and mean confidence across ten bins of equal width, weighted by the number of samples in each bin". A
-    confidence outside 0..1 counts in the bin that is nearest."""
+    """Return the expected calibration error of (confidence, correct) pairs, or None if there are none.
+
+    The paper: "Mean absolute difference between box-match accuracy and mean confidence across ten bins of equal width,
+    weighted by the number of samples in each bin". A confidence outside 0..1 counts in the nearest bin.
+    """
     return ratio(sum(map(abs, calibration_gaps(judged))), len(judged))
 
 
 def calibration_gaps(judged: Sequence[tuple[float, bool]]) -> list[float]:
-    """By bin, how many were right less the sum of the confidences; those of several episodes add up."""
+    """Return, for each bin, the number of correct samples minus the sum of confidences.
+
+    The gaps of several episodes can be added.
+    """
     gaps = [0.0] * BINS
     for confidence, right in judged:
         gaps[int(min(max(confidence, 0.0), 1.0 - 0.5 / BINS) * BINS)] += right - confidence
@@ -195,8 +204,10 @@ def calibration_gaps(judged: Sequence[tuple[float, bool]]) -> list[float]:
 
 
 def confused_with(trace: Trace, report: MatchedReport) -> str | None:
-    """The entity of another class that a false report took for a target: the one whose true box overlaps most with the
-    report's, by half or more; None if it is of nothing, or of nothing else."""
+    """Return the entity of another class that a false report confused with a target, or None.
+
+    It is the entity with the largest IoU between its true box and the box of the report, if that is at least `OVERLAP`.
+    """
     info = trace.frames.get(report.frame)
     if not report.false or report.box is None or info is None:
         return None
@@ -205,36 +216,36 @@ def confused_with(trace: Trace, report: MatchedReport) -> str | None:
     return entity if overlap >= OVERLAP else None
 
 
-def iou(one: UnitBox, other: UnitBox) -> float:
-    """Intersection over union of two boxes."""
-    width = min(one[2], other[2]) - max(one[0], other[0])
-    height = min(one[3], other[3]) - max(one[1], other[1])
+def iou(first: UnitBox, second: UnitBox) -> float:
+    """Return the intersection over union of two boxes."""
+    width = min(first[2], second[2]) - max(first[0], second[0])
+    height = min(first[3], second[3]) - max(first[1], second[1])
     shared = max(0.0, width) * max(0.0, height)
-    union = sum(abs((box[2] - box[0]) * (box[3] - box[1])) for box in (one, other)) - shared
+    union = sum(abs((box[2] - box[0]) * (box[3] - box[1])) for box in (first, second)) - shared
     return shared / union if union > 0 else 0.0
 
 
-@once_per_trace
+@cache_by_trace
 def matching_rules(trace: Trace) -> frozenset[str]:
-    """Names of the rules that compare a report with the truth."""
+    """Return the names of the rules that compare a report with the truth."""
     return frozenset(rule.name for rule in trace.header.instance.rules if rule.matching)
 
 
-@once_per_trace
+@cache_by_trace
 def shots(trace: Trace) -> tuple[FrameInfo, ...]:
-    """The frames that somebody's camera took during the episode: all but reference pictures."""
+    """Return the frames that mounted cameras took during the episode: all except reference pictures."""
     return tuple(frame for frame in trace.frames.values() if frame.camera != REFERENCE)
 
 
 def judged_kinds(trace: Trace) -> frozenset[str]:
-    """The kinds of messages that a matching rule compares with the truth."""
+    """Return the kinds of messages that a matching rule compares with the truth."""
     kinds = {kind.kind for kind in trace.header.instance.messages}
     rules = (rule for rule in trace.header.instance.rules if rule.matching)
     return frozenset(kinds & {parameter.domain for rule in rules for parameter in rule.parameters})
 
 
 def position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | None:
-    """True (east, north) of an entity at boundary `tick`, None if there is no such boundary or entity."""
+    """Return the true (east, north) of an entity at boundary `tick`, or None if either does not exist."""
     if not 0 <= tick < len(trace.boundaries) or not trace.boundaries[tick].snapshots:
         return None
     for state in trace.boundaries[tick].snapshots[-1].states:
@@ -244,12 +255,12 @@ def position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | N
 
 
 def ratio(part: float, whole: float) -> float | None:
-    """Part / whole, None for an empty whole."""
+    """Return `part / whole`, or None if `whole` is zero."""
     return part / whole if whole else None
 
 
 def numbers(value: object, count: int) -> tuple[float, ...] | None:
-    """The first `count` finite numbers of a message field, None if it does not hold them."""
+    """Return the first `count` items of a message field as floats, or None if they are not finite numbers."""
     if not isinstance(value, tuple) or len(value) < count:
         return None
     plain = [float(item) for item in value[:count] if isinstance(item, int | float) and math.isfinite(item)]
@@ -263,16 +274,16 @@ def _reports(trace: Trace) -> Iterator[MatchedReport]:
             yield _report(trace, message, matches.get(message.id), message.kind in judged)
 
 
-def _report(trace: Trace, said: AdmittedMessage, target: str | None, judged: bool) -> MatchedReport:
-    body = said.body
-    frame, box = str(body.get("frame") or ""), _box(said)
+def _report(trace: Trace, message: AdmittedMessage, target: str | None, judged: bool) -> MatchedReport:
+    body = message.body
+    frame, box = str(body.get("frame") or ""), _box(message)
     position, confidence = numbers(body.get("position"), 2), body.get("confidence")
     info = trace.frames.get(frame)
     truth = position_of(trace, target, info.tick) if target is not None and info is not None else None
     return MatchedReport(
-        id=said.id,
-        tick=said.tick,
-        sender=said.sender,
+        id=message.id,
+        tick=message.tick,
+        sender=message.sender,
         frame=frame,
         cls=str(body.get("class") or ""),
         box=box,
@@ -284,23 +295,26 @@ def _report(trace: Trace, said: AdmittedMessage, target: str | None, judged: boo
     )
 
 
-def _box(said: AdmittedMessage) -> UnitBox | None:
-    box = numbers(said.body.get("box"), 4)
+def _box(message: AdmittedMessage) -> UnitBox | None:
+    box = numbers(message.body.get("box"), 4)
     return None if box is None else (box[0], box[1], box[2], box[3])
 
 
 def _matches(trace: Trace) -> dict[str, str]:
-    """MatchedReport id to target, from the events of the matching rules, whatever the order of their parameters."""
+    """Return the matched target of each report id, from the events of the matching rules.
+
+    The parameters of a rule may be in any order: a binding that is no entity is a report.
+    """
     rules = matching_rules(trace)
     entities = {entity.id for entity in trace.header.instance.entities}
-    found: dict[str, str] = {}
+    matches: dict[str, str] = {}
     for record in trace.boundaries:
         for event in record.events:
             targets = [name for name in event.bindings if name in entities]
             reports = [name for name in event.bindings if name not in entities]
             if event.kind in rules and targets and reports:
-                found[reports[0]] = targets[0]
-    return found
+                matches[reports[0]] = targets[0]
+    return matches
 
 
 def _visible(frame: FrameInfo, targets: set[str]) -> set[str]:

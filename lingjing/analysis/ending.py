@@ -1,8 +1,8 @@
-"""`why`: why an episode ended as it did, in a screenful.
+"""Explanation of an episode's end, in about one screen of text.
 
-What success lacked and with which values (`clauses`), which stage, budget or constraint ended it, and what had set
-that in motion: how far each target came and when, crashes, idle agents, refused commands, answers that were
-replaced.
+The explanation holds the unmet parts of success with their values (`clauses`), the stage, budget or constraint that
+ended the episode, and the events that led to it: the progress of each target, incidents, idle agents, rejected commands
+and substituted decisions.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from lingjing.trace.records import CUT_SHORT, Outcome, Receipt
 from lingjing.trace.request_ids import is_request_of
 
 IDLE_TICKS = 5
-"""Idle stretches that are told of are at least so long."""
+"""Shortest idle period that is mentioned, ticks. Chosen."""
 
 _MOST = 6
-"""Lines of one kind; the rest are counted."""
+"""Most lines of one kind; the rest are counted. Chosen."""
 
 _CLAUSES = 12
-"""Lines of what success lacked."""
+"""Most lines of unmet parts of success. Chosen."""
 
 _SUCCESS = "success: every part of the mission's condition held"
 _WORDS = {
@@ -42,30 +42,34 @@ _WORDS = {
     "constraint": "a hard constraint was broken",
     "late": "a stage used up its own ticks",
     "budget": "the mission's ticks ran out",
-    "infrastructure-abort": "aborted: something that the episode stands on failed; it counts for and against nobody",
-    "interrupted": "interrupted from outside; it counts for and against nobody",
-    "error": "ended by a fault of a program; it counts for and against nobody",
+    "infrastructure-abort": "aborted: the infrastructure of the episode failed; the result is not counted",
+    "interrupted": "interrupted from outside; the result is not counted",
+    "error": "ended by an error of a program; the result is not counted",
 }
 
 
 class EpisodeEnding(msgspec.Struct, frozen=True, kw_only=True):
-    """Why an episode ended. `cause` is what ended it; `lacking` the parts of success that did not hold, indented by
-    depth; `targets` how far each came; `troubles` what went wrong on the way, with when it began; `family` the
-    failure family of a lost episode with its records. All in words."""
+    """The explanation of an episode's end. All fields are texts."""
 
     episode: str
+    """Mission, mode, seed, policies, ticks and score."""
     cause: str
+    """The immediate cause of the end."""
     lacking: tuple[str, ...] = ()
+    """The unmet parts of success, indented by depth. Empty for a won episode."""
     targets: tuple[str, ...] = ()
+    """The progress of each target."""
     troubles: tuple[str, ...] = ()
+    """Incidents, broken constraints, rejected requests and idle periods, each with its first tick."""
     family: str = ""
+    """The failure family of a lost episode, with its evidence; "" for a won one."""
 
     @property
     def text(self) -> str:
-        """The whole of it, a few headings and lines."""
+        """The explanation as lines under headings."""
         blocks = [self.episode, f"ended by: {self.cause}", *([f"failure family: {self.family}"] if self.family else [])]
         for heading, lines in (
-            ("success lacked", self.lacking), ("how far each came", self.targets), ("on the way", self.troubles)
+            ("unmet parts of success", self.lacking), ("targets", self.targets), ("troubles", self.troubles)
         ):  # fmt: skip
             if lines:
                 blocks += [f"{heading}:", *(f"  {line}" for line in lines)]
@@ -73,7 +77,7 @@ class EpisodeEnding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def why(trace: Trace) -> EpisodeEnding:
-    """The ending of a trace, whole or cut."""
+    """Explain the end of a trace, whole or cut."""
     history = list(registries(trace))
     won = trace.outcome is not None and trace.outcome.success
     return EpisodeEnding(
@@ -87,13 +91,13 @@ def why(trace: Trace) -> EpisodeEnding:
 
 
 def _family(trace: Trace) -> str:
-    found = attribute(trace)
-    if found is None or not found.chain:
-        return "" if found is None else f"{found.family}: no rule is supported by the trace"
+    attribution = attribute(trace)
+    if attribution is None or not attribution.chain:
+        return "" if attribution is None else f"{attribution.family}: no rule is supported by the trace"
     links = "; ".join(
-        f"{link.text} (tick {link.tick}{f', {link.record}' if link.record else ''})" for link in found.chain
+        f"{link.text} (tick {link.tick}{f', {link.record}' if link.record else ''})" for link in attribution.chain
     )
-    return f"{found.family} of {found.target} from tick {found.tick}: {links}"
+    return f"{attribution.family} of {attribution.target} from tick {attribution.tick}: {links}"
 
 
 def _episode(trace: Trace) -> str:
@@ -106,25 +110,26 @@ def _episode(trace: Trace) -> str:
 
 
 def cause(trace: Trace) -> str:
-    """What ended an episode, in one line."""
+    """Return the immediate cause of an episode's end, in one line."""
     outcome = trace.outcome
     if outcome is None:
-        return "nothing that is recorded: the trace has no outcome, so its episode was killed or the file cut"
-    told = _WORDS[outcome.reason]
+        return "unknown: the trace has no outcome, so its process was killed or its file was cut"
+    text = _WORDS[outcome.reason]
     if outcome.reason == "budget":
-        told = f"{told}: {trace.header.instance.budget.ticks} ticks, and no stage's own bound was passed before"
-    return told + (f": {_line(outcome.detail)}" if outcome.detail else "") + _way_out(outcome)
+        text = f"{text}: {trace.header.instance.budget.ticks} ticks, and no stage's own bound was passed before"
+    return text + (f": {_line(outcome.detail)}" if outcome.detail else "") + _hint(outcome)
 
 
-def _way_out(outcome: Outcome) -> str:
+def _hint(outcome: Outcome) -> str:
     return f" (hint: {_line(outcome.hint)})" if outcome.hint and outcome.reason in CUT_SHORT else ""
 
 
 def _lacking(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
+    """Yield the unmet parts of success, then the number of the others."""
     at = history[-1].at
     held = 0
     for each, part in components(trace.header.instance.success):
-        members = [{}] if each is None else [{each.variable: one} for one in at.domain(each.domain)]
+        members = [{}] if each is None else [{each.variable: member} for member in at.domain(each.domain)]
         for scope in members:
             if holds(part, scope, at):
                 held += 1
@@ -136,20 +141,20 @@ def _lacking(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
 
 
 def _targets(trace: Trace) -> Iterator[str]:
-    """A line for each target that is not completed, then one that counts the others."""
+    """Yield a line for each target that is not completed, then one line for the completed ones."""
     instance = trace.header.instance
     completed = completion_ticks(trace)
-    wanted = [entity.id for entity in instance.entities if entity.role == "target"]
-    for name in wanted:
+    targets = [entity.id for entity in instance.entities if entity.role == "target"]
+    for name in targets:
         if name not in completed:
             yield f"{name}: {_seen(trace, name)}{_stages(trace, name)}"
-    done = [f"{name} at tick {completed[name]}" for name in wanted if name in completed]
+    done = [f"{name} at tick {completed[name]}" for name in targets if name in completed]
     if done:
         yield f"completed: {some(done)}"
 
 
 def _seen(trace: Trace, target: str) -> str:
-    """When it first stood in a picture, and when a report first matched it."""
+    """Return the first picture of a target and the tick of its first matched report, in words."""
     pictures = [frame for frame in shots(trace) if any(box.entity == target and box.pixels for box in frame.boxes)]
     rules = {rule.name for rule in trace.header.instance.rules if rule.matching}
     events = [event for record in trace.boundaries for event in record.events]
@@ -165,21 +170,21 @@ def _seen(trace: Trace, target: str) -> str:
 
 
 def _stages(trace: Trace, target: str) -> str:
-    """Which stages were done for it, and when."""
+    """Return the stages of a target with their ticks of completion, in words."""
     instance = trace.header.instance
     group = next(entity.group for entity in instance.entities if entity.id == target)
     changes = [change for record in trace.boundaries for change in record.stages]
     done = {(change.stage, change.subject): change.tick for change in changes}
-    told = []
+    texts = []
     for stage in instance.stages:
         if stage.domain in (None, group):
             tick = done.get((stage.name, target if stage.domain else ""))
-            told.append(f"{stage.name} {'never' if tick is None else f'at {tick}'}")
-    return f"; {', '.join(told)}" if told else ""
+            texts.append(f"{stage.name} {'never' if tick is None else f'at {tick}'}")
+    return f"; {', '.join(texts)}" if texts else ""
 
 
 def _troubles(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
-    yield from _first(f"tick {one.tick}: {one.line}" for one in incidents(trace))
+    yield from _first(f"tick {incident.tick}: {incident.line}" for incident in incidents(trace))
     yield from _first(_broken(trace, history))
     yield from _replaced(trace)
     yield from _refused(trace)
@@ -188,53 +193,53 @@ def _troubles(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
 
 
 def _broken(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
-    """Constraints that were broken, from their events."""
+    """Yield a line for each event of a broken constraint."""
     conditions = {constraint.name: constraint.condition for constraint in trace.header.instance.constraints}
-    for one in history:
-        for event in one.record.events:
+    for boundary in history:
+        for event in boundary.record.events:
             if event.kind in conditions:
-                who = " ".join(("", *event.bindings))
-                yield f"tick {event.tick}: {event.kind}{who} was broken: always {reading(conditions[event.kind], {})}"
+                name = " ".join((event.kind, *event.bindings))
+                yield f"tick {event.tick}: {name} was broken: always {reading(conditions[event.kind], {})}"
 
 
 def _replaced(trace: Trace) -> Iterator[str]:
-    """Answers of policies that became "do nothing", by agent and reason."""
-    found: dict[tuple[str, str], list[tuple[int, str]]] = {}
-    asked = Counter(made.agent for record in trace.boundaries for made in record.decisions)
+    """Yield a line for the substituted decisions of each agent and reason."""
+    substituted: dict[tuple[str, str], list[tuple[int, str]]] = {}
+    totals = Counter(entry.agent for record in trace.boundaries for entry in record.decisions)
     for record in trace.boundaries:
-        for made in record.decisions:
-            if made.substituted:
-                found.setdefault((made.agent, made.substituted), []).append((record.tick - 1, made.detail))
-    for (agent, reason), times in found.items():
+        for entry in record.decisions:
+            if entry.substituted:
+                substituted.setdefault((entry.agent, entry.substituted), []).append((record.tick - 1, entry.detail))
+    for (agent, reason), times in substituted.items():
         tick, detail = times[0]
         first = f"first at tick {tick}: {_line(detail, 120)}"
-        yield f"{agent}: {len(times)} of {asked[agent]} answers replaced ({reason}), {first}"
+        yield f"{agent}: {len(times)} of {totals[agent]} answers replaced ({reason}), {first}"
 
 
 def _refused(trace: Trace) -> Iterator[str]:
-    """Refused commands and messages by sender and reason, the most frequent first."""
-    found: dict[tuple[str, str], list[Receipt]] = {}
+    """Yield a line for the rejected requests of each sender and reason, the most frequent first."""
+    refused: dict[tuple[str, str], list[Receipt]] = {}
     verbs = {}
     for record in trace.boundaries:
-        for made in record.decisions:
-            if made.decision.command is not None:
-                verbs[made.agent, record.tick] = made.decision.command.verb
+        for entry in record.decisions:
+            if entry.decision.command is not None:
+                verbs[entry.agent, record.tick] = entry.decision.command.verb
         for receipt in record.receipts:
             own = is_request_of("kernel command", receipt.request)
             if receipt.status == "rejected" and receipt.by != "policy" and not own:
-                found.setdefault((receipt.sender, receipt.reason), []).append(receipt)
-    most = sorted(found.items(), key=lambda one: -len(one[1]))
+                refused.setdefault((receipt.sender, receipt.reason), []).append(receipt)
+    most = sorted(refused.items(), key=lambda item: -len(item[1]))
     for (sender, reason), receipts in most[:_MOST]:
         first = receipts[0]
         verb = "a message" if first.by == "bus" else verbs.get((sender, first.tick), "a command")
-        told = f"first {verb} at tick {first.tick}" + (f": {_line(first.detail, 90)}" if first.detail else "")
-        yield f"{sender}: {len(receipts)} refused ({reason}), {told}"
+        example = f"first {verb} at tick {first.tick}" + (f": {_line(first.detail, 90)}" if first.detail else "")
+        yield f"{sender}: {len(receipts)} refused ({reason}), {example}"
     if len(most) > _MOST:
         yield f"and {sum(len(receipts) for _, receipts in most[_MOST:])} more refusals"
 
 
 def _idle(trace: Trace) -> Iterator[str]:
-    """Agents with a long idle stretch: how many steps, and the longest."""
+    """Yield a line for each agent with a long idle period: the number of idle steps and the longest period."""
     for agent, steps in idle_steps(trace).items():
         begin, length = _longest(steps)
         if length >= IDLE_TICKS:
@@ -242,7 +247,7 @@ def _idle(trace: Trace) -> Iterator[str]:
 
 
 def _longest(steps: Sequence[bool]) -> tuple[int, int]:
-    """Where the longest run of idle steps begins, and its length."""
+    """Return the begin and the length of the longest run of idle steps."""
     best, begin = (0, 0), 0
     for number, idle in enumerate((*steps, False)):
         if not idle:
@@ -252,19 +257,20 @@ def _longest(steps: Sequence[bool]) -> tuple[int, int]:
 
 
 def _absent(trace: Trace) -> Iterator[str]:
+    """Yield a line for the undelivered pictures of each reason."""
     lost = {
-        (one.entity, one.camera, one.tick): one.reason
+        (absent.entity, absent.camera, absent.tick): absent.reason
         for record in trace.boundaries
-        for seen in record.observations
-        for one in seen.absent
+        for observation in record.observations
+        for absent in observation.absent
     }
     for reason, count in Counter(lost.values()).items():
-        first = min(tick for (_, _, tick), why in lost.items() if why == reason)
-        yield f"{count} picture{'s' * (count > 1)} did not come ({reason}), first at tick {first}"
+        first = min(tick for (_, _, tick), other in lost.items() if other == reason)
+        yield f"{count} picture{'s' * (count > 1)} not delivered ({reason}), first at tick {first}"
 
 
 def _first(lines: Iterable[str], most: int = _MOST) -> Iterator[str]:
-    """The first of many lines, and how many more there are."""
+    """Yield the first `most` lines, then the number of the others."""
     all_of_them = list(lines)
     yield from all_of_them[:most]
     if len(all_of_them) > most:
@@ -272,5 +278,5 @@ def _first(lines: Iterable[str], most: int = _MOST) -> Iterator[str]:
 
 
 def _line(text: str, most: int = 400) -> str:
-    """What somebody else wrote, in one line: it must not look like one of ours."""
+    """Return a foreign text as one line, so that it cannot imitate further lines of the explanation."""
     return " ".join(text.split())[:most]

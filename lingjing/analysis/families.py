@@ -1,32 +1,34 @@
-"""`attribute`: the failure family of a lost episode, with the records that show it.
+"""The failure family of a lost episode, with the records that show it.
 
 The paper: "Each failed episode is assigned to its earliest model-caused breakdown using aligned perception,
-localization, coordination, action, and task-state traces"; shares are taken over failed episodes without
-infrastructure failures, and "each episode receives one label". Its six families, and the rule that each has here. A
-rule speaks of one *lost* target: one that success asks for and that was not completed. It gives the tick at which
-the breakdown began and the chain of records that shows it: agent, action, message, relation, event.
+localization, coordination, action, and task-state traces". Shares are taken over failed episodes without infrastructure
+failures, and "each episode receives one label".
 
-- `perception_miss`: the target stood in a picture that was taken for an agent, and no report matched it within `DELAY`
-  ticks or ever, nor lay a false report on it; or, in a mission that judges reports, it stood in no picture and was
-  never matched when the mission's ticks ran out: then the breakdown is that the search ended without it, at the last
-  tick.
-- `object_confusion`: while the target was unmatched, a false report lay on something of another class by half or more.
-- `localisation_error`: a report matched the target, and no report located it within `DELAY` ticks or ever, by the rule
-  of the mission that asks for a matched report and looks at a position that it tells.
-- `handoff_break`: what the target needs next was known (it was located, or matched, or nothing has to be found) and it
-  was not assigned to who must serve it within `DELAY` ticks or ever, where a stage of the mission asks for that; or,
-  among several agents with bodies and where nothing had to be found, a stage that another depends on was never done, or
-  a body was never permitted to move.
-- `coordination_deadlock`: the target, or one that it waits for, was assigned, and `DELAY` ticks passed in which the
-  assignee did nothing though it was known where the target is, or, where no record names it, nobody with a body did
-  anything; or two commands for the assignee's body were refused as `conflict` while it was open.
-- `context_drift`: while the assignment was open, the body was sent to other targets or completed ones (a forgotten
-  subgoal) or `STUBBORN` times to one place where no target is, or an agent that controls it did the same refused thing
-  `STUBBORN` times in a row.
+A *lost target* is one that success requires and that was not completed. Each of the paper's six families has one rule
+here. A rule is applied to one lost target. It yields the tick at which the breakdown began and a chain of records as
+evidence: agent, action, message, relation, event.
 
-The earliest breakdown of any lost target is the episode's; of equal ticks the first in this order. What no rule
-supports is `unattributed`: a broken constraint, a crash, a late stage of a mission whose perception is not
-recorded.
+- `perception_miss`: a picture showed the target, and no report matched it within `DELAY` ticks, and no false report lay
+  on it. In a mission with a matching rule it also applies if no picture showed the target and the mission's ticks ran
+  out before a match. Its tick is then the last one.
+- `object_confusion`: before the target was matched, a false report lay on an object of another class (IoU of at least
+  `OVERLAP`).
+- `localisation_error`: a report matched the target, and no report located it within `DELAY` ticks. A rule of the
+  mission that reads the position of a matched report decides whether it is located.
+- `handoff_break`: there are two cases. (1) The target was known (located, matched, or known from the start), a stage of
+  the mission requires its assignment, and it was not assigned within `DELAY` ticks. (2) Nothing had to be found,
+  several agents have bodies, and a stage that another one depends on was never done, or a body was never permitted to
+  move.
+- `coordination_deadlock`: the target, or one that it waits for, was assigned and its place was known, and the assignee
+  was idle for `DELAY` ticks. If no record names the assignee, all agents with bodies were idle. It also applies if two
+  commands for the assignee's body were rejected as `conflict` after the assignment.
+- `context_drift`: after the assignment, the body was sent to other or completed targets (a forgotten subgoal), or
+  `STUBBORN` times to one place without a target, or an agent that controls it repeated a rejected action `STUBBORN`
+  times in a row.
+
+The earliest breakdown of any lost target determines the family. For equal ticks, the first family in this order wins.
+An episode without a breakdown is `unattributed`. Examples are a broken constraint, a crash, and a late stage in a
+mission whose perception is not recorded.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ from typing import Literal, get_args
 import msgspec
 
 from lingjing.analysis.behaviour import JudgedAction, actions
-from lingjing.analysis.completion import asked_groups, completion_ticks
+from lingjing.analysis.completion import completion_ticks, required_target_groups
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import assignments_of
@@ -61,73 +63,86 @@ FailureFamily = Literal[
     "unattributed",
 ]
 FAMILIES: tuple[FailureFamily, ...] = get_args(FailureFamily)
+"""All families, in the order that decides between equal ticks."""
 
 DELAY = 10
-"""Ticks after which what should have followed counts as missing: a sixth of the budget of the paper's search
+"""Ticks after which a missing step counts as a breakdown. Chosen: a sixth of the budget of the paper's search
 missions."""
 
 STUBBORN = 3
-"""Refusals of the same action in a row that show drift and no accident."""
+"""Repetitions of a rejected action that count as drift. Chosen: one or two may be an accident."""
 
 
 class RecordLink(msgspec.Struct, frozen=True, kw_only=True):
-    """One record of a chain: its kind, where it is found (a frame, message, command or event id), and what it says."""
+    """One record of a chain of evidence."""
 
     kind: Literal["agent", "action", "message", "relation", "event", "picture"]
     tick: int
     record: str
+    """The id of a frame, a message, a command or an agent; "" if the record has none."""
     text: str
+    """The evidence in words."""
 
 
 class Attribution(msgspec.Struct, frozen=True, kw_only=True):
-    """The family of a failed episode; `target` and `tick` are those of the breakdown, `chain` shows it."""
+    """The failure family of a lost episode."""
 
     family: FailureFamily
     target: str = ""
+    """The lost target; "" for `unattributed`."""
     tick: int | None = None
+    """The tick at which the breakdown began. None for `unattributed`."""
     chain: tuple[RecordLink, ...] = ()
 
 
 def attribute(trace: Trace) -> Attribution | None:
-    """The attribution of a failed episode; None if it was won, or cut short by the infrastructure."""
+    """Return the attribution of a lost episode, or None if it was won or did not end by itself."""
     outcome = trace.outcome
     if outcome is None or outcome.success or outcome.reason in CUT_SHORT or not trace.boundaries:
         return None
     story = _Story(trace)
-    found = [one for target in story.lost for one in _breakdowns(story, target)]
-    if not found:
+    breakdowns = [breakdown for target in story.lost for breakdown in _breakdowns(story, target)]
+    if not breakdowns:
         return Attribution(family="unattributed")
-    return min(found, key=lambda one: (one.tick, FAMILIES.index(one.family)))
+    return min(breakdowns, key=lambda breakdown: (breakdown.tick, FAMILIES.index(breakdown.family)))
 
 
 @dataclass
 class _Story:
-    """What the rules ask of a trace, gathered once."""
+    """The data of a trace that the rules need. Dictionaries of ticks hold the first tick by target or stage."""
 
     trace: Trace
     lost: list[str] = field(default_factory=list)
+    """The lost targets."""
     matched: dict[str, int] = field(default_factory=dict)
     located: dict[str, int] = field(default_factory=dict)
     handed: dict[str, int] = field(default_factory=dict)
+    """Completion of a stage in `handing`, by subject."""
     assigned: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
+    """Assignments of a target by another agent: tick, body, id of the message or command."""
     taken: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
+    """Commands of an agent that send its own body to a target: tick, body, id of the command."""
     done: dict[str, int] = field(default_factory=dict)
+    """Completion of a stage for any subject, by stage."""
     judged: bool = False
+    """True if the mission has a matching rule."""
     locates: bool = False
+    """True if the mission has a rule that reads the position of a matched report."""
     assigns: bool = False
+    """True if a stage requires an assignment."""
     handing: set[str] = field(default_factory=set)
+    """Names of the stages that require an assignment."""
 
     def __post_init__(self) -> None:
         instance = self.trace.header.instance
-        done, groups = completion_ticks(self.trace), asked_groups(instance)
-        self.lost = [
-            one.id for one in instance.entities if one.role == "target" and one.id not in done and one.group in groups
-        ]
+        done, groups = completion_ticks(self.trace), required_target_groups(instance)
+        targets = (entity for entity in instance.entities if entity.role == "target")
+        self.lost = [target.id for target in targets if target.id not in done and target.group in groups]
         matching = matching_rules(self.trace)
         locating = _locating_rules(instance, matching)
         self.judged, self.locates = bool(matching), bool(locating)
         outline = of_instance(instance)
-        self.handing = {stage.name for stage in instance.stages if _asks_for_assignment(stage, outline)}
+        self.handing = {stage.name for stage in instance.stages if _requires_assignment(stage, outline)}
         self.assigns = bool(self.handing)
         assignments = assignments_of(self.trace)
         owners = {body: agent.id for agent in instance.agents for body in agent.controls}
@@ -145,14 +160,14 @@ class _Story:
             for body, targets, message in assignments.at(record):
                 for target in targets:
                     self.assigned.setdefault(target, []).append((record.tick, body, message))
-            for command in (one for one in record.commands if one.origin == "agent"):
-                given = self.assigned if owners.get(command.resource) != command.sender else self.taken
-                for target in assignments.meant(record, command.arguments, command.resource):
-                    given.setdefault(target, []).append((record.tick, command.resource, command.id))
+            for command in (command for command in record.commands if command.origin == "agent"):
+                entries = self.assigned if owners.get(command.resource) != command.sender else self.taken
+                for target in assignments.targets_of(record, command.arguments, command.resource):
+                    entries.setdefault(target, []).append((record.tick, command.resource, command.id))
 
     @property
     def reason(self) -> str:
-        """Why the episode ended."""
+        """The reason of the episode's end."""
         return "" if self.trace.outcome is None else self.trace.outcome.reason
 
     @property
@@ -161,67 +176,70 @@ class _Story:
         return self.trace.boundaries[-1].tick
 
     def mistaken(self, target: str) -> int | None:
-        """When a false report first lay on the target, which then was not overlooked."""
-        boxes = {(one.id, box.box) for one in shots(self.trace) for box in one.boxes if box.entity == target}
+        """Return the tick of the first false report that lay on the target, or None. Such a target was noticed."""
+        boxes = {(frame.id, box.box) for frame in shots(self.trace) for box in frame.boxes if box.entity == target}
         return min(
             (
-                one.tick
-                for one in detect(self.trace).reports
-                if one.false and one.box is not None
-                if any(one.frame == frame and iou(one.box, box) >= OVERLAP for frame, box in boxes)
+                report.tick
+                for report in detect(self.trace).reports
+                if report.false and report.box is not None
+                if any(report.frame == frame and iou(report.box, box) >= OVERLAP for frame, box in boxes)
             ),
             default=None,
         )
 
     def assignments_of(self, target: str) -> list[tuple[int, str, str]]:
-        """Those of the target, else those of the targets of a stage that it waits for and that was never done."""
-        return self.assigned.get(target) or [one for name in self.blocking for one in self.assigned.get(name, ())]
+        """Return the assignments of the target, or if there are none, those of the targets in `blocking`."""
+        return self.assigned.get(target) or [
+            assignment for name in self.blocking for assignment in self.assigned.get(name, ())
+        ]
 
     @property
     def blocking(self) -> tuple[str, ...]:
-        """Targets of stages that others depend on and that were never done."""
+        """The targets of stages that were never done and that other stages depend on."""
         instance = self.trace.header.instance
-        targets = {one.id: one.group for one in instance.entities if one.role == "target"}
-        waited = {one.source for one in instance.relations if one.kind == "dependency"} - set(self.done)
-        found: dict[str, None] = {}
+        groups = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
+        sources = {relation.source for relation in instance.relations if relation.kind == "dependency"}
+        waited = sources - set(self.done)
+        blocking: dict[str, None] = {}
         for stage in instance.stages:
-            named = {part.name for part in parts(stage.condition) if isinstance(part, Ref)} | {stage.domain}
+            names = {part.name for part in parts(stage.condition) if isinstance(part, Ref)} | {stage.domain}
             if stage.name in waited:
-                found |= dict.fromkeys(one for one, group in targets.items() if one in named or group in named)
-        return tuple(found)
+                blocking |= dict.fromkeys(name for name, group in groups.items() if name in names or group in names)
+        return tuple(blocking)
 
     def actions(self) -> tuple[JudgedAction, ...]:
-        """All actions of the episode."""
+        """Return all actions of the episode."""
         return actions(self.trace)
 
 
 def _breakdowns(story: _Story, target: str) -> Iterator[Attribution]:
-    """Every breakdown that the trace supports for one lost target."""
+    """Yield the breakdown of each rule that applies to one lost target."""
     for rule in (_miss, _confusion, _mislocated, _handoff, _deadlock, _drift):
-        found = rule(story, target)
-        if found is not None:
-            yield found
+        breakdown = rule(story, target)
+        if breakdown is not None:
+            yield breakdown
 
 
 def _miss(story: _Story, target: str) -> Attribution | None:
     if not story.judged:
         return None
-    frames = [one for one in shots(story.trace) if any(box.entity == target and box.pixels for box in one.boxes)]
+    frames = [frame for frame in shots(story.trace) if any(box.entity == target and box.pixels for box in frame.boxes)]
     matched = story.matched.get(target)
     if not frames:
         if matched is not None or story.reason != "budget":
-            return None  # something else ended the search
-        link = RecordLink(kind="event", tick=story.last, record="", text=f"{target} stands in no picture")
+            return None  # the search did not end for want of ticks
+        link = RecordLink(kind="event", tick=story.last, record="", text=f"{target} is visible in no picture")
         return Attribution(family="perception_miss", target=target, tick=story.last, chain=(link,))
     first = frames[0]
     noticed = [tick for tick in (matched, story.mistaken(target)) if tick is not None]
     if noticed and min(noticed) - first.tick <= DELAY:
         return None
-    agent = _who_controls(story.trace.header.instance, first.entity)
-    after = "nor did any later" if matched is None else f"the first that did came {matched - first.tick} ticks later"
+    agent = _controller(story.trace.header.instance, first.entity)
+    after = "no later report did" if matched is None else f"the first match came {matched - first.tick} ticks later"
     chain = (
-        RecordLink(kind="picture", tick=first.tick, record=first.id, text=f"{target} stands in it"),
-        RecordLink(kind="agent", tick=first.tick, record=agent, text=f"{agent} was shown it, no report matched it"),
+        RecordLink(kind="picture", tick=first.tick, record=first.id, text=f"{target} is visible"),
+        RecordLink(kind="agent", tick=first.tick, record=agent, text=f"{agent} received it, no report matched it"),
         RecordLink(kind="event", tick=story.last if matched is None else matched, record="", text=after),
     )
     return Attribution(family="perception_miss", target=target, tick=first.tick, chain=chain)
@@ -234,7 +252,7 @@ def _confusion(story: _Story, target: str) -> Attribution | None:
         if other is not None:
             text = f"{report.sender} reports a {report.cls} where {other} is"
             chain = (
-                RecordLink(kind="picture", tick=report.tick, record=report.frame, text=f"{other} stands in it"),
+                RecordLink(kind="picture", tick=report.tick, record=report.frame, text=f"{other} is visible"),
                 RecordLink(kind="message", tick=report.tick, record=report.id, text=text),
             )
             return Attribution(family="object_confusion", target=target, tick=report.tick, chain=chain)
@@ -254,7 +272,7 @@ def _mislocated(story: _Story, target: str) -> Attribution | None:
 
 
 def _first_report(story: _Story, target: str) -> Iterator[RecordLink]:
-    """The first report that matched the target; none where a mission matches messages of another category."""
+    """Yield the first report that matched the target. There is none if the mission matches other messages."""
     for report in detect(story.trace).reports:
         if report.target == target:
             off = "an unknown distance" if report.error_m is None else f"{report.error_m:.0f} m"
@@ -273,19 +291,21 @@ def _handoff(story: _Story, target: str) -> Attribution | None:
     if handed is not None and handed - known <= DELAY:
         return None
     if handed is None and story.last - known <= DELAY:
-        return None  # found too late for anybody to act on it
-    told = "never assigned" if handed is None else f"assigned {handed - known} ticks later"
+        return None  # found too late for an assignment
+    text = "never assigned" if handed is None else f"assigned {handed - known} ticks later"
     end = story.last if handed is None else handed
     chain = (
-        RecordLink(kind="event", tick=known, record="", text=f"where {target} is was known"),
-        RecordLink(kind="relation", tick=end, record="information_handoff", text=told),
+        RecordLink(kind="event", tick=known, record="", text=f"the place of {target} was known"),
+        RecordLink(kind="relation", tick=end, record="information_handoff", text=text),
     )
     return Attribution(family="handoff_break", target=target, tick=known, chain=chain)
 
 
 def _known(story: _Story, target: str) -> int | None:
-    """When it was known where the target is: when it was located, or matched; from the start if nobody has to find
-    it."""
+    """Return the tick since which the place of the target was known, or None.
+
+    It is the tick of its location or of its match. For a target that need not be found, it is that of `_due`.
+    """
     if story.locates:
         return story.located.get(target)
     if story.judged:
@@ -295,7 +315,7 @@ def _known(story: _Story, target: str) -> int | None:
 
 
 def _due(story: _Story) -> int | None:
-    """When the stages before the one that asks for an assignment were done; None if one of them never was."""
+    """Return the tick at which all stages before the assignment were done, or None if one of them never was."""
     ticks = [0]
     for stage in story.trace.header.instance.stages:
         if stage.name in story.handing:
@@ -307,13 +327,13 @@ def _due(story: _Story) -> int | None:
 
 
 def _unopened(story: _Story, target: str) -> Attribution | None:
-    """What somebody waits for and another was to bring about, where nothing had to be found for it."""
+    """Return the handoff break of case (2): an unmet dependency or a missing permission."""
     instance = story.trace.header.instance
     if story.judged or sum(bool(agent.controls) for agent in instance.agents) < 2:
         return None
     done = story.done
     if any(name in story.assigned for name in story.blocking) and (_deadlock(story, target) or _drift(story, target)):
-        return None  # somebody was told to, and what became of that is the breakdown
+        return None  # the blocking target was assigned, and the assignee's breakdown comes first
     for relation in instance.relations:
         if relation.kind == "dependency" and relation.source not in done and relation.target not in done:
             text = f"{relation.target} waits for {relation.source}, which was never done"
@@ -323,7 +343,7 @@ def _unopened(story: _Story, target: str) -> Attribution | None:
 
 
 def _never_permitted(story: _Story, target: str) -> Attribution | None:
-    """A body whose first command and last command were both refused because what permits them never came about."""
+    """Return the breakdown of a body that never moved because its commands were rejected as not permitted."""
     refused: dict[str, list[Receipt]] = {}
     moved: set[str] = set()
     for record in story.trace.boundaries:
@@ -335,17 +355,17 @@ def _never_permitted(story: _Story, target: str) -> Attribution | None:
     for body, receipts in refused.items():
         if body not in moved and len(receipts) >= STUBBORN:
             first = receipts[0]
-            text = f"{first.sender} is refused to the end: {first.detail}"
+            text = f"{first.sender} is never permitted: {first.detail}"
             link = RecordLink(kind="action", tick=first.tick, record=first.request, text=text)
             return Attribution(family="handoff_break", target=target, tick=first.tick, chain=(link,))
     return None
 
 
 def _deadlock(story: _Story, target: str) -> Attribution | None:
-    given = story.assignments_of(target)
+    assignments = story.assignments_of(target)
     handed = story.handed.get(target)
-    if given:
-        tick, body, record = given[0]
+    if assignments:
+        tick, body, record = assignments[0]
         link = RecordLink(kind="message", tick=tick, record=record, text=f"{target} is assigned to {body}")
     elif handed is not None:
         tick, body = handed, ""
@@ -355,43 +375,51 @@ def _deadlock(story: _Story, target: str) -> Attribution | None:
     if story.judged:
         known = _known(story, target)
         if known is None:
-            return None  # who waits for what nobody has found is not to blame
+            return None  # an agent that waits for an undiscovered target is not at fault
         tick = max(tick, known)
-    for found in (_waiting(story, tick, body), _quarrel(story, tick, body)):
-        if found:
-            return Attribution(family="coordination_deadlock", target=target, tick=found[0].tick, chain=(link, *found))
+    for links in (_waiting(story, tick, body), _conflicts(story, tick, body)):
+        if links:
+            return Attribution(family="coordination_deadlock", target=target, tick=links[0].tick, chain=(link, *links))
     return None
 
 
 def _waiting(story: _Story, tick: int, body: str) -> tuple[RecordLink, ...]:
-    """The assignee, or where it is not known everybody with a body at once, idle for `DELAY` ticks in a row."""
+    """Return the link for an assignee that is idle for `DELAY` ticks in a row; none if there is no such period.
+
+    Without a known assignee, all agents with bodies must be idle at the same time.
+    """
     steps = still_steps(story.trace)
-    agent = _who_controls(story.trace.header.instance, body) if body else ""
-    idle = steps.get(agent, ()) if body else [all(one) for one in zip(*steps.values(), strict=False)]
+    agent = _controller(story.trace.header.instance, body) if body else ""
+    idle = steps.get(agent, ()) if body else [all(step) for step in zip(*steps.values(), strict=False)]
     begin, length = _idle_stretch(idle, tick)
     if length < DELAY:
         return ()
-    text = f"{agent or 'everybody'} is idle for {length} ticks"
+    text = f"{agent} is idle for {length} ticks" if agent else f"all agents are idle for {length} ticks"
     return (RecordLink(kind="agent", tick=begin, record=agent or ", ".join(steps), text=text),)
 
 
-def _quarrel(story: _Story, tick: int, body: str) -> tuple[RecordLink, ...]:
-    """Two or more commands for the body that were refused because others came first."""
+def _conflicts(story: _Story, tick: int, body: str) -> tuple[RecordLink, ...]:
+    """Return links for two commands for the body that were rejected as `conflict`; none if there are fewer."""
     refused = [
         receipt
-        for one in story.trace.boundaries
-        for receipt in one.receipts
-        if (receipt.reason, receipt.resource) == ("conflict", body) and one.tick > tick
+        for record in story.trace.boundaries
+        for receipt in record.receipts
+        if (receipt.reason, receipt.resource) == ("conflict", body) and record.tick > tick
     ]
     links = [
-        RecordLink(kind="action", tick=one.tick, record=one.request, text=f"{one.sender} is refused: {one.detail}")
-        for one in refused[:2]
+        RecordLink(
+            kind="action",
+            tick=receipt.tick,
+            record=receipt.request,
+            text=f"{receipt.sender} is refused: {receipt.detail}",
+        )
+        for receipt in refused[:2]
     ]
     return tuple(links) if len(links) == 2 else ()
 
 
 def _idle_stretch(steps: Sequence[bool], since: int) -> tuple[int, int]:
-    """The first stretch of at least `DELAY` idle steps from a tick on: where it begins, and its length."""
+    """Return begin and length of the first period of at least `DELAY` idle steps from a tick on; length 0 if none."""
     begin = since
     for number in range(since, len(steps) + 1):
         if number == len(steps) or not steps[number]:
@@ -402,39 +430,42 @@ def _idle_stretch(steps: Sequence[bool], since: int) -> tuple[int, int]:
 
 
 def _drift(story: _Story, target: str) -> Attribution | None:
-    given = sorted((*story.assignments_of(target), *story.taken.get(target, ())))
-    if not given:
+    assignments = sorted((*story.assignments_of(target), *story.taken.get(target, ())))
+    if not assignments:
         return None
-    tick, body, record = given[0]
+    tick, body, record = assignments[0]
     run: list[JudgedAction] = []
     stay: list[JudgedAction] = []
-    for one in story.actions():
-        if one.resource != body or one.tick <= tick:
+    for action in story.actions():
+        if action.resource != body or action.tick <= tick:
             continue
-        if one.forgotten:
-            return _drifted(target, (tick, body, record), one, "means other targets than the one that is open")
-        away = one.elsewhere and one.admitted
-        stay = [*(stay if one.repeated else ()), one] if away else []
+        if action.forgotten:
+            return _drifted(target, (tick, body, record), action, "has other targets than the assigned one")
+        away = action.elsewhere and action.admitted
+        stay = [*(stay if action.repeated else ()), action] if away else []
         if len(stay) >= STUBBORN:
-            return _drifted(target, (tick, body, record), stay[0], f"goes {len(stay)} times where no target is")
-        run = [*run, one] if one.repeated and not one.adherent else []
+            return _drifted(
+                target, (tick, body, record), stay[0], f"goes {len(stay)} times to a place without a target"
+            )
+        run = [*run, action] if action.repeated and not action.adherent else []
         if len(run) >= STUBBORN:
             return _drifted(target, (tick, body, record), run[0], f"is refused and repeated {len(run)} times")
     return None
 
 
-def _drifted(target: str, given: tuple[int, str, str], one: JudgedAction, what: str) -> Attribution:
-    tick, body, record = given
+def _drifted(target: str, assignment: tuple[int, str, str], action: JudgedAction, what: str) -> Attribution:
+    tick, body, record = assignment
+    name, text = f"{action.agent} {action.verb}", f"{action.verb} of {body} {what}"
     chain = (
         RecordLink(kind="message", tick=tick, record=record, text=f"{target} is assigned to {body}"),
-        RecordLink(kind="action", tick=one.tick, record=f"{one.agent} {one.verb}", text=f"{one.verb} of {body} {what}"),
+        RecordLink(kind="action", tick=action.tick, record=name, text=text),
     )
-    return Attribution(family="context_drift", target=target, tick=one.tick, chain=chain)
+    return Attribution(family="context_drift", target=target, tick=action.tick, chain=chain)
 
 
 def _locating_rules(instance: Instance, matching: frozenset[str]) -> frozenset[str]:
-    """Rules that ask for a matched report and look at a position that it tells."""
-    told = {
+    """Return the rules that call a matching rule and read the position of a report."""
+    positions = {
         message.kind: {field.name for field in message.fields if field.type == "position"}
         for message in instance.messages
     }
@@ -442,30 +473,31 @@ def _locating_rules(instance: Instance, matching: frozenset[str]) -> frozenset[s
         rule.name
         for rule in instance.rules
         if any(isinstance(part, Call) and part.rule and part.function in matching for part in parts(rule.condition))
-        and _reads_a_position(rule, told)
+        and _reads_a_position(rule, positions)
     )
 
 
-def _reads_a_position(rule: Rule, told: Mapping[str, set[str]]) -> bool:
-    """Whether a rule reads a field of a message that is one of the positions `told`, by kind."""
-    found = tuple(parts(rule.condition))
-    bound = {part.variable: part.domain for part in found if isinstance(part, Aggregate | Quantified)}
-    domains = {one.name: one.domain for one in rule.parameters} | bound
+def _reads_a_position(rule: Rule, positions: Mapping[str, set[str]]) -> bool:
+    """Return whether a rule reads one of the position fields, which are given by message kind."""
+    nodes = tuple(parts(rule.condition))
+    bound = {node.variable: node.domain for node in nodes if isinstance(node, Aggregate | Quantified)}
+    domains = {parameter.name: parameter.domain for parameter in rule.parameters} | bound
     return any(
-        isinstance(part, Attr)
-        and isinstance(part.base, Ref)
-        and part.name in told.get(domains.get(part.base.name, ""), ())
-        for part in found
+        isinstance(node, Attr)
+        and isinstance(node.base, Ref)
+        and node.name in positions.get(domains.get(node.base.name, ""), ())
+        for node in nodes
     )
 
 
-def _asks_for_assignment(stage: Stage, outline: Outline) -> bool:
-    """Whether a stage is done by giving somebody a destination."""
+def _requires_assignment(stage: Stage, outline: Outline) -> bool:
+    """Return whether a stage is completed by giving an agent a destination."""
     domains = {stage.variable: stage.domain} if stage.variable and stage.domain else {}
-    return any(isinstance(one, Handover) for one in mentions(stage.condition, outline, domains))
+    return any(isinstance(need, Handover) for need in mentions(stage.condition, outline, domains))
 
 
-def _who_controls(instance: Instance, body: str) -> str:
+def _controller(instance: Instance, body: str) -> str:
+    """Return the agent that controls a body, or the body's id if none does."""
     return next((agent.id for agent in instance.agents if body in agent.controls), body)
 
 

@@ -1,7 +1,7 @@
-"""Fonts for pictures of text: the one that ships with matplotlib, and for letters that it lacks one of this machine's.
+"""Fonts for drawn text: the font that ships with matplotlib, and a font of this machine for letters that it lacks.
 
-Which of the machine's fonts has the letters is asked of fontconfig (`fc-list`), where that is installed. Letters that
-no font has are drawn as boxes; `letters_without_a_font` and `note_of_boxes` tell them.
+fontconfig (`fc-list`) finds the machine's font, where it is installed. Letters that no font has are drawn as boxes.
+`letters_without_a_font` and `note_of_boxes` report them.
 """
 
 from __future__ import annotations
@@ -14,37 +14,39 @@ from PIL import ImageFont
 
 _OWN = "DejaVu Sans"
 
-ASKED = 40
-"""Letters that a font is asked for at a time; of a longer text the first ones."""
+MOST_LETTERS = 40
+"""Most letters in one query of fontconfig. Chosen: the first ones of a text suffice to find a font of its script."""
 
 
 @lru_cache(maxsize=256)
 def font(size: int, letters: str = "", *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """The sans-serif font that ships with matplotlib; if it lacks some of these `letters` (`lacking` says which), one
-    that has them, if there is one."""
-    found = _font_with(letters) if letters else None
-    path, index = found or (_own_font(bold=bold), 0)
+    """Return a font of `size` pixels that has `letters`, which the font of matplotlib lacks (see `lacking`).
+
+    Without letters, or if no font has them, it is the sans-serif font of matplotlib.
+    """
+    face = _font_with(letters) if letters else None
+    path, index = face or (_own_font(bold=bold), 0)
     return ImageFont.truetype(path, size, index=index)
 
 
 def lacking(text: str) -> str:
-    """The letters of a text that the own font lacks, each once, in order."""
+    """Return the letters of a text that the font of matplotlib lacks, each once, sorted, at most `MOST_LETTERS`."""
     known = _known()
     missing = dict.fromkeys(letter for letter in text if ord(letter) not in known and letter.isprintable())
-    return "".join(sorted(missing))[:ASKED]
+    return "".join(sorted(missing))[:MOST_LETTERS]
 
 
 def letters_without_a_font(text: str) -> str:
-    """The letters of a text that are drawn as boxes: all texts are written in two fonts at most."""
+    """Return the letters of a text that are drawn as boxes. A text is drawn in at most two fonts."""
     letters = lacking(text)
-    found = _font_with(letters) if letters else None
-    if found is None or found in _fonts(letters):
-        return "" if found else letters
-    return "".join(letter for letter in letters if found not in _fonts(letter))
+    face = _font_with(letters) if letters else None
+    if face is None or face in _fonts(letters):
+        return "" if face else letters
+    return "".join(letter for letter in letters if face not in _fonts(letter))
 
 
 def note_of_boxes(text: str) -> tuple[str, ...]:
-    """What is said once of a text of which letters are drawn as boxes."""
+    """Return a note for the user if letters of a text are drawn as boxes, else an empty tuple."""
     letters = letters_without_a_font(text)
     if not letters:
         return ()
@@ -52,16 +54,19 @@ def note_of_boxes(text: str) -> tuple[str, ...]:
 
 
 def families(text: str) -> list[str]:
-    """The fonts of a text by the names under which matplotlib finds them, however old its list of fonts is."""
+    """Return the names of the fonts of a text for matplotlib.
+
+    A font that is missing in matplotlib's cached list of fonts is added to it.
+    """
     from matplotlib.font_manager import fontManager
 
     letters = lacking(text)
-    found = _font_with(letters) if letters else None
-    if found is None:
+    face = _font_with(letters) if letters else None
+    if face is None:
         return [_OWN]
-    name = str(ImageFont.truetype(found[0], index=found[1]).getname()[0])
+    name = str(ImageFont.truetype(face[0], index=face[1]).getname()[0])
     if name not in fontManager.get_font_names():
-        fontManager.addfont(found[0])
+        fontManager.addfont(face[0])
     return [_OWN, name]
 
 
@@ -81,25 +86,25 @@ def _known() -> frozenset[int]:
 
 @lru_cache(maxsize=64)
 def _font_with(letters: str) -> tuple[str, int] | None:
-    """File and face of a font that has all the letters, or else most of them."""
-    whole = _fonts(letters)
-    if whole or len(letters) < 2:
-        return whole[0] if whole else None
-    having = [_fonts(letter) for letter in letters]
-    every = [one for some in having for one in some]
-    return max(every, key=every.count, default=None)
+    """Return file and face index of a font that has all the letters, or else of the one that has most of them."""
+    complete = _fonts(letters)
+    if complete or len(letters) < 2:
+        return complete[0] if complete else None
+    faces = [face for letter in letters for face in _fonts(letter)]
+    return max(faces, key=faces.count, default=None)
 
 
 @lru_cache(maxsize=256)
 def _fonts(letters: str) -> tuple[tuple[str, int], ...]:
-    """File and face of each font that has all the letters, regular sans-serif ones first."""
-    wanted = " ".join(f"{ord(letter):x}" for letter in letters)
-    command = ["fc-list", "-f", "%{file}\t%{index}\t%{style}\t%{family}\n", f":charset={wanted}:scalable=true"]
+    """Return file and face index of each font that has all the letters, regular sans-serif fonts first."""
+    codes = " ".join(f"{ord(letter):x}" for letter in letters)
+    command = ["fc-list", "-f", "%{file}\t%{index}\t%{style}\t%{family}\n", f":charset={codes}:scalable=true"]
     try:
-        told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False).stdout
+        output = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False).stdout
     except (OSError, subprocess.TimeoutExpired, UnicodeDecodeError):
         return ()
-    fonts = [line.split("\t") for line in told.splitlines()]
-    usable = [one for one in fonts if len(one) == 4 and one[1].isdigit() and int(one[1]) < 1 << 16]
-    usable.sort(key=lambda one: ("Sans" not in one[3], "Mono" in one[3], "Regular" not in one[2], one[0], int(one[1])))
-    return tuple((one[0], int(one[1])) for one in usable)
+    rows = [line.split("\t") for line in output.splitlines()]
+    # an index of 2^16 or more denotes an instance of a variable font, which Pillow cannot open by index
+    usable = [row for row in rows if len(row) == 4 and row[1].isdigit() and int(row[1]) < 1 << 16]
+    usable.sort(key=lambda row: ("Sans" not in row[3], "Mono" in row[3], "Regular" not in row[2], row[0], int(row[1])))
+    return tuple((row[0], int(row[1])) for row in usable)

@@ -1,11 +1,11 @@
-"""What a picture of an episode needs, gathered from its trace by entity and by tick; no drawing here."""
+"""The data of a trace by entity and by tick, as input for drawing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from lingjing.analysis.completion import asked_groups, completion_ticks
+from lingjing.analysis.completion import completion_ticks, required_target_groups
 from lingjing.analysis.detection import MatchedReport, detect, judged_kinds, shots
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.messages import admitted
@@ -17,62 +17,70 @@ from lingjing.trace.records import REFUSED, FrameInfo
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where one entity was at every macro-step: times (s), (east, north) in metres, and its battery where it has
-    one (0..1 of what it began with)."""
+    """The track of one entity over all macro-steps."""
 
     entity: str
     role: str
     times: tuple[float, ...]
+    """Times of the macro-steps, seconds."""
     points: tuple[tuple[float, float], ...]
+    """(east, north) in metres at `times`."""
     battery: tuple[float, ...]
+    """The charge as a share of the first one. Empty if the entity has no battery."""
     status: str
+    """The last status."""
 
 
 @dataclass(frozen=True, slots=True)
 class HistoryEvent:
-    """One adjudicated event, or one of the mission's own (`weather`): its kind, tick, and the entity it is about ("" if
-    none)."""
+    """One adjudicated event, or one scheduled event of the mission such as `weather`."""
 
     kind: str
     tick: int
     entity: str
+    """The first entity of the event; "" if it has none."""
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target, `aside` for one that
-    success asks nothing of and with which nobody did anything (a depot, a jam not seen); `completed` says at which
-    tick. `deeds` are the words of those that somebody dealt with beside what success asks (a jam `recorded`). `shots`
-    are the frames without reference pictures; `reporting` if anybody may report, `judging` if a rule compares reports
-    with the truth."""
+    """The data of one episode that the overview draws."""
 
     instance: Instance
     tracks: dict[str, Track]
     reports: tuple[MatchedReport, ...]
     frames: dict[str, FrameInfo]
     shots: tuple[FrameInfo, ...]
+    """The frames without reference pictures."""
     reporting: bool
+    """True if the mission declares a kind of report."""
     judging: bool
-    said: tuple[AdmittedMessage, ...]
-    happened: tuple[HistoryEvent, ...]
+    """True if a rule compares reports with the truth."""
+    messages: tuple[AdmittedMessage, ...]
+    events: tuple[HistoryEvent, ...]
     incidents: tuple[Incident, ...]
     refusals: tuple[tuple[int, str], ...]
+    """Tick and sender of each request that was not carried out."""
     visited: frozenset[str]
+    """Names of the visited search cells."""
     fate: dict[str, str]
+    """The state of each target at the end: `completed`, `found` or `missed`. `aside` is a target that success does not
+    require and no asset interacted with, such as a depot or an unseen jam."""
     deeds: dict[str, str]
+    """The result of an interaction with a target, such as `recorded` for a jam."""
     completed: dict[str, int]
+    """Tick of completion of each completed target."""
     ticks: int
 
     def tracks_of(self, role: str) -> tuple[Track, ...]:
-        """The tracks of assets or of targets in declaration order."""
+        """Return the tracks of assets or of targets in declaration order."""
         return tuple(track for track in self.tracks.values() if track.role == role)
 
 
 def history_of(trace: Trace) -> History:
-    """Gather the history of one trace, whole or cut."""
+    """Return the history of one trace, whole or cut."""
     instance = trace.header.instance
     reports = detect(trace).reports
-    dealt = _dealt_with(trace)
+    deeds = _deeds(trace)
     return History(
         instance=instance,
         tracks={entity.id: _track(trace, entity.id, entity.role) for entity in instance.entities},
@@ -81,8 +89,8 @@ def history_of(trace: Trace) -> History:
         shots=shots(trace),
         reporting=any(kind.category == "report" for kind in instance.messages),
         judging=bool(judged_kinds(trace)),
-        said=admitted(trace),
-        happened=_happened(trace),
+        messages=admitted(trace),
+        events=_events(trace),
         incidents=incidents(trace),
         refusals=tuple(
             (receipt.tick, receipt.sender)
@@ -93,12 +101,12 @@ def history_of(trace: Trace) -> History:
         visited=frozenset(
             view.name
             for record in trace.boundaries
-            for seen in record.observations
-            for view in seen.cells
+            for observation in record.observations
+            for view in observation.cells
             if view.visited_tick is not None
         ),
-        fate=_fate(trace, reports, dealt),
-        deeds=dealt,
+        fate=_fate(trace, reports, deeds),
+        deeds=deeds,
         completed=completion_ticks(trace),
         ticks=trace.boundaries[-1].tick if trace.boundaries else 0,
     )
@@ -127,45 +135,46 @@ def _track(trace: Trace, entity: str, role: str) -> Track:
     )
 
 
-def _happened(trace: Trace) -> tuple[HistoryEvent, ...]:
+def _events(trace: Trace) -> tuple[HistoryEvent, ...]:
+    """Return the scheduled events, then the adjudicated ones."""
     entities = {entity.id for entity in trace.header.instance.entities}
-    by_itself = [
+    scheduled = [
         HistoryEvent(event.kind, record.tick, name)
         for record in trace.boundaries
         for event in record.task_events
         if event.name
         for name in event.entities or ("",)
     ]
-    judged = (
+    adjudicated = (
         HistoryEvent(event.kind, event.tick, next((name for name in event.bindings if name in entities), ""))
         for record in trace.boundaries
         for event in record.events
     )
-    return (*by_itself, *judged)
+    return (*scheduled, *adjudicated)
 
 
-def _dealt_with(trace: Trace) -> dict[str, str]:
-    """What assets did, as the engines say, with each target but take what it hands out: `recorded`."""
+def _deeds(trace: Trace) -> dict[str, str]:
+    """Return the result of the interactions with each target. Interactions in which the target gives are left out."""
     acts = [task for record in trace.boundaries for task in record.task_events if not task.name]
     done = {(task.kind, name) for task in acts for name in task.entities}
-    found: dict[str, str] = {}
+    deeds: dict[str, str] = {}
     for entity in trace.header.instance.entities:
-        for one in entity.interactions:
-            if not one.gives and (one.name, entity.id) in done:
-                found[entity.id] = one.done_word
-    return found
+        for interaction in entity.interactions:
+            if not interaction.gives and (interaction.name, entity.id) in done:
+                deeds[entity.id] = interaction.done_word
+    return deeds
 
 
-def _fate(trace: Trace, reports: tuple[MatchedReport, ...], dealt: Iterable[str]) -> dict[str, str]:
-    completed, found = completion_ticks(trace), {report.target for report in reports}.union(dealt)
-    asked = asked_groups(trace.header.instance)
+def _fate(trace: Trace, reports: tuple[MatchedReport, ...], deeds: Iterable[str]) -> dict[str, str]:
+    completed, noticed = completion_ticks(trace), {report.target for report in reports}.union(deeds)
+    required = required_target_groups(trace.header.instance)
     return {
         entity.id: "completed"
         if entity.id in completed
         else "found"
-        if entity.id in found
+        if entity.id in noticed
         else "missed"
-        if entity.group in asked
+        if entity.group in required
         else "aside"
         for entity in trace.header.instance.entities
         if entity.role == "target"

@@ -1,11 +1,13 @@
-"""Idle fraction: the share of agent steps with nothing assigned and nothing done.
+"""Idle fraction: the share of agent steps without an assignment and without an action.
 
 The paper (its table of diagnostic metrics): "Number of agent steps with no assigned or executed task action, divided by
-all agent steps." An agent has a step at each boundary at which it was asked; only agents with a body have any, since a
-hub is assigned nothing and executes nothing. A step is not idle if a command for one of the agent's bodies was admitted
-in it or was still under way, or if an assignment to it was open: from the tick it was sent until what it names is
-completed, the agent itself tells that it is done, or, where it means no target, until a command begun after it has
-ended.
+all agent steps."
+
+An agent has a step at each boundary at which its policy was called. Only agents with a body count, because a hub is
+assigned nothing and executes nothing. A step is active if a command for one of the agent's bodies was admitted in it or
+was still running, or if an assignment was open. An assignment is open from the tick at which it was sent until its
+targets are completed. An assignment without targets, an *errand*, is open until the agent reports that it is done, or
+until the first command that began after the assignment has ended.
 """
 
 from __future__ import annotations
@@ -15,25 +17,29 @@ from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import ratio
-from lingjing.analysis.memo import once_per_trace
+from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.repetition import assignments_of
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Receipt
 
 _ENDS = frozenset({"completed", "rejected", "timed_out"})
+"""Statuses of receipts that end a request."""
 _DONE = "done"
-"""The state by which a target-status message tells that its sender is through with something."""
+"""The `state` of a target-status message that ends the sender's errand."""
 
 
 @dataclass(slots=True)
 class _Duty:
-    """What one body is at: the request under way, targets it was assigned, and if an errand without one is open."""
+    """The occupation of one body."""
 
     request: str = ""
+    """The id of the running request, or ""."""
     targets: set[str] = field(default_factory=set)
+    """Assigned targets that are not completed."""
     errand: bool = False
+    """True if an assignment without targets is open."""
     since: str = ""
-    """The first request that began after the errand was given."""
+    """The id of the first request that began after the errand was assigned, or ""."""
 
     @property
     def busy(self) -> bool:
@@ -49,54 +55,52 @@ class _Duty:
         if self.errand and request == self.since:
             self.errand = False
 
-    def assign(self, targets: Iterable[str]) -> None:
-        given = set(targets)
-        self.targets |= given
-        if not given:
+    def assign(self, targets: set[str]) -> None:
+        self.targets |= targets
+        if not targets:
             self.errand, self.since = True, ""
 
 
 def idle_fraction(trace: Trace) -> float | None:
-    """Idle steps over all steps of agents with a body; None if there was none."""
+    """Return the share of idle steps of agents with a body, or None if there were no steps."""
     steps = idle_steps(trace)
     return ratio(sum(map(sum, steps.values())), sum(map(len, steps.values())))
 
 
 def idle_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
-    """Whether each step of each agent with a body was idle, in order."""
+    """Return, for each agent with a body, True for each idle step, in order."""
     return {agent: tuple(idle for idle, _ in steps) for agent, steps in _steps(trace).items()}
 
 
 def still_steps(trace: Trace) -> dict[str, tuple[bool, ...]]:
-    """Whether in each step of each agent with a body nothing was done or asked for, whatever it was assigned."""
+    """Return, for each agent with a body, True for each step without an action, in order. Assignments do not count."""
     return {agent: tuple(still for _, still in steps) for agent, steps in _steps(trace).items()}
 
 
-@once_per_trace
+@cache_by_trace
 def _steps(trace: Trace) -> dict[str, tuple[tuple[bool, bool], ...]]:
-    """Of each step of each agent with a body whether it was idle, and whether nothing was done."""
+    """Return, for each step of each agent with a body: True if it was idle, and True if it had no action."""
     instance = trace.header.instance
     bodies = {agent.id: agent.controls for agent in instance.agents if agent.controls}
     duties = {body: _Duty() for controls in bodies.values() for body in controls}
     assigned, completed = assignments_of(trace), set[str]()
     steps: dict[str, list[tuple[bool, bool]]] = {agent: [] for agent in bodies}
     for record in trace.boundaries:
-        asked = [made.agent for made in record.decisions if made.agent in bodies]
-        spoke = {made.agent for made in record.decisions if made.decision.command is not None and not made.substituted}
+        own = [entry for entry in record.decisions if entry.agent in bodies]
+        commanded = {entry.agent for entry in own if entry.decision.command is not None and not entry.substituted}
         began = _begin(record, duties)
         _assign(assigned.at(record), duties, completed)
-        for agent in asked:
+        for agent in (entry.agent for entry in own):
             active = any(duties[body].request or body in began for body in bodies[agent])
-            steps[agent].append(
-                (not active and not any(duties[body].busy for body in bodies[agent]), not active and agent not in spoke)
-            )
+            busy = any(duties[body].busy for body in bodies[agent])
+            steps[agent].append((not active and not busy, not active and agent not in commanded))
         completed |= completed_at(instance, record)
         _end(record, bodies, duties, completed)
-    return {agent: tuple(made) for agent, made in steps.items()}
+    return {agent: tuple(own_steps) for agent, own_steps in steps.items()}
 
 
 def _begin(record: BoundaryRecord, duties: Mapping[str, _Duty]) -> set[str]:
-    """The bodies for which a command was carried out or begun in this step."""
+    """Register the admitted commands of a step, and return their bodies."""
     first = {receipt.request: receipt for receipt in reversed(record.receipts)}
     began = set()
     for command in record.commands:
@@ -108,7 +112,7 @@ def _begin(record: BoundaryRecord, duties: Mapping[str, _Duty]) -> set[str]:
 
 
 def _admitted(receipt: Receipt | None) -> bool:
-    """The first receipt of a command that an engine was sent says whether it took it."""
+    """Return whether the first receipt of a command admits it."""
     return receipt is not None and receipt.status not in ("rejected", "timed_out")
 
 

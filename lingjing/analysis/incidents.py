@@ -1,8 +1,8 @@
-"""What went wrong in the world: who crashed, collided, fell, drowned, ran aground or ran out of energy, when and where.
+"""Incidents: collisions, falls, drownings, groundings and empty energy stores, with time and place.
 
-Two sources, both of the trace: the engines' task events, and states in which an asset has become unable to act. A
-state that an event at its macro-step explains, or an empty store before, is no incident of its own. A collision that
-both sides report is one. What a mission declares as an interaction is none, whatever it is called.
+There are two sources, both in the trace: the task events of engines, and states in which an asset cannot act any more.
+Such a state is no incident of its own if an event at its macro-step or an earlier empty store explains it. A collision
+that both sides report is one incident. A declared interaction of the mission is no incident, whatever its name.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import takewhile
 
 import msgspec
 
-from lingjing.analysis.memo import once_per_trace
+from lingjing.analysis.memo import cache_by_trace
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DROWNED, FELL, FUEL_EMPTY
 from lingjing.trace.reader import Trace
@@ -27,41 +27,44 @@ _WORDS = {
     DROWNED: "{} drowned",
 }
 LOST = (DEAD, AGROUND, FALLEN)
-"""Statuses of assets that cannot act any more, or not until they have recovered."""
+"""Statuses of assets that cannot act, or not until they have recovered."""
 
 _SAME_S = 1.0
-"""Two reports of one pair, one from each side, are one collision if they are no further apart than this or two
-macro-steps: the sides' engines meet at macro-steps only."""
+"""Longest time, seconds, between the two reports of one collision, one from each side. It is at least two macro-steps,
+because engines exchange states at macro-steps only. Chosen."""
 
 _TOLERANCE_S = 1e-6
+"""Tolerance of comparisons of times, seconds. It covers the rounding of sums of macro-steps."""
 
 
 class Incident(msgspec.Struct, frozen=True, kw_only=True):
-    """One incident. `kind` is `collided`, `battery_empty`, `fuel_empty`, `fell`, `drowned`, or the status that an asset
-    has come into for no reason that an engine gave (`dead`, `aground`, `fallen`).
-
-    `entities` begins with who it happened to, `text` says it in words. `tick` is the boundary by which it had happened;
-    `position` is where the first of them that has a state was at the end of that macro-step, metres.
-    """
+    """One incident."""
 
     kind: str
+    """`collided`, `battery_empty`, `fuel_empty`, `fell`, `drowned`, or a status without an event that explains it:
+    `dead`, `aground`, `fallen`."""
     entities: tuple[str, ...]
+    """The affected entity first, then the others."""
     tick: int
+    """The first boundary after the incident."""
     time_s: float
     text: str
+    """The incident in words."""
     position: Vector | None = None
+    """Position, metres, of the first entity that has a state, at the end of the macro-step. None if unknown."""
     speed_mps: float | None = None
+    """Speed of the impact. None if unknown."""
 
     @property
     def line(self) -> str:
-        """`uav[1] and uav[2] collided at 12.2 m/s, at (61, -700, 11)`."""
+        """The incident in words with its place: `uav[1] and uav[2] collided at 12.2 m/s, at (61, -700, 11)`."""
         where = "" if self.position is None else f", at ({', '.join(f'{part:.0f}' for part in self.position)})"
         return self.text + where
 
 
-@once_per_trace
+@cache_by_trace
 def incidents(trace: Trace) -> tuple[Incident, ...]:
-    """All incidents of a trace, whole or cut, in order of time."""
+    """Return all incidents of a trace, whole or cut, in order of time."""
     search = incident_search(trace.header.instance)
     for record in trace.boundaries:
         search.take(record)
@@ -69,7 +72,7 @@ def incidents(trace: Trace) -> tuple[Incident, ...]:
 
 
 def incident_search(instance: Instance) -> IncidentSearch:
-    """A search that has seen no boundary yet."""
+    """Return a search without any boundary."""
     return IncidentSearch(
         entities={entity.id: entity for entity in instance.entities},
         same_s=max(_SAME_S, 2.0 * instance.clock.sync_s) + _TOLERANCE_S,
@@ -78,50 +81,50 @@ def incident_search(instance: Instance) -> IncidentSearch:
 
 @dataclass(slots=True)
 class IncidentSearch:
-    """Incidents, found boundary by boundary.
-
-    `found` are those up to the boundary that was taken last, in order of time; `status` is everybody's at the
-    macro-step `since_s`.
-    """
+    """Search for incidents, boundary by boundary."""
 
     entities: Mapping[str, Entity]
     same_s: float
+    """Longest time between the two reports of one collision."""
     found: list[Incident] = field(default_factory=list)
+    """The incidents up to the last boundary, in order of time."""
     status: dict[str, str] = field(default_factory=dict)
+    """The status of each entity at `since_s`."""
     since_s: float = -1.0
+    """Time of the last macro-step."""
 
     def take(self, record: BoundaryRecord) -> None:
-        """One more boundary."""
+        """Add the incidents of one boundary."""
         first = len(self.found)
-        told = [_told(event, record, self.entities) for event in record.task_events if self._counts(event)]
-        for one in sorted(told, key=lambda each: each.time_s):
-            if not self._is_other_side(one):
-                self.found.append(one)
+        reported = [_incident(event, record, self.entities) for event in record.task_events if self._counts(event)]
+        for incident in sorted(reported, key=lambda incident: incident.time_s):
+            if not self._is_other_side(incident):
+                self.found.append(incident)
         for snapshot in record.snapshots:
             for state in snapshot.states:
                 if self.status.get(state.id) != state.status:
-                    self._look(state, snapshot, record.tick)
+                    self._check_state(state, snapshot, record.tick)
             self.since_s = snapshot.time_s
-        self.found[first:] = sorted(self.found[first:], key=lambda one: one.time_s)
+        self.found[first:] = sorted(self.found[first:], key=lambda incident: incident.time_s)
 
     def _counts(self, event: TaskEvent) -> bool:
         known = [self.entities[name] for name in event.entities if name in self.entities]
-        declared = any(one.name == event.kind for entity in known for one in entity.interactions)
+        declared = any(interaction.name == event.kind for entity in known for interaction in entity.interactions)
         return event.kind in (COLLIDED, *_WORDS) and not event.name and bool(known) and not declared
 
-    def _is_other_side(self, one: Incident) -> bool:
-        recent = takewhile(lambda other: one.time_s - other.time_s <= self.same_s, reversed(self.found))
-        return one.kind == COLLIDED and any(
-            other.kind == COLLIDED and other.entities[:2] == one.entities[1::-1] for other in recent
+    def _is_other_side(self, incident: Incident) -> bool:
+        recent = takewhile(lambda other: incident.time_s - other.time_s <= self.same_s, reversed(self.found))
+        return incident.kind == COLLIDED and any(
+            other.kind == COLLIDED and other.entities[:2] == incident.entities[1::-1] for other in recent
         )
 
-    def _look(self, state: BodyState, snapshot: Snapshot, tick: int) -> None:
-        """An asset that has come into one of the statuses `LOST`, if nothing else says why."""
+    def _check_state(self, state: BodyState, snapshot: Snapshot, tick: int) -> None:
+        """Add an incident if an asset has entered one of the statuses `LOST` and no earlier incident explains it."""
         self.status[state.id] = state.status
         entity = self.entities.get(state.id)
         if entity is None or entity.role != "asset" or state.status not in LOST:
             return
-        if not any(self._explains(one, state.id, snapshot.time_s) for one in self.found):
+        if not any(self._explains(earlier, state.id, snapshot.time_s) for earlier in self.found):
             self.found.append(
                 Incident(
                     kind=state.status,
@@ -133,20 +136,21 @@ class IncidentSearch:
                 )
             )
 
-    def _explains(self, one: Incident, entity: str, now_s: float) -> bool:
-        if entity not in one.entities[:2] or one.time_s > now_s + _TOLERANCE_S:
+    def _explains(self, incident: Incident, entity: str, now_s: float) -> bool:
+        if entity not in incident.entities[:2] or incident.time_s > now_s + _TOLERANCE_S:
             return False
-        return one.kind in _EMPTY or one.time_s > self.since_s + _TOLERANCE_S
+        return incident.kind in _EMPTY or incident.time_s > self.since_s + _TOLERANCE_S
 
 
-def _told(event: TaskEvent, record: BoundaryRecord, entities: Mapping[str, Entity]) -> Incident:
-    who, *others = event.entities
+def _incident(event: TaskEvent, record: BoundaryRecord, entities: Mapping[str, Entity]) -> Incident:
+    body, *others = event.entities
     speed = event.values.get("speed_mps")
     if event.kind == COLLIDED:
-        text = f"{who} and {others[0]} collided" if others and others[0] in entities else f"{who} hit {_thing(others)}"
+        both = others and others[0] in entities
+        text = f"{body} and {others[0]} collided" if both else f"{body} hit {_obstacle(others)}"
         text += "" if speed is None else f" at {speed:.1f} m/s"
     else:
-        text = _WORDS[event.kind].format(who)
+        text = _WORDS[event.kind].format(body)
     return Incident(
         kind=event.kind,
         entities=event.entities,
@@ -158,17 +162,18 @@ def _told(event: TaskEvent, record: BoundaryRecord, entities: Mapping[str, Entit
     )
 
 
-def _thing(others: Sequence[str]) -> str:
-    """`ground` and `water` are the engines' words; anything else is a name."""
+def _obstacle(others: Sequence[str]) -> str:
+    """Return the obstacle in words. Engines write `ground` and `water` for these; anything else is a name."""
     if not others:
         return "something"
     return f"the {others[0]}" if others[0] in ("ground", "water") else others[0]
 
 
 def _place(event: TaskEvent, snapshots: Sequence[Snapshot]) -> Vector | None:
-    """Where the first of the event's entities that has a state was when its macro-step ended."""
+    """Return the position, at the end of the macro-step, of the event's first entity that has a state, or None."""
     if not snapshots:
         return None
-    after = next((one for one in snapshots if one.time_s >= event.time_s - _TOLERANCE_S), snapshots[-1])
+    later = (snapshot for snapshot in snapshots if snapshot.time_s >= event.time_s - _TOLERANCE_S)
+    after = next(later, snapshots[-1])
     states = {state.id: state.position for state in (*after.states, *after.ambient)}
     return next((states[name] for name in event.entities if name in states), None)

@@ -1,11 +1,14 @@
 """The five stages of last-mile delivery (the paper's Last-Mile Failure Diagnosis), read from one trace.
 
-S1: the route was inspected from the air. S2: an admitted report of the route's ends (a message made of the record
-`endpoints`) names both within `ENDS_M`. S3: the reports of one sender on the places that the route passes (the record
-`waypoint`) lie on the road graph between the ends, in an order that can be driven. S4: the vehicle arrived along the
-inspected route, as the engine and the mission's rule say. S5: the dog reached the target house. A stage that an
-intervention gives (`intervention` of the policy: A1 the ends, A2 and A3 the way too) counts as done. Where the city is
-no longer to be had exactly as it was, S3 is not done.
+- S1: the route was inspected from the air.
+- S2: an admitted report of the route's ends (a message of the record type `endpoints`) names both within `ENDS_M`.
+- S3: the waypoints that one sender reported (record type `waypoint`) lie on the road graph between the ends, in an
+  order that can be driven. S3 counts as not done if the city cannot be rebuilt exactly.
+- S4: the vehicle arrived along the inspected route, by the mission's rule.
+- S5: the dog reached the target house.
+
+A stage that an intervention supplies counts as done. The policy option `intervention` names it: A1 supplies the ends,
+A2 and A3 the ends and the waypoints.
 """
 
 from __future__ import annotations
@@ -25,26 +28,27 @@ from lingjing.trace.reader import Trace
 
 STAGES = ("S1", "S2", "S3", "S4", "S5")
 ENDS_M = 30.0
-"""How near a reported end must be: the paper's radius of road vehicles and delivery."""
+"""Largest error of a reported end: the paper's radius of road vehicles and delivery."""
 
 ON_ROAD_M = 15.0
-"""How far off a road a reported place may lie."""
+"""Largest distance of a reported waypoint from a road. Chosen."""
 
 DETOUR = 1.5
-"""A way along the reported places is at most so many times as long as the shortest."""
+"""Largest ratio of the length along the reported waypoints to the shortest way. Chosen."""
 
 _GIVEN = {"A1": ("S2",), "A2": ("S2", "S3"), "A3": ("S2", "S3")}
+"""The stages that each intervention supplies."""
 
 
 class LastMile(msgspec.Struct, frozen=True, kw_only=True):
-    """Which stages were done by themselves, which were given, and how many are done in a row from S1."""
+    """The stages of one episode: `done` by the agents, and `given` by an intervention."""
 
     done: tuple[str, ...]
     given: tuple[str, ...] = ()
 
     @property
     def cumulative(self) -> int:
-        """Stages that were done or given, one after the other from S1."""
+        """The number of stages that were done or given in a row from S1."""
         count = 0
         for stage in STAGES:
             if stage not in self.done and stage not in self.given:
@@ -54,59 +58,61 @@ class LastMile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def last_mile(trace: Trace) -> LastMile | None:
-    """The stages of a trace; None for a mission that inspects no route to a destination, or in which nobody may report
-    the route's ends."""
+    """Return the stages of a trace.
+
+    Returns None for a mission without an inspection of a route to a destination, or without reports of its ends.
+    """
     instance = trace.header.instance
-    inspection = next((one for one in instance.inspections if one.destination), None)
+    inspection = next((spec for spec in instance.inspections if spec.destination), None)
     if inspection is None or not any(message.type == "endpoints" for message in instance.messages):
         return None
     start, end = (_place(instance, name) for name in (inspection.asset, inspection.destination))
-    reports = (
+    results = (
         _inspected(trace, inspection),
         _ends_named(trace, start, end),
         _way_named(trace, start, end),
         any(event.bindings == (inspection.destination,) for record in trace.boundaries for event in record.events),
         trace.outcome is not None and trace.outcome.success,
     )
-    asked = {str(binding.arguments.get("intervention", "")) for binding in trace.header.bindings}
-    given = {stage for name in asked for stage in _GIVEN.get(name, ())}
+    interventions = {str(binding.arguments.get("intervention", "")) for binding in trace.header.bindings}
+    supplied = {stage for name in interventions for stage in _GIVEN.get(name, ())}
     return LastMile(
-        done=tuple(stage for stage, done in zip(STAGES, reports, strict=True) if done),
-        given=tuple(stage for stage in STAGES if stage in given),
+        done=tuple(stage for stage, done in zip(STAGES, results, strict=True) if done),
+        given=tuple(stage for stage in STAGES if stage in supplied),
     )
 
 
-def _place(instance: Instance, entity: str) -> Vector2:
-    return next(one.position[:2] for one in instance.entities if one.id == entity)
+def _place(instance: Instance, name: str) -> Vector2:
+    return next(entity.position[:2] for entity in instance.entities if entity.id == name)
 
 
 def _inspected(trace: Trace, inspection: InspectionSpec) -> bool:
-    """Whether a stage that asks for the inspection alone was done."""
-    asked = Call("inspected", (Symbol(inspection.name),))
-    wanted = {stage.name for stage in trace.header.instance.stages if stage.condition == asked}
-    return any(change.stage in wanted for record in trace.boundaries for change in record.stages)
+    """Return whether a stage was done whose condition is the inspection alone."""
+    condition = Call("inspected", (Symbol(inspection.name),))
+    stages = {stage.name for stage in trace.header.instance.stages if stage.condition == condition}
+    return any(change.stage in stages for record in trace.boundaries for change in record.stages)
 
 
 def _ends_named(trace: Trace, start: Vector2, end: Vector2) -> bool:
     for _, body in _reports(trace, "endpoints"):
-        named = (_point(body.get("start")), _point(body.get("target")))
-        if all(_near(place, due) for place, due in zip(named, (start, end), strict=True)):
+        ends = (_point(body.get("start")), _point(body.get("target")))
+        if all(_near(place, truth) for place, truth in zip(ends, (start, end), strict=True)):
             return True
     return False
 
 
-def _near(place: Vector2 | None, due: Vector2) -> bool:
-    return place is not None and distance_xy(place, due) <= ENDS_M
+def _near(place: Vector2 | None, truth: Vector2) -> bool:
+    return place is not None and distance_xy(place, truth) <= ENDS_M
 
 
 def _way_named(trace: Trace, start: Vector2, end: Vector2) -> bool:
-    """Whether some sender's places make a way; those of one number are replaced by later ones."""
-    named: dict[str, dict[float, Vector2]] = {}
+    """Return whether the waypoints of any sender form a drivable way. A later waypoint of the same number counts."""
+    waypoints: dict[str, dict[float, Vector2]] = {}
     for sender, body in _reports(trace, "waypoint"):
         place, number = _point(body.get("position")), body.get("number")
         if place is not None and isinstance(number, int | float):
-            named.setdefault(sender, {})[float(number)] = place
-    ways = [[places[number] for number in sorted(places)] for places in named.values()]
+            waypoints.setdefault(sender, {})[float(number)] = place
+    ways = [[places[number] for number in sorted(places)] for places in waypoints.values()]
     if not ways:
         return False
     city = city_of(trace)
@@ -117,11 +123,11 @@ def _way_named(trace: Trace, start: Vector2, end: Vector2) -> bool:
 
 
 def _drivable(roads: RoadMap, start: Vector2, places: Sequence[Vector2], end: Vector2) -> bool:
-    """Whether places lie on roads, one of them between the ends, and can be driven through in their order."""
+    """Return whether waypoints lie on roads, at least one of them between the ends, and can be driven in order."""
     between = [place for place in places if min(distance_xy(place, start), distance_xy(place, end)) > ENDS_M]
     shortest = roads.way(start, end)
     nearest = [roads.nearest(place) for place in between]
-    if not between or shortest is None or any(one is None or one.off_m > ON_ROAD_M for one in nearest):
+    if not between or shortest is None or any(road is None or road.off_m > ON_ROAD_M for road in nearest):
         return False
     legs = [roads.way(a, b) for a, b in zip((start, *between), (*between, end), strict=True)]
     length = sum(leg.length_m for leg in legs if leg is not None)
@@ -129,7 +135,7 @@ def _drivable(roads: RoadMap, start: Vector2, places: Sequence[Vector2], end: Ve
 
 
 def _reports(trace: Trace, record: str) -> Iterable[tuple[str, dict[str, object]]]:
-    """Sender and body of the admitted messages that are made of a record, each once, in order."""
+    """Yield sender and body of the admitted messages of a record type, each once, in order."""
     kinds = {message.kind for message in trace.header.instance.messages if message.type == record}
     for message in admitted(trace):
         if message.kind in kinds:
@@ -137,6 +143,6 @@ def _reports(trace: Trace, record: str) -> Iterable[tuple[str, dict[str, object]
 
 
 def _point(value: object) -> Vector2 | None:
-    if isinstance(value, list | tuple) and len(value) >= 2 and all(isinstance(one, int | float) for one in value[:2]):
+    if isinstance(value, list | tuple) and len(value) >= 2 and all(isinstance(item, int | float) for item in value[:2]):
         return float(value[0]), float(value[1])
     return None

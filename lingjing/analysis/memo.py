@@ -1,4 +1,4 @@
-"""`once_per_trace`: what several figures ask of one trace is computed once, and forgotten with the trace."""
+"""Caching of results that several metrics of one trace need."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ from typing import TypeVar, cast
 
 from lingjing.trace.reader import Trace
 
-FoundT = TypeVar("FoundT")
+ResultT = TypeVar("ResultT")
 
 
-def once_per_trace(function: Callable[[Trace], FoundT]) -> Callable[[Trace], FoundT]:
-    """A pure function of a trace that keeps its result with the trace. The result must not be changed by callers."""
+def cache_by_trace(function: Callable[[Trace], ResultT]) -> Callable[[Trace], ResultT]:
+    """Decorate a pure function of a trace so that its result is stored with the trace and freed with it.
+
+    Callers must not modify the result.
+    """
     name = f"{function.__module__}.{function.__qualname__}"
 
     @wraps(function)
-    def remembered(trace: Trace) -> FoundT:
-        kept = vars(trace).setdefault("_computed", {})
-        if name not in kept:
-            kept[name] = function(trace)
-        return cast("FoundT", kept[name])
+    def cached(trace: Trace) -> ResultT:
+        results = vars(trace).setdefault("_computed", {})
+        if name not in results:
+            results[name] = function(trace)
+        return cast("ResultT", results[name])
 
-    return remembered
+    return cached

@@ -1,7 +1,7 @@
-"""Pictures of an episode one by one, for pages: the map with the trails, and the best frame of each camera.
+"""Single pictures of an episode for pages: the map with tracks, and the best frame of each camera.
 
-A camera through which nobody looked is asked afterwards (`unasked_frames`): a picture is a function of the city and of
-the states that the trace holds, so it is the one that the agent would have got.
+A frame of a camera that took no picture during the episode is drawn afterwards (`unrecorded_frames`). A picture is a
+function of the city and of the recorded states, so it equals the picture that the agent would have received.
 """
 
 from __future__ import annotations
@@ -21,35 +21,39 @@ from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Box, FrameInfo, Snapshot
 
-LookBack = Callable[[Trace, Sequence[tuple[str, str, BoundaryRecord]]], Iterable[StoredFrame]]
-"""What draws the picture of each (entity, camera, boundary) that nobody took."""
+Redraw = Callable[[Trace, Sequence[tuple[str, str, BoundaryRecord]]], Iterable[StoredFrame]]
+"""A function that draws the picture of each (entity, camera, boundary) after the episode."""
 
 MAP_IN, MAP_DPI = (9.6, 7.4), 120
+"""Size of the map in inches, and its resolution. Chosen."""
 FRAME_WIDTH, FRAME_QUALITY = 800, 84
+"""Largest width of a frame in pixels, and its JPEG quality. Chosen."""
 BEST_SHARE = 0.06
-"""Of a picture: how much of it a target best fills, so that its surroundings are seen as well."""
+"""Best share of a picture for a target. Chosen: the surroundings remain visible."""
 CUT_OFF = 0.3
-"""What a view of a target is worth that the picture's edge cuts off."""
+"""Weight of a target that the picture's edge cuts off. Chosen."""
 BOX_MARGIN = 0.012
-"""Room between a target and the box around it, a share of the picture's width."""
+"""Distance between a target and the box around it, as a share of the picture's width. Chosen."""
 MOMENTS = 6
-"""So many pictures are tried of a camera through which nobody looked."""
+"""Number of pictures that are drawn for a camera without recorded pictures, to choose the best. Chosen."""
 ON_ITS_WAY_M = 20.0
-"""From here on, a body no longer stands where it was put."""
+"""Distance from its start beyond which a body counts as under way. Chosen."""
 TRUTH = (24, 220, 110)
+"""Colour of true boxes: red, green, blue in 0..255."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShownFrame:
-    """A frame worth showing and who took it with what; `targets` are those that can be seen in it. `drawn` is its JPEG
-    where it is not in the trace because nobody asked for it."""
+    """A frame for a page, with the agent that took or received it."""
 
     trace: Trace
     info: FrameInfo
     agent: str
     role: str
     targets: tuple[str, ...]
+    """The visible targets."""
     drawn: bytes = b""
+    """The JPEG of a frame that was drawn after the episode. Empty for a recorded frame."""
 
     @property
     def jpeg(self) -> bytes:
@@ -58,13 +62,13 @@ class ShownFrame:
 
     @property
     def caption(self) -> str:
-        """`scout[2] (searcher) through uav[2]'s nadir camera at tick 12, fire[1] in view`."""
-        who = self.agent if self.agent == self.role else f"{self.agent} ({self.role})"
+        """The caption: `scout[2] (searcher) through uav[2]'s nadir camera at tick 12, fire[1] in view`."""
+        agent = self.agent if self.agent == self.role else f"{self.agent} ({self.role})"
         if self.info.camera == REFERENCE:
-            return f"{who} is shown the reference picture of {self.info.entity}"
-        seen = f", {', '.join(self.targets)} in view" if self.targets else ""
-        asked = " (drawn afterwards: nobody asked for it)" if self.drawn else ""
-        return f"{who} through {self.info.entity}'s {self.info.camera} camera at tick {self.info.tick}{seen}{asked}"
+            return f"{agent} receives the reference picture of {self.info.entity}"
+        view = f", {', '.join(self.targets)} in view" if self.targets else ""
+        note = " (drawn after the episode)" if self.drawn else ""
+        return f"{agent} through {self.info.entity}'s {self.info.camera} camera at tick {self.info.tick}{view}{note}"
 
 
 def draw_trails(trace: Trace, path: Path) -> None:
@@ -73,7 +77,7 @@ def draw_trails(trace: Trace, path: Path) -> None:
 
 
 def trails_png(trace: Trace) -> bytes:
-    """The map of an episode with the trails, as a PNG of `MAP_IN` inches."""
+    """Return the map of an episode with tracks as a PNG of `MAP_IN` inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -93,54 +97,58 @@ def trails_png(trace: Trace) -> bytes:
 
 
 def best_frames(traces: Iterable[Trace]) -> list[ShownFrame]:
-    """One frame for each kind of camera that an agent looks through: the one that shows a target best; where none ever
-    saw a target, the one with most to see (the largest file)."""
+    """Return one frame for each kind of camera: the one with the best view of a target.
+
+    For a camera that never showed a target, it is the frame with the most detail, which has the largest file.
+    """
     return _best(shown for trace in traces for shown in _frames(trace))
 
 
-def unasked_frames(trace: Trace, shown: Iterable[ShownFrame], look_back: LookBack) -> list[ShownFrame]:
-    """A frame of each kind of camera that is mounted in the episode and not among `shown`, the best of a few moments;
-    [] if the city is no longer to be had. `look_back` is that of `lingjing.causal.lookback`. Raises
-    `InfrastructureError` if no picture can be drawn here."""
-    have = {_kind(one) for one in shown}
+def unrecorded_frames(trace: Trace, shown: Iterable[ShownFrame], redraw: Redraw) -> list[ShownFrame]:
+    """Draw a frame of each kind of mounted camera that is not among `shown`: the best of a few moments.
+
+    `redraw` is the function of `lingjing.causal.lookback`. Returns [] if the city cannot be rebuilt. Raises
+    `InfrastructureError` if no picture can be drawn on this machine.
+    """
+    present = {_kind(frame) for frame in shown}
     lacking: dict[tuple[str, str], list[Entity]] = {}
     for entity in trace.header.instance.entities:
         for camera in entity.cameras:
-            if (entity.group, camera.name) not in have:
+            if (entity.group, camera.name) not in present:
                 lacking.setdefault((entity.group, camera.name), []).append(entity)
-    wanted = [
+    requests = [
         (entity.id, camera, record)
         for (_, camera), members in lacking.items()
         for entity, record in _moments(trace, members)
     ]
-    found = []
-    for stored in look_back(trace, wanted):
+    frames = []
+    for stored in redraw(trace, requests):
         agent = _pilots(trace.header.instance).get(stored.info.entity)
         if agent is not None:
-            found.append(_shown(trace, stored.info, agent.id, stored.jpeg))
-    return _best(found)
+            frames.append(_shown(trace, stored.info, agent.id, stored.jpeg))
+    return _best(frames)
 
 
 def in_order(shown: Iterable[ShownFrame]) -> list[ShownFrame]:
-    """Frames as their cameras are declared, reference pictures last."""
+    """Return frames in the order in which their cameras are declared, reference pictures last."""
 
-    def place(one: ShownFrame) -> tuple[int, int]:
-        for at, entity in enumerate(one.trace.header.instance.entities):
+    def place(frame: ShownFrame) -> tuple[int, int]:
+        for at, entity in enumerate(frame.trace.header.instance.entities):
             for number, camera in enumerate(entity.cameras):
-                if (entity.group, camera.name) == _kind(one):
+                if (entity.group, camera.name) == _kind(frame):
                     return at, number
-        return len(one.trace.header.instance.entities), 0
+        return len(frame.trace.header.instance.entities), 0
 
     return sorted(shown, key=place)
 
 
 def write_frame(shown: ShownFrame, path: Path) -> None:
-    """Write the frame as a JPEG of page width, a thin box around each target in it."""
+    """Write the frame as a JPEG of page width, with a thin box around each visible target."""
     path.write_bytes(frame_jpeg(shown))
 
 
 def frame_jpeg(shown: ShownFrame) -> bytes:
-    """The frame as a JPEG of page width, a thin box around each target in it."""
+    """Return the frame as a JPEG of page width, with a thin box around each visible target."""
     image = Image.open(io.BytesIO(shown.jpeg)).convert("RGB")
     if image.width > FRAME_WIDTH:
         size = FRAME_WIDTH, round(image.height * FRAME_WIDTH / image.width)
@@ -158,13 +166,13 @@ def frame_jpeg(shown: ShownFrame) -> bytes:
 
 
 def _frames(trace: Trace) -> Iterator[ShownFrame]:
-    """Every frame with the agent that controls what took it, else with the first one that was shown it."""
+    """Yield every frame with the agent that controls its camera, or else with the first agent that received it."""
     pilots = _pilots(trace.header.instance)
     viewers: dict[str, str] = {}
     for record in trace.boundaries:
-        for seen in record.observations:
-            for name in seen.frames:
-                viewers.setdefault(name, seen.agent)
+        for observation in record.observations:
+            for name in observation.frames:
+                viewers.setdefault(name, observation.agent)
     for frame in trace.frames.values():
         agent = pilots[frame.entity].id if frame.entity in pilots else viewers.get(frame.id, "")
         if agent:
@@ -177,7 +185,7 @@ def _pilots(instance: Instance) -> dict[str, AgentSpec]:
 
 def _shown(trace: Trace, frame: FrameInfo, agent: str, drawn: bytes = b"") -> ShownFrame:
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    role = next(one.role for one in trace.header.instance.agents if one.id == agent)
+    role = next(spec.role for spec in trace.header.instance.agents if spec.id == agent)
     inside = tuple(dict.fromkeys(box.entity for box in frame.boxes if box.entity in targets and box.pixels > 0))
     return ShownFrame(trace, frame, agent, role, inside, drawn)
 
@@ -193,13 +201,13 @@ def _best(frames: Iterable[ShownFrame]) -> list[ShownFrame]:
 
 
 def _kind(shown: ShownFrame) -> tuple[str, str]:
-    """Group and camera: what is shown once."""
+    """Return the kind of a camera: the group of its entity, and its name. One frame of each kind is shown."""
     groups = {entity.id: entity.group for entity in shown.trace.header.instance.entities}
     return groups.get(shown.info.entity, shown.info.entity), shown.info.camera
 
 
 def _moments(trace: Trace, members: list[Entity]) -> Iterator[tuple[Entity, BoundaryRecord]]:
-    """A few moments spread over the episode with the members in turn, once they are on their way."""
+    """Yield up to `MOMENTS` moments spread over the episode, with the members in turn, after they have left."""
     under_way = [
         (entity, record)
         for number, record in enumerate(trace.boundaries)
@@ -217,7 +225,7 @@ def _moved(entity: Entity, snapshot: Snapshot) -> bool:
 
 
 def _worth(box: Box, info: FrameInfo) -> float:
-    """How well a frame shows what is in a box: neither too small nor too large, and not cut off."""
+    """Return the quality, 0 to 1, of the view of an entity: highest at `BEST_SHARE`, lower if it is cut off."""
     share = box.pixels / (info.pose.width * info.pose.height)
     size = min(share / BEST_SHARE, BEST_SHARE / share) if share > 0 else 0.0
     x0, y0, x1, y1 = box.box

@@ -1,4 +1,4 @@
-"""The city that an episode was played in: built again, and whom to name for its map."""
+"""The city of an episode, built again from its trace."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 
 UNCREDITED = ("", "procedural")
-"""Attributions of cities that nobody has to be named for."""
+"""Attributions of cities that need no credit."""
 
 
 def city_of(trace: Trace) -> City | None:
-    """The city a trace was played in, built again; None if it is no longer to be had exactly as it was."""
+    """Return the city of a trace, built again, or None if it cannot be rebuilt exactly."""
     try:
         return rebuilt_city(trace, PluginHost())
     except LingjingError:
-        return None  # another machine's map, or a plug-in that is not here: the trace is drawn without
+        return None  # the map or the plug-in is on another machine: the trace is drawn without a city
 
 
 def rebuilt_city(trace: Trace, host: PluginHost) -> City:
-    """The city a trace was played in, built again. Raises `UsageError` that says why it is no longer to be had."""
+    """Return the city of a trace, built again. Raises `UsageError` with the reason if it cannot be rebuilt exactly."""
     try:
         city = build_city(trace.header.instance.scene, host)
     except LingjingError as error:
-        raise UsageError(f"the city of {trace.path} is not to be had here: {error}", hint=error.hint) from error
+        raise UsageError(f"the city of {trace.path} cannot be built here: {error}", hint=error.hint) from error
     if content_sha256(city) != trace.header.city_sha256:
         raise UsageError(
-            f"the city of {trace.path} is not to be had here as it was: what is built now is another one",
+            f"the city of {trace.path} cannot be rebuilt: the result differs from the city of the trace",
             hint="its map, its plug-in or the version that built it has changed",
         )
     return city
 
 
 def surroundings_of(trace: Trace) -> Surroundings:
-    """What a trace shows beside its records, made again; without the city if that is no longer to be had."""
+    """Return the inputs for viewers of a trace, made again; without the city if it cannot be rebuilt exactly."""
     city = city_of(trace)
     return NO_SURROUNDINGS if city is None else surroundings(city, trace.header.instance)
 
 
 def credit(attribution: str) -> str:
-    """`map: © …`, or nothing for a city that was made up."""
+    """Return the credit for a map, `map: © …`, or "" for a procedural city."""
     return "" if attribution in UNCREDITED else f"map: {attribution}"

@@ -1,9 +1,8 @@
-"""`registries`: the kernel's registry at every boundary of a trace, from its records alone.
+"""The kernel's registry at every boundary of a trace, computed from its records.
 
-Adjudication is a function of the instance, the admitted messages and commands, and what engines said. All of them
-are in the trace, so the registry is computed again without engines, city or pictures, and any condition can be
-evaluated at any boundary. The events that come out must be those that the trace holds; `Rebuilt.faithful` says
-whether they are.
+Adjudication is a function of the instance, the admitted messages and commands, and the reports of engines. The trace
+contains all of these. The registry can therefore be computed again without engines, city or pictures, and any condition
+can be evaluated at any boundary. `Rebuilt.faithful` is False if the computed events differ from the recorded ones.
 """
 
 from __future__ import annotations
@@ -23,16 +22,21 @@ from lingjing.trace.records import BoundaryRecord
 
 @dataclass(frozen=True, slots=True)
 class Rebuilt:
-    """A boundary with the registry that the kernel had there; `faithful` if adjudication gave its events."""
+    """A boundary with the kernel's registry."""
 
     record: BoundaryRecord
     registry: Registry
     at: RuntimeContext
+    """The context for the evaluation of conditions at this boundary."""
     faithful: bool
+    """True if adjudication yields the recorded events."""
 
 
 def registries(trace: Trace) -> Iterator[Rebuilt]:
-    """The registry of each boundary in order. Raises `MissionError` for an instance that this version cannot judge."""
+    """Yield the registry of each boundary in order.
+
+    Raises `MissionError` for an instance that this version cannot adjudicate.
+    """
     instance = trace.header.instance
     adjudicator, budgets, inspections = Adjudicator(instance), Budgets(instance), Inspections(instance)
     registry = initial(instance)
@@ -46,15 +50,16 @@ def registries(trace: Trace) -> Iterator[Rebuilt]:
 
 
 def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> RegistryUpdate:
-    """What a recorded boundary added to the kernel's registry."""
+    """Return the change that a recorded boundary made to the kernel's registry."""
     own = [command for command in record.commands if command.origin == "kernel"]
-    asked = [command for command in record.commands if command.origin == "agent"]
-    missing = {one.request for one in record.receipts if one.reason == "no_receipt" and one.by == "kernel"}
+    commands = [command for command in record.commands if command.origin == "agent"]
+    receipts = (receipt for receipt in record.receipts if receipt.by == "kernel")
+    missing = {receipt.request for receipt in receipts if receipt.reason == "no_receipt"}
     reports = reports_of(record)
     tally = budgets.tally(registry)
     for report in reports:
         tally.take_message(report.sender, report.kind)
-    for command in asked:
+    for command in commands:
         tally.take_command(command.resource, command.verb)
     return RegistryUpdate(
         tick=record.tick,
@@ -62,7 +67,7 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
         states=record.snapshots[-1].states if record.snapshots else tuple(registry.states.values()),
         unheard=record.unreachable_links,
         progress=budgets.spend(tally.onto(registry.progress), record.decisions),
-        asked=asked,
+        asked=commands,
         own=own,
         missing=missing,
         receipts=record.receipts,
@@ -75,11 +80,11 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
 
 
 def reports_of(record: BoundaryRecord) -> tuple[Report, ...]:
-    """The boundary's admitted messages as rules range over them: the bus answers each candidate with one receipt."""
-    candidates = [(made.agent, message) for made in record.decisions for message in made.decision.messages]
-    answers = [receipt for receipt in record.receipts if receipt.by == "bus"]
+    """Return the boundary's admitted messages as reports for rules. The bus issues one receipt per candidate."""
+    candidates = [(entry.agent, message) for entry in record.decisions for message in entry.decision.messages]
+    receipts = [receipt for receipt in record.receipts if receipt.by == "bus"]
     return tuple(
-        Report(answer.request, message.kind, sender, answer.tick, message.body)
-        for (sender, message), answer in zip(candidates, answers, strict=False)
-        if answer.status == "accepted"
+        Report(receipt.request, message.kind, sender, receipt.tick, message.body)
+        for (sender, message), receipt in zip(candidates, receipts, strict=False)
+        if receipt.status == "accepted"
     )

@@ -1,16 +1,19 @@
-"""Occurrences of the declared coordination relations: who did it to whom, by what, at which boundary.
+"""Occurrences of the declared coordination relations.
 
-The paper's five labels describe task structure. A declaration becomes a record when it happens: a message that
-carries the evidence (information handoff) or the assignment (guidance), a first visit of a shared cell or first work in
-it (cooperation), a command for a shared resource that was refused because somebody else has it (competition), a stage
-that follows its prerequisite (dependency). A mutual relation occurs in both directions.
+The paper's five labels describe task structure. Each occurrence of a declared relation becomes a record:
 
-What a hub passes on counts for those who said it: its message of the same kind, or to the same place, as one that it
-was sent. Those who take no pictures share cells by what an engine says that they did there, each agent once in a cell;
-what is competed for is no such work. Those who share a region work together when one comes in while the other is there.
-A target is competed for by those who are at it when somebody else gets it.
+- *information handoff*: a message carries the evidence. *Guidance*: a message carries the assignment. A message that a
+  hub forwards has the original sender as its source. The hub forwards a message if it sends the same body of the same
+  kind, or the same position, as it has received.
+- *cooperation*: an agent visits a cell of a shared grid first, or works in it first. Agents whose cameras photograph no
+  ground share a grid by the interactions that an engine reports, each agent once in a cell; contested targets do not
+  count. Agents share a region when one enters while the other is inside.
+- *competition*: a command for a shared resource is rejected because another agent holds it. Agents also compete for a
+  target if one is at it when an engine reports that another agent got it.
+- *dependency*: a stage follows its prerequisite.
 
-The kernel decides nothing by these records and knows none of them. Whoever writes a trace adds them to each boundary.
+A mutual relation occurs in both directions. The kernel neither uses nor creates these records. The caller that writes a
+trace adds them to each boundary.
 """
 
 from __future__ import annotations
@@ -32,20 +35,20 @@ from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
 Emitted = tuple[str, tuple[str, ...]]
-"""What an engine said: its kind, and its entities, the target first."""
+"""A task event of an engine: its kind, and its entities with the target first."""
 
 NamedPolygon = tuple[str, Sequence[tuple[float, float]]]
 """A region or a cell: its name and polygon."""
 
 
 def _photographs_ground(entity: Entity) -> bool:
-    """Whether cells may become visited by what it photographs: a picture from a front camera visits none."""
-    asks = any(verb.name == PHOTO for verb in entity.verbs)
-    return asks and any(camera.view != "front" for camera in entity.cameras)
+    """Return whether pictures of the entity can mark cells as visited. Pictures of front cameras cannot."""
+    takes_pictures = any(verb.name == PHOTO for verb in entity.verbs)
+    return takes_pictures and any(camera.view != "front" for camera in entity.cameras)
 
 
 class RelationTracker:
-    """Recognises occurrences of one instance's relations, one boundary after another."""
+    """Detector of the occurrences of one instance's relations. Boundaries must be passed in order."""
 
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
@@ -70,19 +73,19 @@ class RelationTracker:
         }
 
     def take(self, record: BoundaryRecord) -> tuple[RelationRecord, ...]:
-        """The occurrences at the next boundary, the first of which is boundary 0."""
+        """Return the occurrences at the next boundary. The first call is for boundary 0."""
         before, self._registry = self._registry, self._next(record)
         return self.occurrences(before, self._registry, record.messages, record.receipts, record.stages)
 
     def _next(self, record: BoundaryRecord) -> Registry:
-        """The part of the kernel's registry that relations are read from, as the record shows it."""
-        said = admitted_at(record, self._categories)
+        """Return the registry after a boundary, as far as relations depend on it."""
+        messages = admitted_at(record, self._categories)
         updated = (
             self._registry.with_boundary(record.tick, record.time_s, record.snapshots[-1].states)
             .with_receipts(record.commands, record.receipts)
             .with_events(event for event in record.task_events if not event.name)
             .with_frames([frame for frame in record.frames if frame.camera != REFERENCE], self._instance)
-            .with_reports([Report(one.id, one.kind, one.sender, one.tick, one.body) for one in said])
+            .with_reports([Report(sent.id, sent.kind, sent.sender, sent.tick, sent.body) for sent in messages])
         )
         done = {(change.stage, change.subject): change.tick for change in record.stages}
         return replace(updated, stages={**updated.stages, **done})
@@ -95,21 +98,21 @@ class RelationTracker:
         receipts: Sequence[Receipt],
         stages: Sequence[StageChange],
     ) -> tuple[RelationRecord, ...]:
-        """All occurrences at the boundary of `after`, in declaration order of the relations."""
-        found: list[RelationRecord] = []
+        """Return all occurrences at the boundary of `after`, in declaration order of the relations."""
+        occurrences: list[RelationRecord] = []
         for relation in self._relations:
             if relation.kind in ("information_handoff", "guidance"):
-                found.extend(self._messages(relation, envelopes, before, after.tick))
+                occurrences.extend(self._messages(relation, envelopes, before, after.tick))
             elif relation.kind == "cooperation":
-                found.extend(self._visits(relation, before, after))
-                found.extend(self._worked(relation, before, after))
-                found.extend(self._shared(relation, before, after))
+                occurrences.extend(self._visits(relation, before, after))
+                occurrences.extend(self._worked(relation, before, after))
+                occurrences.extend(self._shared(relation, before, after))
             elif relation.kind == "competition":
-                found.extend(self._conflicts(relation, before, receipts, after.tick))
-                found.extend(self._rivals(relation, before, after))
+                occurrences.extend(self._conflicts(relation, before, receipts, after.tick))
+                occurrences.extend(self._rivals(relation, before, after))
             else:
-                found.extend(_dependencies(relation, after, stages))
-        return tuple(found)
+                occurrences.extend(_dependencies(relation, after, stages))
+        return tuple(occurrences)
 
     def _messages(
         self, relation: Relation, envelopes: Sequence[Envelope], before: Registry, tick: int
@@ -120,15 +123,15 @@ class RelationTracker:
             if edge.kind == kind and self._between(relation, edge.sender, edge.recipient):
                 source = edge.sender
             elif edge.sender == self._hub:
-                source = self._passed_on(relation, str(kind), edge, before)
+                source = self._original_sender(relation, str(kind), edge, before)
             if source:
                 yield RelationRecord(kind=relation.kind, source=source, target=edge.recipient, by=edge.id, tick=tick)
 
-    def _passed_on(self, relation: Relation, kind: str, edge: Envelope, before: Registry) -> str:
-        """Who told the hub what it now tells the recipient, or ""."""
+    def _original_sender(self, relation: Relation, kind: str, edge: Envelope, before: Registry) -> str:
+        """Return the agent whose message the hub forwards by `edge`, or ""."""
         for report in before.reports.newest():
-            told = report.kind == kind and report.sender != self._hub and _same(report, edge)
-            if told and self._between(relation, report.sender, edge.recipient):
+            forwarded = report.kind == kind and report.sender != self._hub and _same(report, edge)
+            if forwarded and self._between(relation, report.sender, edge.recipient):
                 return report.sender
         return ""
 
@@ -145,8 +148,10 @@ class RelationTracker:
                     yield RelationRecord(kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick)
 
     def _worked(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
-        """Who for the first time has done something in a cell, for the partners in the grid; of those without pictures
-        of the ground, the others share a grid by what they have photographed."""
+        """Yield the first work of agents in cells of a shared grid, for each partner inside the grid.
+
+        Only agents that photograph no ground count here. The others share a grid by their visits.
+        """
         if relation.over not in self._grids.values() or relation.source not in self._blind:
             return
         parts = self._areas[relation.over or ""]
@@ -158,7 +163,7 @@ class RelationTracker:
                     yield RelationRecord(kind=relation.kind, source=agent, target=partner.id, by=name, tick=after.tick)
 
     def _done(self, key: Emitted, parts: Sequence[NamedPolygon], at: Registry) -> Iterator[tuple[str, str]]:
-        """(agent, cell) of an engine's event that somebody did something at a target."""
+        """Yield (agent, cell) for an engine's event of an interaction with an uncontested target."""
         target, *actors = key[1]
         agent = self._owner.get(actors[0]) if actors else None
         group = self._targets.get(target)
@@ -170,14 +175,14 @@ class RelationTracker:
                 yield agent.id, name
 
     def _shared(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
-        """Who comes into a region while a partner is in it."""
+        """Yield the entries of agents into a region while a partner is inside."""
         parts = self._areas.get(relation.over or "", ())
         if relation.over in self._grids.values():
             return
         for agent in self._agents.values():
             partners = self._partners(relation, agent)
             for name, polygon in parts if partners else ():
-                # Who is there together at boundary 0 has shared the area from the beginning.
+                # agents that are inside together at boundary 0 share the area from the beginning
                 if not self._inside(agent, polygon, after) or (after.tick > 0 and self._inside(agent, polygon, before)):
                     continue
                 for partner in partners:
@@ -190,14 +195,14 @@ class RelationTracker:
         roles = {relation.target} if agent.role == relation.source else set()
         if relation.mutual and agent.role == relation.target:
             roles.add(relation.source)
-        return tuple(one for one in self._agents.values() if one.role in roles and one.id != agent.id)
+        return tuple(partner for partner in self._agents.values() if partner.role in roles and partner.id != agent.id)
 
     def _inside(self, agent: AgentSpec, polygon: Sequence[tuple[float, float]], at: Registry) -> bool:
         bodies = (at.states[name] for name in agent.controls if name in at.states)
         return len(polygon) > 2 and any(contains(polygon, *body.position[:2]) for body in bodies)
 
     def _rivals(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
-        """Who is at a target of the group when an engine says that another one has got it."""
+        """Yield the agents that are at a target of the group when an engine reports that another agent got it."""
         for key in after.emitted:
             target, *actors = key[1]
             if key in before.emitted or not actors or self._targets.get(target) != relation.over:
@@ -232,18 +237,18 @@ class RelationTracker:
 
 
 def _is_at(agent: AgentSpec, target: str, at: Registry) -> bool:
-    """Whether a body of the agent's is where a destination would mean the target."""
+    """Return whether a body of the agent is within `HANDOFF_M` of the target."""
     here = at.states.get(target)
     bodies = [at.states[name] for name in agent.controls if name in at.states]
-    return here is not None and any(math.dist(one.position[:2], here.position[:2]) <= HANDOFF_M for one in bodies)
+    return here is not None and any(math.dist(body.position[:2], here.position[:2]) <= HANDOFF_M for body in bodies)
 
 
 def _same(report: Report, edge: Envelope) -> bool:
-    """Whether two messages say the same: the same record, or the same place."""
+    """Return whether two messages have the same content: equal kind and body, or the same position."""
     if report.kind == edge.kind:
         return dict(report.body) == edge.body
-    one, other = point(report.body.get("position")), point(edge.body.get("position"))
-    return one is not None and other is not None and math.dist(one, other) <= SAME_POINT_M
+    received, sent = point(report.body.get("position")), point(edge.body.get("position"))
+    return received is not None and sent is not None and math.dist(received, sent) <= SAME_POINT_M
 
 
 def _dependencies(relation: Relation, after: Registry, stages: Sequence[StageChange]) -> Iterator[RelationRecord]:

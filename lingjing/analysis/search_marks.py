@@ -1,11 +1,12 @@
-"""How a search went: redundant revisits of cells, and how much of the talk belonged to discoveries.
+"""Metrics of a search, from the paper's table of diagnostic metrics.
 
-The paper's table of diagnostic metrics. *Redundant revisit rate*, "number of search visits to cells that were
-already covered, divided by all search visits": a visit is a downward picture of an entity from above a cell that it
-was not above in its picture before; it is redundant if anybody's earlier picture covered the cell. *Communication
-at discovery events*, "number of messages aligned with a validated target discovery event, divided by all evaluated
-messages": a discovery is the first report that a matching rule finds true of a target, and the messages of its
-tick, counted once for each recipient, are aligned with it.
+*Redundant revisit rate*, "number of search visits to cells that were already covered, divided by all search visits": a
+visit is a downward picture from above a cell that the entity was not above in its previous picture. The visit is
+redundant if an earlier picture of any entity covered the cell.
+
+*Communication at discovery events*, "number of messages aligned with a validated target discovery event, divided by all
+evaluated messages": a discovery is the first report of a target that a matching rule accepts. The messages of its tick,
+counted once for each recipient, are aligned with it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from lingjing.trace.reader import Trace
 
 
 def redundant_revisit_rate(trace: Trace) -> float | None:
-    """Redundant visits over all; None where no agent observes cells or none was visited."""
+    """Return the share of redundant visits, or None if agents observe no cells or visited none."""
     instance = trace.header.instance
     grids = {channel.name for agent in instance.agents for channel in agent.observes if channel.source == "grid"}
     cells = [cell for cell in instance.cells if cell.grid in grids]
@@ -36,20 +37,20 @@ def redundant_revisit_rate(trace: Trace) -> float | None:
 
 
 def discoveries(trace: Trace) -> dict[str, int]:
-    """The tick at which each target was first matched by a report."""
+    """Return the tick of the first matched report of each discovered target."""
     rules = matching_rules(trace)
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    found: dict[str, int] = {}
+    ticks: dict[str, int] = {}
     for record in trace.boundaries:
         for event in record.events:
             if event.kind in rules:
                 for name in targets & set(event.bindings):
-                    found.setdefault(name, record.tick)
-    return found
+                    ticks.setdefault(name, record.tick)
+    return ticks
 
 
 def communication_at_discovery(trace: Trace) -> float | None:
-    """Messages of ticks with a discovery over all messages; None if there was no message."""
+    """Return the share of messages that were sent in a tick with a discovery, or None if there were no messages."""
     ticks = set(discoveries(trace).values())
     sent = [edge.tick for record in trace.boundaries for edge in record.messages]
     return ratio(sum(tick in ticks for tick in sent), len(sent))

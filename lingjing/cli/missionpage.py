@@ -95,12 +95,12 @@ def _told(trace: Trace) -> str:
 
 
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
-    from lingjing.analysis.page_pictures import best_frames, in_order, unasked_frames, write_frame
+    from lingjing.analysis.page_pictures import best_frames, in_order, unrecorded_frames, write_frame
     from lingjing.causal.lookback import look_back
 
     frames = best_frames(traces)
     try:
-        frames = in_order([*frames, *(unasked_frames(traces[0], frames, look_back) if traces else ())])
+        frames = in_order([*frames, *(unrecorded_frames(traces[0], frames, look_back) if traces else ())])
     except InfrastructureError as error:
         say(f"note: only the cameras that were used are shown: {error}")
     if traces and not frames:

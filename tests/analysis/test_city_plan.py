@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lingjing.analysis.completion import asked_groups
+from lingjing.analysis.completion import required_target_groups
 from lingjing.analysis.history import history_of
 from lingjing.analysis.overview import draw_overview
 from lingjing.analysis.played_city import city_of, credit
@@ -110,7 +110,7 @@ def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Pat
 
 @pytest.mark.parametrize(("mission", "asked"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())])
 def test_what_success_asks_of(mission: str, asked: set[str]) -> None:
-    found = asked_groups(instantiate(load_mission(find_mission(mission)), seed=0))
+    found = required_target_groups(instantiate(load_mission(find_mission(mission)), seed=0))
     assert found >= asked
     assert "jam" not in found and "depot" not in found
 

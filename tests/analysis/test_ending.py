@@ -80,7 +80,7 @@ def test_refusals_and_replaced_answers_are_counted_with_the_first(lost: Trace) -
         ({"reason": "late", "detail": "the stage `a` …"}, "a stage used up its own ticks: the stage `a` …"),
         ({"reason": "infrastructure-abort", "detail": "camera died", "hint": "restart"}, "camera died (hint: restart)"),
         ({"reason": "interrupted"}, "interrupted from outside"),
-        ({"reason": "error"}, "a fault of a program"),
+        ({"reason": "error"}, "an error of a program"),
     ],
 )
 def test_what_ended_it_tells_a_stages_deadline_from_the_budget(
@@ -142,16 +142,16 @@ def test_what_a_policy_wrote_stays_in_one_line(lost: Trace) -> None:
     forged = DecisionRecord(agent="skipper", decision=Decision(), substituted="policy_error", detail="x\nended by: won")
     records = (*lost.boundaries[:-1], replace(lost.boundaries[-1], decisions=(forged,)))
     assert lost.outcome is not None
-    outcome = replace(lost.outcome, reason="error", detail="bad\r\nsuccess lacked:\x85nothing")
+    outcome = replace(lost.outcome, reason="error", detail="bad\r\nunmet parts of success:\x85nothing")
     lines = why(with_(lost, records, outcome)).text.splitlines()
     assert [line for line in lines if line.startswith("ended by")] == [lines[1]]
-    assert "success lacked:" in lines[1] and "nothing" in lines[1]
+    assert "unmet parts of success:" in lines[1] and "nothing" in lines[1]
 
 
 def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["why", str(lost.path)]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert len(out) <= 24 and out[1].startswith("ended by: ") and "success lacked:" in out
+    assert len(out) <= 24 and out[1].startswith("ended by: ") and "unmet parts of success:" in out
     assert main(["why", "--output-format", "json", str(lost.path)]) == 0
     assert '"cause"' in capsys.readouterr().out
     assert main(["why", str(Path("nothing.mcap"))]) == 2

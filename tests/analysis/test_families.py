@@ -98,7 +98,7 @@ def test_a_target_in_a_picture_that_nobody_reports_is_a_miss_from_that_picture_o
         ("event", ""),
     ]
     late = {20: {"messages": report(1, "a", 20), "events": (matched(20, "victim[1]", "m20-1"),)}}
-    assert told(lost({5: SEEN, **late})).chain[-1].text == "the first that did came 15 ticks later"
+    assert told(lost({5: SEEN, **late})).chain[-1].text == "the first match came 15 ticks later"
 
 
 def test_a_target_in_no_picture_is_a_miss_when_the_ticks_run_out_and_else_unattributed(lost) -> None:  # type: ignore[no-untyped-def]
@@ -209,7 +209,7 @@ def test_won_and_aborted_episodes_have_no_family_and_shares_add_up(lost, trace: 
 
 
 def test_why_tells_the_family_with_its_records(lost) -> None:  # type: ignore[no-untyped-def]
-    expected = "failure family: perception_miss of victim[1] from tick 5: victim[1] stands in it (tick 5, a); "
+    expected = "failure family: perception_miss of victim[1] from tick 5: victim[1] is visible (tick 5, a); "
     assert expected in why(lost({5: SEEN})).text
 
 

@@ -143,7 +143,7 @@ def test_labels_do_not_cover_each_other() -> None:
     labels = style.Labels(axes)
     for place in range(12):
         labels.add(f"victim[{place}] completed", (50 + place % 4, 50 + place // 4), style.INK)
-    for a, b in itertools.combinations(labels.taken, 2):
+    for a, b in itertools.combinations(labels.occupied, 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
 
 
@@ -191,7 +191,7 @@ def marks(history: History, *entities: str) -> list[str]:
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
     happened = tuple(HistoryEvent("rescued", tick, entity) for tick, entity in enumerate(entities))
-    draw_events(axes, dataclasses.replace(history, happened=happened))
+    draw_events(axes, dataclasses.replace(history, events=happened))
     return [text.get_text() for text in axes.texts]
 
 

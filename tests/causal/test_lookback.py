@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.analysis.page_pictures import best_frames, in_order, unasked_frames
+from lingjing.analysis.page_pictures import best_frames, in_order, unrecorded_frames
 from lingjing.bench.columns import shipped
 from lingjing.causal.lookback import look_back
 from lingjing.cli import missionpage
@@ -40,8 +40,8 @@ def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
 def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace) -> None:
     taken = best_frames([walk])
     assert [shown.info.camera for shown in in_order(taken)] == ["front", "reference"]
-    assert unasked_frames(walk, taken, look_back) == []
-    (shown,) = unasked_frames(walk, [one for one in taken if one.info.camera != "front"], look_back)
+    assert unrecorded_frames(walk, taken, look_back) == []
+    (shown,) = unrecorded_frames(walk, [one for one in taken if one.info.camera != "front"], look_back)
     assert (shown.info.entity, shown.info.camera, shown.agent) == ("dog", "front", "navigator")
     assert shown.jpeg.startswith(b"\xff\xd8") and "nobody asked" in shown.caption
     assert "nobody asked" not in next(one for one in taken if one.info.camera == "front").caption
@@ -49,7 +49,7 @@ def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace)
 
 def test_a_city_that_is_gone_gives_no_pictures(walk: Trace) -> None:
     other = Trace(walk.path, replace(walk.header, city_sha256="0"), walk.boundaries, walk.outcome, True, walk.places)
-    assert unasked_frames(other, [], look_back) == []
+    assert unrecorded_frames(other, [], look_back) == []
 
 
 def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,5 +58,5 @@ def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, m
     monkeypatch.setattr(missionpage, "_trace", lambda path, mission: bare)
     mission = load_mission(next(path for path in shipped() if path.stem == "vdn"))
     page = missionpage.write_page(mission, [walk.path], None, tmp_path).read_text(encoding="utf-8")
-    assert "(vdn-dog-front.jpg)" in page and "nobody asked for it" in page
+    assert "(vdn-dog-front.jpg)" in page and "drawn after the episode" in page
     assert (tmp_path / "vdn-dog-front.jpg").stat().st_size > 5000

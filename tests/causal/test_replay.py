@@ -248,7 +248,7 @@ def test_a_city_of_a_map_is_built_again_from_it(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(UsageError, match="what is built now is another one"):
         replay(trace, world="inline")
     (tmp_path / "town.osm").unlink()
-    with pytest.raises(UsageError, match=r"not to be had here: .*town\.osm"):
+    with pytest.raises(UsageError, match=r"cannot be built here: .*town\.osm"):
         replay(trace, world="inline")
 
 

@@ -1,13 +1,13 @@
 """`overview.png`: one picture of an episode, drawn from its trace.
 
-- `style`     colours, fonts, the labels' placement
-- `mapview`   the map: region, cells, tracks, truth and reports
-- `timeline`  messages, events, batteries over ticks
-- `pictures`  the best detections, cut out of their frames, and one whole frame
-- `score`     the numbers
-- `layout`    the page that holds them
+- `style`: colours, fonts and the placement of labels
+- `mapview`: the map with regions, cells, tracks, true positions and reports
+- `timeline`: messages, events and batteries over ticks
+- `pictures`: crops of the best detections, and one whole frame
+- `score`: the table of metrics
+- `layout`: the page
 
-matplotlib is loaded by the first call, not by this import.
+The first call loads matplotlib; importing this package does not.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from lingjing.trace.reader import Trace
 
 
 def draw_overview(trace: Trace, path: Path, city: City | None = None) -> tuple[str, ...]:
-    """Draw `trace`, whole or cut, as a PNG of 1800 by 1200 pixels at `path`; notes on what is not as it should be.
+    """Draw `trace`, whole or cut, as a PNG of 1800 by 1200 pixels at `path`, and return notes on missing letters.
 
-    `city` is what it was played in, if the caller still has it; else it is built again, and the map stays blank where
-    that cannot be done exactly.
+    `city` is the city of the episode. If it is None, it is built again. If that is not possible exactly, the ground of
+    the map stays blank.
 
     Raises `UsageError` if the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""The page: map on the left, numbers and pictures on the right, time along the bottom."""
+"""The page of the overview: map on the left, metrics and pictures on the right, timelines at the bottom."""
 
 from __future__ import annotations
 
@@ -24,21 +24,23 @@ from lingjing.trace.reader import Trace
 from lingjing.whole_files import written_whole
 
 WIDTH, HEIGHT, DPI = 18.0, 12.0, 100
+"""Size in inches, and resolution. Chosen."""
 VIEWS = 4
+"""Number of crops. Chosen: two rows of two fill the panel."""
 
 
 def draw_sheet(trace: Trace, path: Path, city: City | None) -> tuple[str, ...]:
-    """See `lingjing.analysis.overview.draw_overview`."""
+    """Draw the page. See `lingjing.analysis.overview.draw_overview`."""
     words = "".join((trace.header.instance.title, _players(trace), credit(trace.header.attribution)))
     with style.as_written(words), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # it is said once, by the caller
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # the note covers it
         _draw(trace, path, city)
     return note_of_boxes(words)
 
 
 def _draw(trace: Trace, path: Path, city: City | None) -> None:
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, facecolor=style.PAPER)
-    FigureCanvasAgg(figure)  # the Agg canvas by itself: no pyplot, no global state, no display
+    FigureCanvasAgg(figure)  # without pyplot there is no global state and no display
     history = history_of(trace)
     _title(figure, trace)
     draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), history, city, credit(trace.header.attribution))

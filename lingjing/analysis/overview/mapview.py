@@ -1,4 +1,4 @@
-"""The map: search region and cells, tracks that darken with time, where targets really were, what was reported."""
+"""The map: regions and cells, tracks that darken with time, true positions of targets, and reported positions."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ from lingjing.scene.city import City
 from lingjing.scene.plan import ground_plan, paint
 
 STRAY_M = 400.0
-"""Reports farther than this from everything real do not stretch the map; they are clamped to its edge."""
+"""Largest distance from tracks, regions and entities at which a report extends the map. Chosen. Reports farther away
+are drawn at the edge."""
 
 STILL_M = 0.05
-"""A macro-step shorter than this is waiting."""
+"""Length of a macro-step below which the body counts as waiting. Chosen."""
 
 UNDONE = "not done"
+"""The printed word for `missed` if reports are not judged."""
 
 
 def draw_map(axes: Axes, history: History, city: City | None = None, credit: str = "", legend_columns: int = 0) -> None:
-    """Fill `axes` with the episode's map, east to the right, metres: on `city` if it is there, on blank ground else.
+    """Draw the episode's map into `axes`, in metres, east to the right, on `city` or on blank ground.
 
-    `credit` names whose map it is; it stands in the corner. The legend below has one row, or `legend_columns` columns.
+    `credit` is drawn in the corner. The legend below has one row, or `legend_columns` columns.
     """
     axes.set_facecolor(style.PANEL)
     west, south, east, north = _bounds(history, axes)
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
-    axes.set_aspect("equal", adjustable="box")  # after the limits: it would shrink the panel to theirs
+    axes.set_aspect("equal", adjustable="box")  # only after the limits, because it shrinks the panel to them
     if city is not None:
         paint(axes, ground_plan(city, (west, south, east, north)), style.CITY)
     _ground(axes, history)
@@ -53,7 +55,7 @@ def draw_map(axes: Axes, history: History, city: City | None = None, credit: str
 
 
 def _bounds(history: History, axes: Axes) -> tuple[float, float, float, float]:
-    """The box around everything real plus a margin, widened to the panel's shape."""
+    """Return west, south, east and north of the map: the box around all content plus a margin, in the panel's shape."""
     points = [point for track in history.tracks.values() for point in track.points]
     points += [point for region in history.instance.regions for point in region.polygon]
     points += [entity.position[:2] for entity in history.instance.entities]
@@ -100,7 +102,7 @@ def _assets(axes: Axes, history: History, labels: style.Labels) -> None:
             labels.block(start, 5)
             labels.block(end, 7)
     for frame in history.frames.values():
-        if frame.entity in colours:  # a reference picture is nobody's and was taken before the episode
+        if frame.entity in colours:  # reference pictures belong to no asset
             axes.plot(*frame.pose.position[:2], ".", ms=3, color=colours[frame.entity], zorder=5)
 
 
@@ -108,7 +110,8 @@ def _line(axes: Axes, track: Track, colour: str) -> None:
     points = np.array(track.points)
     if len(points) < 2:
         return
-    moved = np.r_[True, np.hypot(*np.diff(points, axis=0).T) > STILL_M]  # waiting must not use up the shades
+    # without the waiting times, so that the shades spread over the track
+    moved = np.r_[True, np.hypot(*np.diff(points, axis=0).T) > STILL_M]
     points = np.concatenate([points[moved], points[-1:]])
     step = max(1, len(points) // 400)
     points = np.concatenate([points[::step], points[-1:]])
@@ -131,19 +134,22 @@ def _targets(axes: Axes, history: History, labels: style.Labels) -> None:
 
 
 def _incidents(axes: Axes, history: History, labels: style.Labels) -> None:
-    """A cross for each, with the time of the first few."""
+    """Draw a cross for each incident, with kind and time for the first few."""
     for incident in history.incidents:
         if incident.position is not None:
             axes.plot(*incident.position[:2], "X", ms=10, mfc=style.INCIDENT, mec="white", mew=0.9, zorder=9)
             labels.block(incident.position[:2], 6)
     for incident in history.incidents[: style.CROWD]:
         if incident.position is not None:
-            said = f"{incident.kind.replace('_', ' ')} {incident.time_s:.0f} s"
-            labels.add(said, incident.position[:2], style.INCIDENT, 8.0)
+            text = f"{incident.kind.replace('_', ' ')} {incident.time_s:.0f} s"
+            labels.add(text, incident.position[:2], style.INCIDENT, 8.0)
 
 
 def _fate_place(history: History, track: Track) -> tuple[float, float]:
-    """Where the target was when it was completed (it may travel aboard afterwards), else where it ended."""
+    """Return the position of a target at its completion, else its last one.
+
+    A completed target may be carried away afterwards.
+    """
     tick = history.completed.get(track.entity)
     if tick is None:
         return track.points[-1]
@@ -188,7 +194,7 @@ def _names(axes: Axes, history: History, labels: style.Labels) -> None:
     for track in targets:
         if track.points:
             fate = history.fate[track.entity]
-            plain = fate == "aside" or len(targets) > style.CROWD  # its colour says the rest
+            plain = fate == "aside" or len(targets) > style.CROWD  # the colour shows the fate
             name = track.entity if plain else f"{track.entity} {_word(history, track.entity)}"
             labels.add(name, _fate_place(history, track), style.FATES[fate], 8.5)
     for track in assets:
@@ -197,7 +203,7 @@ def _names(axes: Axes, history: History, labels: style.Labels) -> None:
 
 
 def _word(history: History, target: str) -> str:
-    """What became of a target; where no report is judged, nobody can have overlooked one."""
+    """Return the printed state of a target. Without judged reports no target can be missed."""
     fate = history.fate[target]
     return (
         UNDONE

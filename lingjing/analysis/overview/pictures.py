@@ -1,8 +1,8 @@
-"""What the agents saw: the best detections cut out of their frames, and one whole frame.
+"""The pictures of the overview: crops of the best detections, and one whole frame.
 
-The truth is drawn in green, the report in magenta. Where nothing was reported, the largest views of targets that
-were missed are shown instead; where nobody may report, the last frame is the whole one. Reference pictures are none
-of this: they were shown to the agents, not seen by them.
+True boxes are green, reported boxes magenta. Without reports, the largest views of missed targets are shown. In a
+mission without report messages, the whole frame is the last one. Reference pictures are left out, because no camera of
+an agent took them.
 """
 
 from __future__ import annotations
@@ -28,19 +28,24 @@ UNREADABLE = "the picture cannot be decoded"
 
 @dataclass(frozen=True, slots=True)
 class ReportView:
-    """One thing worth showing in a frame; boxes are normalised."""
+    """One crop of a frame."""
 
     frame: FrameInfo
     truth: UnitBox | None
+    """The true box. None for a false or unjudged report."""
     claim: UnitBox | None
+    """The reported box. None for a target that was not reported."""
     entity: str
+    """The target, or the reported class of an unjudged report; "" for a false report."""
     overlap: float
+    """IoU of the two boxes, 0 to 1."""
     error_m: float | None
     judged: bool = True
+    """True if a rule compares the report with the truth."""
 
     @property
     def caption(self) -> str:
-        """Two lines under the picture."""
+        """The caption of the crop, two lines."""
         first = f"{self.entity or 'nothing there'} · {self.frame.entity} · tick {self.frame.tick}"
         if not self.judged:
             return f"{first}\n{'in view' if self.claim is None else 'reported'}"
@@ -53,7 +58,7 @@ class ReportView:
 
 
 def best_views(history: History, count: int) -> list[ReportView]:
-    """The best match of each target first, then further matches, a false report, and what was missed."""
+    """Return up to `count` crops: the best match of each target, unjudged reports, a false report, missed targets."""
     matches = sorted(_matches(history), key=lambda view: (-view.overlap, view.frame.tick))
     first: dict[str, ReportView] = {}
     for view in matches:
@@ -71,22 +76,24 @@ def best_views(history: History, count: int) -> list[ReportView]:
 
 
 def whole_frame(history: History) -> FrameInfo | None:
-    """The frame with the most targets in it, among equals one that a report speaks of; where no report is judged, one
-    that is spoken of before others; the last one where nobody may report."""
+    """Return the frame with the most targets; among equal ones, a frame that a report names.
+
+    If reports are not judged, frames that a report names come first. In a mission without reports it is the last frame.
+    """
     if not history.reporting:
         return max(history.shots, key=lambda frame: (frame.time_s, frame.camera == FRONT), default=None)
-    spoken = {report.frame for report in history.reports if report.target is not None or not report.judged}
+    reported = {report.frame for report in history.reports if report.target is not None or not report.judged}
     targets = set(history.fate)
 
     def worth(frame: FrameInfo) -> tuple[int, bool, int]:
-        seen = [truth for truth in frame.boxes if truth.entity in targets]
-        return len(seen) if history.judging else 0, frame.id in spoken, sum(truth.pixels for truth in seen)
+        visible = [truth for truth in frame.boxes if truth.entity in targets]
+        return len(visible) if history.judging else 0, frame.id in reported, sum(truth.pixels for truth in visible)
 
     return max(history.shots, key=worth, default=None)
 
 
 def draw_view(axes: Axes, trace: Trace, view: ReportView) -> None:
-    """One cut-out, about eight times as wide as what it shows."""
+    """Draw one crop, which is several times wider than its boxes."""
     rgb = _rgb(trace, view.frame)
     style.bare(axes)
     axes.set_xlabel(view.caption, fontsize=8, color=style.INK, labelpad=3)
@@ -102,7 +109,7 @@ def draw_view(axes: Axes, trace: Trace, view: ReportView) -> None:
 
 
 def draw_whole(axes: Axes, trace: Trace, history: History, frame: FrameInfo | None) -> None:
-    """A whole frame with all its boxes."""
+    """Draw a whole frame with all its boxes."""
     style.bare(axes)
     rgb = None if frame is None else _rgb(trace, frame)
     if frame is None or rgb is None:
@@ -143,7 +150,7 @@ def _false(history: History) -> list[ReportView]:
 
 
 def _unjudged(history: History) -> list[ReportView]:
-    """What was reported where no rule compares it with the truth."""
+    """Return the reports that no rule compares with the truth."""
     return [
         ReportView(history.frames[report.frame], None, report.box, report.cls, 0.0, None, judged=False)
         for report in history.reports
@@ -151,12 +158,12 @@ def _unjudged(history: History) -> list[ReportView]:
     ]
 
 
-def _missed(history: History, found: set[str]) -> list[ReportView]:
+def _missed(history: History, matched: set[str]) -> list[ReportView]:
     best: dict[str, tuple[int, ReportView]] = {}
-    wanted = set(history.fate) - found
+    lacking = set(history.fate) - matched
     for frame in history.shots:
         for truth in frame.boxes:
-            if truth.entity in wanted and truth.pixels > best.get(truth.entity, (0,))[0]:
+            if truth.entity in lacking and truth.pixels > best.get(truth.entity, (0,))[0]:
                 best[truth.entity] = (
                     truth.pixels,
                     ReportView(frame, truth.box, None, truth.entity, 0.0, None, history.judging),
@@ -165,7 +172,10 @@ def _missed(history: History, found: set[str]) -> list[ReportView]:
 
 
 def _window(view: ReportView, width: int, height: int, shape: float) -> tuple[int, int, int, int]:
-    """Pixels to cut out: the boxes in the middle, at least a twenty-fourth of the frame wide, `shape` wide by high."""
+    """Return left, top, right and bottom of the crop in pixels.
+
+    The boxes are in its middle. It is at least a twenty-fourth of the frame wide. `shape` is its width over its height.
+    """
     boxes = [box for box in (view.truth, view.claim) if box is not None]
     x0, y0 = min(box[0] for box in boxes) * width, min(box[1] for box in boxes) * height
     x1, y1 = max(box[2] for box in boxes) * width, max(box[3] for box in boxes) * height
@@ -181,7 +191,7 @@ def _rgb(trace: Trace, frame: FrameInfo) -> npt.NDArray[np.uint8] | None:
     try:
         return trace.picture(frame.id).rgb
     except LingjingError:
-        return None  # a damaged picture must not cost the page; the panel says so
+        return None  # the page is drawn in spite of a damaged picture; the panel has a note
 
 
 def _box(
@@ -204,7 +214,7 @@ def _grown(box: UnitBox, margin: float) -> UnitBox:
 
 
 def draw_nothing(axes: Axes, text: str) -> None:
-    """An empty panel that says why."""
+    """Draw an empty panel with a note."""
     style.bare(axes)
     axes.set_facecolor(style.PANEL)
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color=style.FAINT)

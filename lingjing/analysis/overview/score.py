@@ -1,4 +1,4 @@
-"""The numbers of an episode as a small table beside the map."""
+"""The metrics of an episode as a small table beside the map."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from lingjing.analysis.metrics import Metrics
 from lingjing.analysis.overview import style
 
 ENDINGS = {"budget": "out of time", "late": "stage late", "constraint": "constraint broken", "error": "cut short"}
-"""Reasons that read better in other words."""
+"""Printed words for reasons of an episode's end; other reasons are printed unchanged."""
 
 
 def draw_score(axes: Axes, numbers: Metrics, *, complete: bool, judging: bool = True) -> None:
-    """Verdict on top, two columns of figures, the stages at the bottom; `judging` if the mission judges reports."""
+    """Draw the verdict on top, two columns of metrics, and the stages at the bottom.
+
+    `complete` is False for a cut trace. `judging` is True if the mission judges reports.
+    """
     style.bare(axes)
     axes.set_facecolor(style.PANEL)
     axes.set_xlim(0, 1)
@@ -61,7 +64,7 @@ def _columns(numbers: Metrics, judging: bool) -> tuple[list[tuple[str, str]], li
 
 
 def _discovered(numbers: Metrics) -> list[tuple[str, str]]:
-    """What matched reports found, which only a mission has that compares reports with the truth."""
+    """Return the rows on discoveries, for a mission that compares reports with the truth."""
     return [
         ("first discovery", "–" if numbers.first_discovery_tick is None else f"tick {numbers.first_discovery_tick}"),
         ("targets found", str(numbers.targets_found)),
@@ -69,7 +72,7 @@ def _discovered(numbers: Metrics) -> list[tuple[str, str]]:
 
 
 def _judged(numbers: Metrics) -> list[tuple[str, str]]:
-    """How good the reports were, where they are compared with the truth."""
+    """Return the rows on the quality of reports, for a mission that compares them with the truth."""
     return [
         ("matched reports", f"{numbers.detections} of {numbers.reports}"),
         ("precision", _share(numbers.precision)),

@@ -1,4 +1,4 @@
-"""Colours, sizes and label placement shared by the panels."""
+"""Colours, sizes and the placement of labels, for all panels. Colours are chosen."""
 
 from __future__ import annotations
 
@@ -42,22 +42,25 @@ TRUTH = "#18c56b"
 CLAIM = "#ff2fa0"
 INCIDENT = "#111111"
 CROWD = 8
-"""More targets than this are named by their index alone, and not in legends."""
+"""Number of targets above which labels show only their index and legends leave them out. Chosen."""
 _ASSETS = ("#1f6fd1", "#c2410c", "#6d28d9", "#0f766e", "#a16207", "#be185d", "#4d7c0f", "#334155")
 _LANE_PT = 8.0
-"""What the name of a lane takes of a panel's height, points."""
+"""Height of the name of a lane, points."""
 _SHADES = (1.0, 0.75, 0.5)
-"""Of the same colours for further assets; after 24 they begin again: a track in a fainter one is not seen."""
+"""Shares of the colours of `_ASSETS` for the first 24 assets. Then the colours repeat, because a track in a lighter
+shade would be invisible."""
 
 
 def as_written(text: str) -> AbstractContextManager[None]:
-    """Settings of matplotlib under which a dollar sign in a title or a name is one, and begins no formula, and letters
-    of this text that the usual font lacks are written in another one."""
+    """Return a context with settings of matplotlib for plain text.
+
+    A dollar sign then begins no formula, and letters of `text` that the usual font lacks are drawn in another font.
+    """
     return rc_context({"text.parse_math": False, "font.family": families(text)})
 
 
 def asset_colours(names: Iterable[str]) -> dict[str, str]:
-    """One colour for each asset, in declaration order."""
+    """Return one colour for each asset, in declaration order."""
     colours = {}
     for place, name in enumerate(names):
         lap, index = divmod(place, len(_ASSETS))
@@ -66,14 +69,14 @@ def asset_colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def shaded(colour: str, share: float) -> str:
-    """`colour` mixed with white; 1 leaves it as it is."""
+    """Return `colour` mixed with white. `share` is the share of the colour, 0 to 1."""
     share = min(1.0, max(0.0, share))
     channels = [int(colour[at : at + 2], 16) for at in (1, 3, 5)]
     return "#" + "".join(f"{round(255 + (channel - 255) * share):02x}" for channel in channels)
 
 
 def target_colour(place: int) -> str:
-    """A colour for the n-th target in the timeline."""
+    """Return a colour for the target number `place` in the timeline, with hues in golden-ratio steps."""
     red, green, blue = colorsys.hls_to_rgb((0.02 + place * 0.381966) % 1.0, 0.42, 0.62)
     return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"
 
@@ -83,25 +86,27 @@ _SPOTS = tuple(
     for reach in (9, 16, 26, 38, 52, 70)
     for dx, dy in ((1, 0.6), (-1, 0.6), (1, -0.8), (-1, -0.8), (0, 1.2), (0, -1.4), (1.4, 0), (-1.4, 0))
 )
+"""Offsets of a label from its point, in points, in the order of preference. Chosen."""
 
 
 @dataclass
 class Labels:
-    """Places labels beside their points so that none covers another or an obstacle.
+    """Placement of labels beside their points so that they cover neither each other nor obstacles.
 
-    `taken` holds rectangles in pixels; a label that finds no free spot takes the last one.
+    A label without a free spot is placed at the last spot.
     """
 
     axes: Axes
-    taken: list[tuple[float, float, float, float]] = field(default_factory=list)
+    occupied: list[tuple[float, float, float, float]] = field(default_factory=list)
+    """Rectangles in pixels: left, bottom, right, top."""
 
     def block(self, point: tuple[float, float], pixels: float) -> None:
-        """Keep labels off a marker at `point` (data coordinates)."""
+        """Add a marker at `point` (data coordinates) as an obstacle of radius `pixels`."""
         x, y = self.axes.transData.transform(point)
-        self.taken.append((x - pixels, y - pixels, x + pixels, y + pixels))
+        self.occupied.append((x - pixels, y - pixels, x + pixels, y + pixels))
 
     def add(self, text: str, point: tuple[float, float], colour: str, size: float = 9.0, weight: str = "bold") -> None:
-        """Write `text` next to `point` (data coordinates)."""
+        """Draw `text` next to `point` (data coordinates)."""
         figure, canvas = self.axes.figure, self.axes.figure.canvas
         assert isinstance(canvas, FigureCanvasAgg)
         note = self.axes.annotate(
@@ -125,31 +130,32 @@ class Labels:
             box = _extent(note, renderer)
             if self._free(box):
                 break
-        self.taken.append(_extent(note, renderer))
+        self.occupied.append(_extent(note, renderer))
 
     def _free(self, box: tuple[float, float, float, float]) -> bool:
         frame = self.axes.get_window_extent()
         if box[0] < frame.x0 or box[1] < frame.y0 or box[2] > frame.x1 or box[3] > frame.y1:
             return False
         return all(
-            box[2] <= other[0] or box[0] >= other[2] or box[3] <= other[1] or box[1] >= other[3] for other in self.taken
+            box[2] <= other[0] or box[0] >= other[2] or box[3] <= other[1] or box[1] >= other[3]
+            for other in self.occupied
         )
 
 
 def _extent(note: Annotation, renderer: RendererAgg) -> tuple[float, float, float, float]:
-    """The label's own rectangle in pixels, without its leader."""
+    """Return the label's rectangle in pixels, without its leader line."""
     box = Text.get_window_extent(note, renderer)
     return box.x0 - 2, box.y0 - 2, box.x1 + 2, box.y1 + 2
 
 
 def panel_shape(axes: Axes) -> float:
-    """Width over height of a panel on the page."""
+    """Return width over height of a panel."""
     size = axes.get_window_extent()
     return float(size.width / size.height)
 
 
 def bare(axes: Axes, title: str = "") -> None:
-    """A panel without ticks."""
+    """Remove the ticks of a panel, and set its title."""
     axes.set_xticks([])
     axes.set_yticks([])
     for side in axes.spines.values():
@@ -159,12 +165,12 @@ def bare(axes: Axes, title: str = "") -> None:
 
 
 def lanes(axes: Axes, names: Sequence[str]) -> None:
-    """Name the lanes 0, 1, 2, … of a panel, of more than there is room for every second or third."""
+    """Set the names of the lanes 0, 1, 2, … of a panel. If there is not room for all, only every n-th name is set."""
     room = max(1, int(axes.get_window_extent().height / axes.figure.dpi * 72 / _LANE_PT))
     step = -(-len(names) // room) or 1
     axes.set_yticks(range(0, len(names), step), names[::step])
 
 
 def heading(axes: Axes, title: str) -> None:
-    """A panel's title, flush left."""
+    """Set a panel's title, flush left."""
     axes.set_title(title, loc="left", fontsize=10, color=INK, fontweight="bold", pad=5)

@@ -1,4 +1,4 @@
-"""Over ticks: who told whom, what the kernel adjudicated, what is left in the batteries."""
+"""Timelines over ticks: messages between agents, adjudicated events, and the charge of batteries."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from lingjing.analysis.overview import style
 from lingjing.trace.admitted import AdmittedMessage
 
 _NAMED = 14
-"""As many names stand side by side over a panel."""
+"""Most entries of a legend over a panel. Chosen: more do not fit side by side."""
 
 
 def draw_messages(axes: Axes, history: History) -> None:
-    """A lane for each agent; a message leaves its sender's dot for the recipients' lanes."""
+    """Draw a lane for each agent, and a line from the sender's dot to the recipients' lanes for each message."""
     agents = [agent.id for agent in history.instance.agents]
     lanes = {agent: place for place, agent in enumerate(agents)}
     for lane in lanes.values():
         axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
-    for said, x in _spread(history):
-        _message(axes, said, x, lanes)
+    for message, x in _spread(history):
+        _message(axes, message, x, lanes)
     for tick, sender in history.refusals:
         if sender in lanes:
             axes.plot(tick, lanes[sender], "|", ms=9, mec=style.FATES["missed"], mew=1.4, zorder=3)
     style.lanes(axes, agents)
     axes.set_ylim(len(agents) - 0.5, -0.5)
-    used = dict.fromkeys(said.category for said in history.said)
+    used = dict.fromkeys(message.category for message in history.messages)
     entries = [_dot(style.CATEGORIES[name], name.replace("_", " ")) for name in style.CATEGORIES if name in used]
     if history.refusals:
         entries.append(
@@ -39,17 +39,20 @@ def draw_messages(axes: Axes, history: History) -> None:
 
 
 def draw_events(axes: Axes, history: History) -> None:
-    """A lane for each kind of event, a dot for each, in its target's colour and with its own number: a group's members
-    have their numbers, with the group's letter where several groups have some; who has no number has its letter. The
-    mission's own events are grey dots, incidents crosses in a lane of their own."""
+    """Draw a lane for each kind of event, and a dot in the target's colour for each event.
+
+    The dot contains the target's index within its group, preceded by the group's letter if several groups have indices.
+    A target without an index has only the letter. Scheduled events are grey dots. Incidents are crosses in their own
+    lane.
+    """
     kinds = [rule.name for rule in history.instance.rules]
-    kinds += [event.kind for event in history.happened if event.kind not in kinds]
+    kinds += [event.kind for event in history.events if event.kind not in kinds]
     kinds += ["incident"] if history.incidents else []
     lanes = {kind: place for place, kind in enumerate(dict.fromkeys(kinds))}
     targets = [track.entity for track in history.tracks_of("target")]
     marks = _marks(history)
     crowd: dict[tuple[str, int], list[str]] = defaultdict(list)
-    for event in history.happened:
+    for event in history.events:
         crowd[event.kind, event.tick].append(event.entity)
     for lane in lanes.values():
         axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
@@ -70,7 +73,7 @@ def draw_events(axes: Axes, history: History) -> None:
     style.lanes(axes, list(lanes))
     if lanes:
         axes.set_ylim(len(lanes) - 0.4, -0.6)
-    few = targets if len(targets) <= style.CROWD else []  # a crowd is told apart by the numbers in the dots
+    few = targets if len(targets) <= style.CROWD else []  # the indices in the dots identify the targets of a crowd
     entries = [_dot(style.target_colour(place), name) for place, name in enumerate(few)]
     if history.incidents:
         entries.append(
@@ -80,7 +83,7 @@ def draw_events(axes: Axes, history: History) -> None:
 
 
 def _marks(history: History) -> dict[str, str]:
-    """What stands in a target's dot."""
+    """Return the text in the dot of each target."""
     targets = [entity for entity in history.instance.entities if entity.role == "target"]
     numbered = {entity.group for entity in targets if entity.id != entity.group}
     letter = {entity.group: entity.group[:1].upper() for entity in targets}
@@ -93,7 +96,7 @@ def _marks(history: History) -> dict[str, str]:
 
 
 def draw_batteries(axes: Axes, history: History) -> None:
-    """What is left in each asset's battery, percent of what it began with."""
+    """Draw the charge of each asset's battery in percent of the initial charge."""
     tracks = history.tracks_of("asset")
     colours = style.asset_colours(track.entity for track in tracks)
     tick_s = history.instance.clock.tick_s
@@ -105,34 +108,35 @@ def draw_batteries(axes: Axes, history: History) -> None:
     axes.set_yticks([0, 50, 100], ["0", "50", "100 %"])
     axes.grid(axis="y", color=style.RULE, linewidth=0.6)
     entries = [Line2D([], [], color=colours[track.entity], linewidth=1.8, label=track.entity) for track in powered]
-    entries = entries if len(entries) <= _NAMED else []  # the map names them, in the same colours
+    entries = entries if len(entries) <= _NAMED else []  # the map has their names in the same colours
     _finish(axes, history, "Battery" if powered else "Battery: no asset has one", entries)
     axes.set_xlabel(f"tick ({tick_s:g} s each)", fontsize=9, color=style.INK, labelpad=2)
     axes.tick_params(labelbottom=True)
 
 
 def _spread(history: History) -> list[tuple[AdmittedMessage, float]]:
-    """Messages of one tick side by side instead of on top of each other."""
+    """Return each message with its x coordinate. The messages of one tick are spread around it side by side."""
     by_tick: dict[int, list[AdmittedMessage]] = defaultdict(list)
-    for said in history.said:
-        by_tick[said.tick].append(said)
+    for message in history.messages:
+        by_tick[message.tick].append(message)
     return [
-        (said, tick + 0.8 * ((place + 0.5) / len(group) - 0.5))
+        (message, tick + 0.8 * ((place + 0.5) / len(group) - 0.5))
         for tick, group in by_tick.items()
-        for place, said in enumerate(group)
+        for place, message in enumerate(group)
     ]
 
 
-def _message(axes: Axes, said: AdmittedMessage, x: float, lanes: dict[str, int]) -> None:
-    colour = style.CATEGORIES.get(said.category, style.FAINT)
-    ends = [lanes[name] for name in (said.sender, *said.recipients) if name in lanes]
-    if not ends or said.sender not in lanes:
+def _message(axes: Axes, message: AdmittedMessage, x: float, lanes: dict[str, int]) -> None:
+    colour = style.CATEGORIES.get(message.category, style.FAINT)
+    sender = message.sender
+    ends = [lanes[name] for name in (sender, *message.recipients) if name in lanes]
+    if not ends or sender not in lanes:
         return
     axes.plot((x, x), (min(ends), max(ends)), "-", color=colour, linewidth=0.9, alpha=0.6, zorder=2)
-    for name in said.recipients:
+    for name in message.recipients:
         if name in lanes:
-            axes.plot(x, lanes[name], "v" if lanes[name] > lanes[said.sender] else "^", ms=3.5, color=colour, zorder=3)
-    axes.plot(x, lanes[said.sender], "o", ms=5.5, mfc=colour, mec="white", mew=0.6, zorder=4)
+            axes.plot(x, lanes[name], "v" if lanes[name] > lanes[sender] else "^", ms=3.5, color=colour, zorder=3)
+    axes.plot(x, lanes[sender], "o", ms=5.5, mfc=colour, mec="white", mew=0.6, zorder=4)
 
 
 def _dot(colour: str, label: str) -> Line2D:
