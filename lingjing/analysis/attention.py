@@ -3,7 +3,7 @@
 The paper: "Intersection over union between the ground truth target box and the image attention region obtained by
 thresholding attention at its mean plus one standard deviation."
 
-The user who runs the model supplies the maps in a NumPy archive (`.npz`, no pickles) with one array for each picture.
+The user of the model supplies the maps in a NumPy archive (`.npz`, no pickles) with one array for each picture.
 The name of an array is the picture's id. An array has the shape (rows, columns), any resolution and any scale, no
 negative values, and covers the whole picture from the top left. Closed models supply no maps; the metric is then N/A.
 """

@@ -101,18 +101,18 @@ def counted(actions: Iterable[JudgedAction]) -> ActionCounts:
     judged = list(actions)
     return ActionCounts(
         actions=len(judged),
-        adherent=sum(one.adherent for one in judged),
-        following=sum(one.repeated is not None for one in judged),
-        repeated=sum(bool(one.repeated) for one in judged),
-        out_of_bounds=sum(one.out_of_bounds for one in judged),
-        forgotten=sum(one.forgotten for one in judged),
+        adherent=sum(action.adherent for action in judged),
+        following=sum(action.repeated is not None for action in judged),
+        repeated=sum(bool(action.repeated) for action in judged),
+        out_of_bounds=sum(action.out_of_bounds for action in judged),
+        forgotten=sum(action.forgotten for action in judged),
     )
 
 
 def counted_by_tercile(actions: Iterable[JudgedAction]) -> tuple[ActionCounts, ...]:
     """Return the counts of the first, second and last third of each agent's actions, in the order of `TERCILES`."""
     judged = list(actions)
-    return tuple(counted(one for one in judged if one.third == third) for third in range(len(TERCILES)))
+    return tuple(counted(action for action in judged if action.third == third) for third in range(len(TERCILES)))
 
 
 def behaviour(actions: Iterable[JudgedAction]) -> BehaviourRates:

@@ -28,7 +28,7 @@ evidence: agent, action, message, relation, event.
 
 The earliest breakdown of any lost target determines the family. For equal ticks, the first family in this order wins.
 An episode without a breakdown is `unattributed`. Examples are a broken constraint, a crash, and a late stage in a
-mission whose perception is not recorded.
+mission without recorded perception.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class _Story:
     """Completion of a stage in `handing`, by subject."""
     assigned: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
     """Assignments of a target by another agent: tick, body, id of the message or command."""
-    taken: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
+    own_commands: dict[str, list[tuple[int, str, str]]] = field(default_factory=dict)
     """Commands of an agent that send its own body to a target: tick, body, id of the command."""
     done: dict[str, int] = field(default_factory=dict)
     """Completion of a stage for any subject, by stage."""
@@ -136,8 +136,8 @@ class _Story:
     def __post_init__(self) -> None:
         instance = self.trace.header.instance
         done, groups = completion_ticks(self.trace), required_target_groups(instance)
-        targets = (entity for entity in instance.entities if entity.role == "target")
-        self.lost = [target.id for target in targets if target.id not in done and target.group in groups]
+        candidates = (entity for entity in instance.entities if entity.role == "target")
+        self.lost = [entity.id for entity in candidates if entity.id not in done and entity.group in groups]
         matching = matching_rules(self.trace)
         locating = _locating_rules(instance, matching)
         self.judged, self.locates = bool(matching), bool(locating)
@@ -161,7 +161,7 @@ class _Story:
                 for target in targets:
                     self.assigned.setdefault(target, []).append((record.tick, body, message))
             for command in (command for command in record.commands if command.origin == "agent"):
-                entries = self.assigned if owners.get(command.resource) != command.sender else self.taken
+                entries = self.assigned if owners.get(command.resource) != command.sender else self.own_commands
                 for target in assignments.targets_of(record, command.arguments, command.resource):
                     entries.setdefault(target, []).append((record.tick, command.resource, command.id))
 
@@ -310,7 +310,7 @@ def _known(story: _Story, target: str) -> int | None:
         return story.located.get(target)
     if story.judged:
         return story.matched.get(target)
-    hidden = {one.id for one in story.trace.header.instance.entities if one.hidden}
+    hidden = {entity.id for entity in story.trace.header.instance.entities if entity.hidden}
     return None if target in hidden or not story.assigns else _due(story)
 
 
@@ -430,7 +430,7 @@ def _idle_stretch(steps: Sequence[bool], since: int) -> tuple[int, int]:
 
 
 def _drift(story: _Story, target: str) -> Attribution | None:
-    assignments = sorted((*story.assignments_of(target), *story.taken.get(target, ())))
+    assignments = sorted((*story.assignments_of(target), *story.own_commands.get(target, ())))
     if not assignments:
         return None
     tick, body, record = assignments[0]

@@ -68,7 +68,7 @@ def incidents(trace: Trace) -> tuple[Incident, ...]:
     search = incident_search(trace.header.instance)
     for record in trace.boundaries:
         search.take(record)
-    return tuple(search.found)
+    return tuple(search.incidents)
 
 
 def incident_search(instance: Instance) -> IncidentSearch:
@@ -86,7 +86,7 @@ class IncidentSearch:
     entities: Mapping[str, Entity]
     same_s: float
     """Longest time between the two reports of one collision."""
-    found: list[Incident] = field(default_factory=list)
+    incidents: list[Incident] = field(default_factory=list)
     """The incidents up to the last boundary, in order of time."""
     status: dict[str, str] = field(default_factory=dict)
     """The status of each entity at `since_s`."""
@@ -95,17 +95,17 @@ class IncidentSearch:
 
     def take(self, record: BoundaryRecord) -> None:
         """Add the incidents of one boundary."""
-        first = len(self.found)
+        first = len(self.incidents)
         reported = [_incident(event, record, self.entities) for event in record.task_events if self._counts(event)]
         for incident in sorted(reported, key=lambda incident: incident.time_s):
             if not self._is_other_side(incident):
-                self.found.append(incident)
+                self.incidents.append(incident)
         for snapshot in record.snapshots:
             for state in snapshot.states:
                 if self.status.get(state.id) != state.status:
                     self._check_state(state, snapshot, record.tick)
             self.since_s = snapshot.time_s
-        self.found[first:] = sorted(self.found[first:], key=lambda incident: incident.time_s)
+        self.incidents[first:] = sorted(self.incidents[first:], key=lambda incident: incident.time_s)
 
     def _counts(self, event: TaskEvent) -> bool:
         known = [self.entities[name] for name in event.entities if name in self.entities]
@@ -113,7 +113,7 @@ class IncidentSearch:
         return event.kind in (COLLIDED, *_WORDS) and not event.name and bool(known) and not declared
 
     def _is_other_side(self, incident: Incident) -> bool:
-        recent = takewhile(lambda other: incident.time_s - other.time_s <= self.same_s, reversed(self.found))
+        recent = takewhile(lambda other: incident.time_s - other.time_s <= self.same_s, reversed(self.incidents))
         return incident.kind == COLLIDED and any(
             other.kind == COLLIDED and other.entities[:2] == incident.entities[1::-1] for other in recent
         )
@@ -124,8 +124,8 @@ class IncidentSearch:
         entity = self.entities.get(state.id)
         if entity is None or entity.role != "asset" or state.status not in LOST:
             return
-        if not any(self._explains(earlier, state.id, snapshot.time_s) for earlier in self.found):
-            self.found.append(
+        if not any(self._explains(earlier, state.id, snapshot.time_s) for earlier in self.incidents):
+            self.incidents.append(
                 Incident(
                     kind=state.status,
                     entities=(state.id,),

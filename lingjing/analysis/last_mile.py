@@ -87,7 +87,7 @@ def _place(instance: Instance, name: str) -> Vector2:
 
 
 def _inspected(trace: Trace, inspection: InspectionSpec) -> bool:
-    """Return whether a stage was done whose condition is the inspection alone."""
+    """Return whether a stage was done that requires nothing but the inspection."""
     condition = Call("inspected", (Symbol(inspection.name),))
     stages = {stage.name for stage in trace.header.instance.stages if stage.condition == condition}
     return any(change.stage in stages for record in trace.boundaries for change in record.stages)

@@ -99,7 +99,7 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     hallucination_rate: Annotated[float | None, "perception"]
     """Share of pictures with a false report."""
     confusion_rate: Annotated[float | None, "perception"]
-    """Object confusion: share of pictures with a false report whose box lies on an object of another class."""
+    """Object confusion: share of pictures with a false report on an object of another class."""
     localisation_error_m: Annotated[float | None, "perception", "m"]
     """Median planar distance between a matched report's position and the target when the picture was taken."""
     calibration_error: Annotated[float | None, "perception"]

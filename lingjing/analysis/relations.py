@@ -5,9 +5,9 @@ The paper's five labels describe task structure. Each occurrence of a declared r
 - *information handoff*: a message carries the evidence. *Guidance*: a message carries the assignment. A message that a
   hub forwards has the original sender as its source. The hub forwards a message if it sends the same body of the same
   kind, or the same position, as it has received.
-- *cooperation*: an agent visits a cell of a shared grid first, or works in it first. Agents whose cameras photograph no
-  ground share a grid by the interactions that an engine reports, each agent once in a cell; contested targets do not
-  count. Agents share a region when one enters while the other is inside.
+- *cooperation*: an agent visits a cell of a shared grid first, or works in it first. Agents without a camera that
+  photographs the ground share a grid by the interactions that an engine reports, each agent once in a cell. Contested
+  targets do not count. Agents share a region when one enters while the other is inside.
 - *competition*: a command for a shared resource is rejected because another agent holds it. Agents also compete for a
   target if one is at it when an engine reports that another agent got it.
 - *dependency*: a stage follows its prerequisite.
@@ -128,7 +128,7 @@ class RelationTracker:
                 yield RelationRecord(kind=relation.kind, source=source, target=edge.recipient, by=edge.id, tick=tick)
 
     def _original_sender(self, relation: Relation, kind: str, edge: Envelope, before: Registry) -> str:
-        """Return the agent whose message the hub forwards by `edge`, or ""."""
+        """Return the sender of the message that the hub forwards by `edge`, or ""."""
         for report in before.reports.newest():
             forwarded = report.kind == kind and report.sender != self._hub and _same(report, edge)
             if forwarded and self._between(relation, report.sender, edge.recipient):

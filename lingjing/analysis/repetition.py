@@ -12,9 +12,9 @@ The terms of that definition are read from a trace as follows.
   every `v`, with a radius of 50 m. An interaction of a target's type (`extinguish { by = road, within = 30 m }`) makes
   every asset of that engine an executor. A place that only hands out goods, such as a depot, is no target.
 - An *assignment request* is an assignment message, or a command to an executor from an agent that does not control it.
-  Its targets are those that its fields name. If it names none, its target is the nearest one whose region contains its
-  position. A message with a `step` and no name only guides its recipient and requests nothing. The requests of one
-  sender for one target at one tick are one event.
+  Its targets are those that its fields name. If it names none, its target is the nearest one with its position inside
+  the target region. A message with a `step` and no name only guides its recipient and requests nothing. The requests of
+  one sender for one target at one tick are one event.
 - A *target-region entry* happens when an executor comes within the radius, as seen at each macro-step, whether it stops
   or drives past. Acting on a target from farther away is an entry too.
 - A *request is repeated* if the target is completed, or is assigned to as many executors as it needs, or is assigned to
@@ -256,7 +256,7 @@ class Assignments:
         self.serving = frozenset((served.executor, served.group) for served in self.radii)
         """Pairs of an executor and a group that it serves."""
         self.bodies = frozenset(self.groups) | {served.executor for served in self.radii}
-        """All targets and executors: the bodies whose positions matter."""
+        """All targets and executors."""
         self._entities = frozenset(entity.id for entity in instance.entities)
 
     def at(self, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...], str]]:
@@ -275,8 +275,8 @@ class Assignments:
     def targets_of(self, record: BoundaryRecord, fields: Mapping[str, Datum], body: str) -> tuple[str, ...]:
         """Return the targets that the fields of a message or a command denote for a body.
 
-        These are the targets that the fields name. If they name none, it is the nearest target that `body` serves whose
-        region contains the position in the fields. If `body` is no entity, the regions of all executors count.
+        These are the targets that the fields name. If they name none, it is the nearest target that `body` serves and
+        that has the position in its region. If `body` is no entity, the regions of all executors count.
         """
         words = [word for value in fields.values() for word in (value if isinstance(value, tuple) else (value,))]
         targets = tuple(dict.fromkeys(word for word in words if isinstance(word, str) and word in self.groups))
@@ -351,7 +351,7 @@ def _tracks(record: BoundaryRecord, bodies: Container[str]) -> Mapping[str, _Tra
 def _interactions(
     kinds: Container[str], record: BoundaryRecord, targets: Container[str]
 ) -> Mapping[int, Sequence[TaskEvent]]:
-    """Return the task events of `kinds` on targets, by the number of the macro-step at whose end they count."""
+    """Return the task events of `kinds` on targets, by the number of the first macro-step that ends after them."""
     times = [snapshot.time_s for snapshot in record.snapshots]
     events = defaultdict[int, list[TaskEvent]](list)
     for event in record.task_events:

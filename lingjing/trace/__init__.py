@@ -42,7 +42,8 @@ Modules in the order in which data passes through them:
 
 Invariants:
 
-- A file whose name ends in `.part` is unfinished. It can be read to its last complete boundary wherever it was cut.
+- A file with a name that ends in `.part` is unfinished. It can be read to its last complete boundary wherever it was
+  cut.
 - The digests cover no wall-clock value. The seals cover every byte.
 - Log times are simulation time in nanoseconds. Two equal episodes differ only in wall-clock fields and in values that
   depend on them.

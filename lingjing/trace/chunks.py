@@ -34,8 +34,8 @@ INDEX_BYTES = 16
 the file's size bounds the number of messages."""
 
 UNINDEXED = 200_000
-"""Messages allowed beyond those in the index, for a last chunk whose index was cut off. The number is about that of the
-shortest messages that fill a chunk of `container.CHUNK_BYTES`."""
+"""Messages allowed beyond those in the index, because the index of the last chunk may be cut off. The number is about
+that of the shortest messages that fill a chunk of `container.CHUNK_BYTES`."""
 
 CHANNEL_BYTES = 2**16
 """Longest channel record, bytes. Chosen: it holds a topic and a map, and decoding a map of a hundred megabytes would

@@ -148,8 +148,8 @@ def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> It
     """Yield the messages up to the end of the file or its first damaged place, in file order.
 
     A chunk that exceeds its limits is a damaged place. A chunk is not unpacked if the topics of all its messages begin
-    with `passed_over`. Its messages are yielded without data, in the order of its index. From other chunks, the
-    messages are yielded whose topics begin with one of `only`.
+    with `passed_over`. Its messages are yielded without data, in the order of its index. From other chunks, only
+    messages on topics that begin with one of `only` are yielded.
 
     Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
     """
@@ -182,7 +182,7 @@ class DeclaredChannels:
         self.topics: dict[int, str] = {}
         """Topic by channel number."""
         self.unwanted: set[int] = set()
-        """Numbers of the channels whose topics begin with none of `only`."""
+        """Numbers of the channels with topics that begin with none of `only`."""
 
     def declare(self, number: int, topic: str) -> None:
         """Add a channel, or change the topic of a known one."""

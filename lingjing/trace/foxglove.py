@@ -257,7 +257,7 @@ def camera_axes(pose: CameraPose) -> Matrix3:
 
 
 def _quaternion(axes: Matrix3) -> Quaternion:
-    """Return the rotation whose matrix has the columns `axes` (Shepperd's method)."""
+    """Return the rotation of the matrix with the columns `axes` (Shepperd's method)."""
     (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
     squares = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22)
     largest = squares.index(max(squares))

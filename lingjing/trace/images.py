@@ -81,7 +81,7 @@ def quantise_depth(depth: Depth) -> Depth:
 
 
 def encode_semantic(semantic: Semantic) -> bytes:
-    """Return class ids as an indexed PNG, whose palette gives neighbouring ids different colours."""
+    """Return class ids as an indexed PNG. Its palette gives neighbouring ids different colours."""
     import PIL.Image
 
     image = PIL.Image.fromarray(semantic)

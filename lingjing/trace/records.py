@@ -319,7 +319,7 @@ class Envelope(TraceRecord, frozen=True, kw_only=True):
     bytes: int
     """Size of the encoded body."""
     deliver_at: int
-    """The tick at whose boundary the recipient receives it."""
+    """The tick of the boundary at which the recipient receives it."""
 
 
 class AdjudicatedEvent(TraceRecord, frozen=True, kw_only=True):
@@ -585,7 +585,7 @@ DIGEST_VERSION: Final[DigestVersion] = 2
 
 
 class MovedBody(TraceRecord, frozen=True, kw_only=True):
-    """An entity whose start lies farther from its declared place than the entity is long."""
+    """An entity that starts farther from its declared place than the entity is long."""
 
     entity: str
     declared: Vector
@@ -601,7 +601,7 @@ class Header(TraceRecord, frozen=True, kw_only=True):
 
     format: str = FORMAT
     digest_version: DigestVersion = DIGEST_VERSION
-    """The version of the digests. A file whose header lacks the field has version 1."""
+    """The version of the digests. A stored header without this field has version 1."""
     instance: Instance
     """The instance with the places that were played (see `moved`)."""
     bindings: tuple[AgentBinding, ...]
@@ -645,4 +645,4 @@ class Outcome(TraceRecord, frozen=True, kw_only=True):
     processes: dict[str, dict[str, str]] = {}
     """The numerical runtime of each process that took part (`lingjing.numerics`)."""
     ambient_random: tuple[str, ...] = ()
-    """Agents whose policy calls used an unseeded global random generator. Their digests differ between runs."""
+    """Agents with policy calls that used an unseeded global random generator. The digest then differs between runs."""

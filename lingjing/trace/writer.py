@@ -47,7 +47,7 @@ def trace_removed_error(part: Path) -> InfrastructureError:
 
 
 def trace_tampered_error(path: Path, cause: str) -> InfrastructureError:
-    """Return the error for a trace whose file or name was changed by another program during its episode."""
+    """Return the error for a trace with a file or name that another program changed during the episode."""
     return InfrastructureError(
         f"the trace {path} was changed by another program while the episode was played: {cause}",
         hint="do not change the folder of a run before the run has ended",

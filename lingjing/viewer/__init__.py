@@ -1,23 +1,31 @@
-"""An episode to look at: a page for the browser, live or afterwards, and a film.
+"""Presentation of an episode: a page for the browser, a film, a Rerun recording and a view for Foxglove.
 
-- `state`     what a watcher knows at a boundary: places, trails, commands, messages, events
-- `ground`    the city as flat shapes with heights, for the page
-- `head`      what a page is told of an episode once: agents, stages, regions, the view
-- `steps`     what a page is told of each boundary
-- `narrated`  a trace as head and steps, and the ending in words
-- `page`      the one page, with its script and style inside
-- `single`    the page with an episode in it as one file
-- `moments`   the moments that explain an episode
-- `frames`    the frames of a film
-- `film`      the film as a file
-- `told`      records as a watcher may know them
-- `rerun_recording` a trace as a Rerun recording with its blueprint
-- `foxglove_layout` a layout for Foxglove; `file_server` the trace for Foxglove over HTTP; `foxglove_server` an episode
-  that is still played, over Foxglove's protocol
-- `admission` which requests and connections a local server admits; `server` the page over HTTP for this machine alone
-- `served`    what a server shows of a finished trace
-- `live`      what it shows of one that is still written
+Concepts:
 
-In come records, cities and traces; nothing goes back. Hidden targets, true boxes and what is derived from them leave
-this package only where the caller asks for the truth.
+- The *page* consists of a *head* (agents, stages, regions, the shown extent), a *step* for each boundary (movements,
+  pictures, events), *details* (thoughts, messages, receipts), the *ground* (the city as shapes) and the *ending*.
+- The *truth* is the set of hidden targets, true boxes and everything derived from them. It is shown only if the caller
+  requests it. A target is *known* (not hidden), *found*, *completed*, or shown as *truth*.
+- A page is a single file, or comes from a server on this machine. The server shows a finished trace or one that is
+  still being written.
+
+Modules in the order in which data passes through them:
+
+- `state`: the visible state of an episode at a boundary: positions, trails, commands, messages, events
+- `ground`: the city as flat shapes with heights
+- `head`: the head and the ending
+- `steps`: steps and details
+- `page_content`: head, steps, details and ending of a trace
+- `page`: the HTML page with its script and style
+- `single`: the page with an episode as one file
+- `moments`: the moments of an episode that a film points out
+- `frames`: the frames of a film; `film`: the film as a file
+- `episode_view`: records without the truth
+- `rerun_recording`: a trace as a Rerun recording with its blueprint
+- `foxglove_layout`: a layout for Foxglove; `file_server`: the trace for Foxglove over HTTP; `foxglove_server`: a
+  running episode over Foxglove's protocol
+- `admission`: admission of requests and connections to a local server; `server`: the page over HTTP
+- `served`: the content for a server from a finished trace; `live`: the same from a trace that is still being written
+
+The package reads records, cities and traces. It changes nothing.
 """

@@ -1,9 +1,9 @@
-"""Requests that a local server answers, and connections that have not shown yet that theirs is one.
+"""Admission of requests and connections to a server on this machine.
 
-A request is answered if it names this machine once in `Host`, comes from a page of an allowed `Origin` or from no page,
-and carries the token of the address. A connection that has shown no such request within `ADMISSION_S` is dropped,
-however slowly it sends. Of one address at most `MOST_WAITING` connections wait at a time: a newcomer displaces the
-oldest, because a browser sends its request at once.
+A request is admitted if it has one `Host` header that names this machine, no `Origin` or an allowed one, and the token
+of the address. A connection that has sent no such request within `ADMISSION_S` is dropped, however slowly it sends. At
+most `MOST_WAITING` connections of one address wait at a time. A new connection displaces the oldest one, because a
+browser sends its request at once.
 """
 
 from __future__ import annotations
@@ -20,50 +20,56 @@ from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 HOST = "127.0.0.1"
+"""The address on which servers listen."""
 
 ADMISSION_S = 1.0
-"""Seconds in which a connection must send its first request."""
+"""Time for the first request of a connection. Chosen: a browser sends its request at once."""
 
 MOST_WAITING = 8
-"""Connections of one address without a request; a browser opens about six at a time."""
+"""Most waiting connections of one address. Chosen: a browser opens about six at a time."""
 
 MOST_WAITING_IN_ALL = 64
-"""Connections without a request, of all addresses: every address of 127.0.0.0/8 is this machine."""
+"""Most waiting connections of all addresses. Chosen. A client can use every address of 127.0.0.0/8."""
 
 
 class RefusedRequest(NamedTuple):
-    """Why a request gets no answer."""
+    """The response to a request that is not admitted."""
 
     status: HTTPStatus
     message: str
 
 
 class RequestHead(NamedTuple):
-    """The parts of a request that decide whether it is answered: its target, and all `Host` and `Origin` headers."""
+    """The parts of a request that decide on its admission."""
 
     target: str
+    """Path and query."""
     hosts: Sequence[str]
+    """All `Host` headers."""
     origins: Sequence[str]
+    """All `Origin` headers."""
 
 
 def refusal(head: RequestHead, port: int, token: str, origins: Sequence[str] = ()) -> RefusedRequest | None:
-    """The reason why a request gets no answer, None if it does. Pages of this server and of `origins` may ask."""
+    """Return the refusal of a request, or None if it is admitted. Pages of this server and of `origins` are allowed."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
     if len(head.hosts) != 1 or head.hosts[0].lower() not in names:
         return RefusedRequest(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for 127.0.0.1 and localhost only")
     allowed = {*origins, *(f"http://{name}" for name in names)}
     if len(head.origins) > 1 or not allowed.issuperset(head.origins):
-        return RefusedRequest(HTTPStatus.FORBIDDEN, "a page of another site may not ask this server")
-    given = asked_for(head.target)[1].get("token", "")
-    if not hmac.compare_digest(given.encode(), token.encode()):
-        words = "the address lacks its token: open the one that the command printed"
-        return RefusedRequest(HTTPStatus.FORBIDDEN, words)
+        return RefusedRequest(HTTPStatus.FORBIDDEN, "pages of other sites have no access to this server")
+    sent = path_and_query(head.target)[1].get("token", "")
+    if not hmac.compare_digest(sent.encode(), token.encode()):
+        message = "the address lacks its token: open the address that the command printed"
+        return RefusedRequest(HTTPStatus.FORBIDDEN, message)
     return None
 
 
-def asked_for(target: str) -> tuple[str, dict[str, str]]:
-    """The path and the query of a request's target, of a name that is there twice the last value; nothing of a target
-    that cannot be read."""
+def path_and_query(target: str) -> tuple[str, dict[str, str]]:
+    """Return path and query of a request's target. Of a repeated name, the last value counts.
+
+    Both are empty for a target that cannot be parsed.
+    """
     try:
         url = urlsplit(target)
         return url.path, {name: values[-1] for name, values in parse_qs(url.query, max_num_fields=16).items()}
@@ -72,19 +78,21 @@ def asked_for(target: str) -> tuple[str, dict[str, str]]:
 
 
 class _Waiting(NamedTuple):
+    """A waiting connection. `since`: its arrival on the monotonic clock, seconds."""
+
     address: str
     since: float
 
 
 class ConnectionGate:
-    """The connections of one server that have not been admitted yet, the oldest first."""
+    """The connections of one server that have not been admitted yet, the oldest first. Its methods are thread-safe."""
 
     def __init__(self) -> None:
         self._waiting: dict[socket.socket, _Waiting] = {}
         self._lock = threading.Lock()
 
     def arrive(self, connection: socket.socket, address: str) -> None:
-        """Note a new connection; where too many wait, the oldest is dropped."""
+        """Add a new connection. If too many wait, the oldest is dropped."""
         with self._lock:
             for closed in [other for other in self._waiting if other.fileno() < 0]:
                 del self._waiting[closed]
@@ -94,7 +102,7 @@ class ConnectionGate:
                 self._drop(other)
 
     def admit(self, connection: socket.socket) -> None:
-        """Wait for this connection no more: it has sent a request that is answered."""
+        """Remove a connection that has sent an admitted request."""
         with self._lock:
             self._waiting.pop(connection, None)
 
@@ -104,12 +112,12 @@ class ConnectionGate:
             limit = time.monotonic() - ADMISSION_S
             late = [other for other, waiting in self._waiting.items() if waiting.since < limit]
             for connection in late:
-                if not _has_unread(connection):  # else its thread has not had the processor yet
+                if not _has_unread(connection):  # unread data: the thread of the connection has not run yet
                     self._drop(connection)
 
     def _drop(self, connection: socket.socket) -> None:
         if self._waiting.pop(connection, None) is not None:
-            with contextlib.suppress(OSError):  # the other side has closed it
+            with contextlib.suppress(OSError):  # the client has closed it
                 connection.shutdown(socket.SHUT_RDWR)
 
 
@@ -122,12 +130,12 @@ def _has_unread(connection: socket.socket) -> bool:
 
 
 class GatedSocket(socket.socket):
-    """A listening socket, each of whose connections arrives at a gate before the server has it."""
+    """A listening socket that adds each new connection to a gate."""
 
     gate: ConnectionGate
 
     def accept(self) -> tuple[socket.socket, tuple[str, int]]:
-        """The next connection and its address."""
+        """Return the next connection and its address."""
         connection, address = super().accept()
         self.gate.arrive(connection, address[0])
         return connection, address
@@ -135,7 +143,7 @@ class GatedSocket(socket.socket):
 
 @contextlib.contextmanager
 def gated(port: int, gate: ConnectionGate) -> Iterator[GatedSocket]:
-    """A socket that listens on this machine's port, 0 for a free one; closed if what follows fails."""
+    """Return a socket that listens on `port` of this machine, 0 for a free one. It is closed if the block raises."""
     listening = GatedSocket(socket.AF_INET, socket.SOCK_STREAM)
     listening.gate = gate
     try:
@@ -155,7 +163,7 @@ __all__ = [
     "ConnectionGate",
     "RefusedRequest",
     "RequestHead",
-    "asked_for",
     "gated",
+    "path_and_query",
     "refusal",
 ]

@@ -1,7 +1,7 @@
-"""One file over HTTP for Foxglove on this machine: by ranges, with the token of its address.
+"""One file over HTTP for Foxglove on this machine, with range requests.
 
-Foxglove's page comes from another place than this server, so its origin is named in the answers (CORS), and a browser
-is told that a public page may ask this machine (Private Network Access). Nobody without the token gets a byte.
+Foxglove's page has another origin than this server. The responses therefore allow its origin (CORS), and allow requests
+from a public page to this machine (Private Network Access). A request without the token of the address is refused.
 """
 
 from __future__ import annotations
@@ -12,33 +12,34 @@ from http import HTTPStatus
 from pathlib import Path
 from urllib.parse import quote
 
-from lingjing.viewer.admission import asked_for
+from lingjing.viewer.admission import path_and_query
 from lingjing.viewer.server import LocalRequest, LocalServer
 
 ORIGIN = "https://app.foxglove.dev"
-"""The site of Foxglove's page, which may read the answers."""
+"""The origin of Foxglove's page, which may read the responses."""
 
 DESKTOP = "file://"
-"""The origin that an application of Electron sends from a page of its own; no page of a site can send it."""
+"""The origin of Foxglove's desktop application (Electron). A page of a web site cannot send it."""
 
 PIECE = 2**18
+"""Bytes that are read and sent at a time. Chosen."""
 _RANGE = re.compile(r"bytes=(\d{1,18})-(\d{0,18})")
 
 
 class TraceFileServer(LocalServer):
-    """Serves the file `path`."""
+    """A server of the file `path`."""
 
     def __init__(self, path: Path, port: int = 0) -> None:
         super().__init__(_FileRequest, {"path_served": path}, port)
 
     @property
     def file_url(self) -> str:
-        """Where the file is, with the token. Foxglove goes by the name's ending."""
+        """The URL of the file, with the token. Foxglove detects the format from the suffix."""
         return self.address("/trace.mcap")
 
     @property
     def url(self) -> str:
-        """What opens it in Foxglove."""
+        """The URL that opens the file in Foxglove."""
         return f"{ORIGIN}/~/view?ds=remote-file&ds.url={quote(self.file_url, safe='')}"
 
 
@@ -47,29 +48,29 @@ class _FileRequest(LocalRequest):
     origins = (ORIGIN, DESKTOP)
 
     def do_OPTIONS(self) -> None:  # noqa: N802 - the library's name
-        """Answer the request that a browser sends before a page of another site may ask."""
+        """Answer the preflight request of a browser for a page of another origin."""
         refused = self.refused()
         self._answer(HTTPStatus.NO_CONTENT if refused is None else refused.status, 0)
 
     def do_HEAD(self) -> None:  # noqa: N802 - the library's name
-        """How long the file is."""
+        """Answer with the length of the file."""
         if self._is_allowed():
             self._answer(HTTPStatus.OK, self.path_served.stat().st_size)
 
     def do_GET(self) -> None:  # noqa: N802 - the library's name
-        """The file, or the range that is asked for."""
+        """Answer with the file or the requested range."""
         if not self._is_allowed():
             return
         with self.path_served.open("rb") as file, contextlib.suppress(ConnectionError, TimeoutError):
             size = self.path_served.stat().st_size
-            asked = _RANGE.fullmatch(self.headers.get("Range", ""))
-            first, last = (int(asked[1]), int(asked[2] or size - 1)) if asked else (0, size - 1)
+            request = _RANGE.fullmatch(self.headers.get("Range", ""))
+            first, last = (int(request[1]), int(request[2] or size - 1)) if request else (0, size - 1)
             last = min(last, size - 1)
             if first > last:
                 self._answer(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, 0, f"bytes */{size}")
                 return
-            part = f"bytes {first}-{last}/{size}" if asked else ""
-            self._answer(HTTPStatus.PARTIAL_CONTENT if asked else HTTPStatus.OK, last - first + 1, part)
+            part = f"bytes {first}-{last}/{size}" if request else ""
+            self._answer(HTTPStatus.PARTIAL_CONTENT if request else HTTPStatus.OK, last - first + 1, part)
             file.seek(first)
             left = last - first + 1
             while left > 0 and (data := file.read(min(PIECE, left))):
@@ -79,10 +80,10 @@ class _FileRequest(LocalRequest):
     # -- parts
 
     def _is_allowed(self) -> bool:
-        why = self.refused()
-        if why is not None:
-            self._answer(why.status, 0)
-        elif asked_for(self.path)[0] != "/trace.mcap":
+        refused = self.refused()
+        if refused is not None:
+            self._answer(refused.status, 0)
+        elif path_and_query(self.path)[0] != "/trace.mcap":
             self._answer(HTTPStatus.NOT_FOUND, 0)
         elif not self.path_served.is_file():
             self._answer(HTTPStatus.GONE, 0)

@@ -1,4 +1,4 @@
-"""An episode as a film of 20 seconds: MP4 through PyAV, GIF through Pillow alone. No browser is needed."""
+"""An episode as a film of 20 seconds: MP4 by PyAV, GIF by Pillow. No browser is needed."""
 
 from __future__ import annotations
 
@@ -15,54 +15,58 @@ from lingjing.installation import install_line
 from lingjing.trace.reader import Trace
 from lingjing.viewer.frames import HEIGHT, WIDTH, FilmFrames, frames_of
 from lingjing.viewer.moments import moments, schedule
-from lingjing.viewer.narrated import Narration
+from lingjing.viewer.page_content import PageContent
 from lingjing.whole_files import written_whole
 
 SECONDS = 20.0
+"""Length of the film. Chosen."""
 TITLE_S, ENDING_S = 2.0, 3.5
+"""Parts of it for the title and the ending. Chosen."""
 MP4_RATE, GIF_RATE = 24, 8
-"""Frames a second."""
+"""Frames per second. Chosen; GIF has fewer because it compresses badly."""
 
 GIF_SIZE = (640, 360)
+"""Width and height of a GIF, pixels. Chosen."""
 SUFFIXES = (".mp4", ".gif")
 
 
 def make_film(trace: Trace, path: Path, *, truth: bool) -> tuple[str, ...]:
-    """Write the film and give notes on what is not as it should be; the suffix says which kind. It is there whole or
-    not at all.
+    """Write the film, and return notes on missing letters. The suffix of `path` selects MP4 or GIF.
 
-    Raises `UsageError` for another suffix, where PyAV is missing, and if the file cannot be written.
+    The file appears under its name only when it is complete. Raises `UsageError` for another suffix, if PyAV is missing
+    for an MP4, and if the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"cannot make `{path}`: a film is an .mp4 or a .gif", hint="name it episode.mp4")
     write, rate = (_write_mp4, MP4_RATE) if path.suffix.lower() == ".mp4" else (_write_gif, GIF_RATE)
     if write is _write_mp4:
         _needs_av()
-    told = Narration(trace, truth)
+    content = PageContent(trace, truth)
     try:
         with written_whole(path) as partial:
-            write(film_frames(told, rate), partial, rate)
+            write(film_frames(content, rate), partial, rate)
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror or error}", hint="choose another -o") from error
-    return film_notes(told)
+    return film_notes(content)
 
 
-def film_notes(told: Narration) -> tuple[str, ...]:
-    """What is said once where letters are drawn as boxes."""
-    found = moments(told.steps, told.trace, truth=told.truth) if told.steps else ()
-    texts = (told.head.title, told.head.goal, told.head.credit, told.ending().line, *(one.text for one in found))
+def film_notes(content: PageContent) -> tuple[str, ...]:
+    """Return a note if letters are drawn as boxes, else an empty tuple."""
+    shown = moments(content.steps, content.trace, truth=content.truth) if content.steps else ()
+    head = content.head
+    texts = (head.title, head.goal, head.credit, content.ending().line, *(moment.text for moment in shown))
     return note_of_boxes("".join(texts))
 
 
-def film_frames(told: Narration, rate: int) -> Iterator[Image.Image]:
-    """All frames: a title, the episode with its moments, the ending."""
-    trace, truth = told.trace, told.truth
-    drawn = FilmFrames(trace, told.head, told.steps, told.ground())
+def film_frames(content: PageContent, rate: int) -> Iterator[Image.Image]:
+    """Yield all frames: the title, the episode with its moments, and the ending."""
+    trace, steps = content.trace, content.steps
+    drawn = FilmFrames(trace, content.head, steps, content.ground())
     yield from repeat(drawn.title(), round(TITLE_S * rate))
-    if told.steps:
-        found = moments(told.steps, trace, truth=truth)
-        yield from frames_of(drawn, schedule(len(told.steps), found, SECONDS - TITLE_S - ENDING_S, rate), found)
-    yield from repeat(drawn.ended(told.ending()), round(ENDING_S * rate))
+    if steps:
+        shown = moments(steps, trace, truth=content.truth)
+        yield from frames_of(drawn, schedule(len(steps), shown, SECONDS - TITLE_S - ENDING_S, rate), shown)
+    yield from repeat(drawn.ended(content.ending()), round(ENDING_S * rate))
 
 
 def _needs_av() -> None:
@@ -73,7 +77,7 @@ def _needs_av() -> None:
 
 
 def _write_mp4(frames: Iterator[Image.Image], path: Path, rate: int) -> None:
-    """H.264 with 4:2:0 chroma, which every player shows."""
+    """Write H.264 with 4:2:0 chroma subsampling, which every player supports."""
     import av
 
     with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
@@ -86,7 +90,7 @@ def _write_mp4(frames: Iterator[Image.Image], path: Path, rate: int) -> None:
 
 
 def _write_gif(frames: Iterator[Image.Image], path: Path, rate: int) -> None:
-    """One palette for all frames, made of a few of them."""
+    """Write a GIF with one palette for all frames, which is computed from about six of them."""
     small = [image.resize(GIF_SIZE, Image.Resampling.BOX) for image in frames]
     some = small[:: max(1, len(small) // 6)]
     sheet = Image.new("RGB", (GIF_SIZE[0], GIF_SIZE[1] * len(some)))

@@ -1,6 +1,6 @@
-"""A layout for Foxglove: the city, each camera with its boxes, the score, agents' commands, a log and a map.
+"""A layout for Foxglove: the city, each camera with its boxes, the score, the agents' commands, a log and a map.
 
-The format is that of Foxglove's "Export layout" (`configById` and a tree of splits), which "Import from file" reads.
+The format is that of Foxglove's "Export layout" (`configById` and a tree of splits). "Import from file" reads it.
 """
 
 from __future__ import annotations
@@ -15,13 +15,17 @@ from lingjing.trace.topics import CITY, HIDDEN, SCENE, SCORE, agent_topic, entit
 
 MOST_CAMERAS = 8
 MOST_AGENTS = 8
-"""Of so many there are panels."""
+"""Most cameras and agents with panels. Chosen: more tabs do not fit."""
 
 LayoutValue = bool | int | float | str | None | Sequence["LayoutValue"] | Mapping[str, "LayoutValue"]
+"""A JSON value."""
 
 
 def foxglove_layout(instance: Instance, *, truth: bool) -> str:
-    """The layout as JSON. Hidden targets and true boxes are switched off without `truth`; they are in the file."""
+    """Return the layout as JSON. Without `truth`, hidden targets and true boxes are switched off.
+
+    The trace contains them all the same, so a user can switch them on.
+    """
     panels: dict[str, LayoutValue] = {
         "3D!world": _world(instance, truth=truth),
         "Plot!score": _plot(("score", "score"), ("scr", "subtask completion rate")),
@@ -57,18 +61,18 @@ def foxglove_layout(instance: Instance, *, truth: bool) -> str:
         [name for name in ("Plot!score", "StateTransitions!receipts", "RosOut!log") if name in panels], "row"
     )
     main = {"first": "3D!world", "second": right, "direction": "row", "splitPercentage": 60}
-    made = {
+    layout = {
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 5},
         "layout": {"first": main, "second": below, "direction": "column", "splitPercentage": 72},
     }
-    return json.dumps(made, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(layout, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _stack(panels: Sequence[str], direction: str) -> LayoutValue:
-    """Panels beside each other, each as large as the others."""
+    """Return a tree of splits with panels of equal size side by side."""
     if len(panels) == 1:
         return panels[0]
     return {
@@ -83,7 +87,7 @@ def _world(instance: Instance, *, truth: bool) -> LayoutValue:
     places = _places(instance)
     wide = max((math.dist(a, b) for a in places for b in places), default=0.0)
     east, north = _middle(places)
-    shown = [one.id for one in instance.entities if truth or "position" not in one.hidden]
+    shown = [entity.id for entity in instance.entities if truth or "position" not in entity.hidden]
     return {
         "cameraState": {
             "perspective": True, "distance": max(150.0, 1.1 * wide), "phi": 50, "thetaOffset": 0, "fovy": 45,
@@ -93,7 +97,7 @@ def _world(instance: Instance, *, truth: bool) -> LayoutValue:
         "followMode": "follow-none",
         "followTf": "world",
         "scene": {"transforms": {"showLabel": False, "axisScale": 0}},
-        "transforms": {f"frame:{one.id}": {"visible": one.id in shown} for one in instance.entities},
+        "transforms": {f"frame:{entity.id}": {"visible": entity.id in shown} for entity in instance.entities},
         "topics": {
             SCENE: {"visible": True}, CITY: {"visible": True}, HIDDEN: {"visible": truth},
         },
@@ -127,19 +131,19 @@ def _plot(*series: tuple[str, str]) -> LayoutValue:
 
 
 def _cameras(instance: Instance) -> list[str]:
-    """The topics of the first pictures that agents get."""
-    commanded = {one for agent in instance.agents for one in agent.controls}
-    found = [
+    """Return the picture topics of the first `MOST_CAMERAS` cameras on entities of agents."""
+    commanded = {name for agent in instance.agents for name in agent.controls}
+    topics = [
         f"/camera/{entity_topic(entity.id)}/{camera.name}"
         for entity in instance.entities
         if entity.id in commanded
         for camera in entity.cameras
     ]
-    return found[:MOST_CAMERAS]
+    return topics[:MOST_CAMERAS]
 
 
 def _places(instance: Instance) -> list[tuple[float, float]]:
-    return [one.position[:2] for one in instance.entities if _stands_on_the_map(one)][:200]
+    return [entity.position[:2] for entity in instance.entities if _stands_on_the_map(entity)][:200]
 
 
 def _stands_on_the_map(entity: Entity) -> bool:

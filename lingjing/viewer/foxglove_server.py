@@ -1,11 +1,11 @@
-"""An episode that is still played, over Foxglove's WebSocket protocol, for this machine alone.
+"""A running episode over Foxglove's WebSocket protocol, for clients on this machine.
 
-The trace is read as it grows; what it shows is made of its records anew, so that what nobody has found yet is not told
-unless the truth is asked for. The server listens on the loopback address and wants the token of its address with every
-connection. Each client has a queue of its own: one that reads slowly loses messages, and keeps nobody waiting.
+The trace is read as it grows. The messages for viewers are derived from its records anew, so that they contain no
+undiscovered hidden targets, unless the truth is requested. The server listens on the loopback address and requires the
+token of its address. Each client has its own queue. A slow client loses messages and does not delay the others.
 
-The protocol is `foxglove.websocket.v1` (also spoken under its later name `foxglove.sdk.v1`): the server tells channels
-as JSON, a client subscribes to some, and gets their messages as binary frames: 0x01, subscription, time, data.
+The protocol is `foxglove.websocket.v1` (later renamed `foxglove.sdk.v1`). The server advertises channels as JSON. A
+client subscribes to channels and receives their messages as binary frames: 0x01, subscription, time, data.
 """
 
 from __future__ import annotations
@@ -38,38 +38,41 @@ from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
 from lingjing.trace.viewer_messages import Timed, ViewerMessages
 from lingjing.trace.writer import PART, nanoseconds
 from lingjing.viewer.admission import ADMISSION_S, HOST, ConnectionGate, RequestHead, gated, refusal
+from lingjing.viewer.episode_view import EpisodeView
 from lingjing.viewer.file_server import DESKTOP, ORIGIN
 from lingjing.viewer.live import POLL_S
-from lingjing.viewer.server import taking
-from lingjing.viewer.told import ToldEpisode
+from lingjing.viewer.server import port_errors
 
 PROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
 WAITING_BYTES = 2**26
-"""What a client may have waiting; beyond that its oldest messages are left out."""
+"""Longest queue of a client, bytes. Beyond it, the oldest data is dropped. Chosen."""
 
 GOODBYE_S = 1.0
-"""So long clients have to take their leave when the server ends."""
+"""Time for clients to close their connections when the server ends. Chosen."""
 
 MOST_CLIENTS = 16
+"""Most connections at a time. Chosen."""
 MOST_ASKED = 2**16
-"""Bytes of one request of a client."""
+"""Longest request of a client, bytes. Chosen."""
 
 CHANNELS = ("", "depth", "semantic")
+"""The channels of a picture; "" is the colour."""
 SPARE = ("depth", "semantic")
-"""Of a picture, and those of it that are large and not read from the file unless somebody wants them."""
+"""Large channels, which are read from the file only if a client subscribes to them."""
 _MESSAGE = struct.Struct("<BIQ")
+"""Head of a binary frame: 0x01, subscription, time in nanoseconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiveChannel:
-    """A topic as clients are told of it."""
+    """A topic with its number in the protocol."""
 
     number: int
     topic: str
     schema: ContainerSchema
 
     def advertised(self) -> Mapping[str, str | int]:
-        """The protocol's `Channel`."""
+        """Return the `Channel` object of the protocol."""
         binary = self.schema.encoding != "jsonschema"
         return {
             "id": self.number,
@@ -83,23 +86,26 @@ class LiveChannel:
 
 @dataclass(slots=True)
 class LiveClient:
-    """One connection: what it has subscribed to, and what waits to be sent."""
+    """One connection: its subscriptions and its queue of messages."""
 
     connection: Any = None
     wanted: dict[int, set[int]] = field(default_factory=dict)
-    """Channel → subscriptions."""
+    """The numbers of the client's subscriptions by channel."""
     waiting: deque[str | bytes] = field(default_factory=deque)
+    """Messages to send: text for the protocol's JSON, bytes for data."""
     size: int = 0
-    gone: bool = False
+    """Length of all of `waiting`, bytes or characters."""
+    closed: bool = False
     news: threading.Condition = field(default_factory=threading.Condition)
+    """Signals a change of `waiting` or `closed`."""
 
     def put(self, data: str | bytes) -> None:
-        """Send this; what was told of channels is never left out."""
+        """Queue a message. If the queue is too long, its oldest data is dropped, but never an advertisement."""
         with self.news:
             self.waiting.append(data)
             self.size += len(data)
             while self.size > WAITING_BYTES and len(self.waiting) > 1:
-                place = next((n for n, one in enumerate(self.waiting) if isinstance(one, bytes)), None)
+                place = next((n for n, message in enumerate(self.waiting) if isinstance(message, bytes)), None)
                 if place is None:
                     break
                 self.size -= len(self.waiting[place])
@@ -107,26 +113,27 @@ class LiveClient:
             self.news.notify()
 
     def take(self) -> str | bytes | None:
-        """The next that is to be sent; None when the connection has ended."""
+        """Wait for the next message and return it, or None if the connection is closed."""
         with self.news:
-            self.news.wait_for(lambda: self.waiting or self.gone)
-            if self.gone:
+            self.news.wait_for(lambda: self.waiting or self.closed)
+            if self.closed:
                 return None
             data = self.waiting.popleft()
             self.size -= len(data)
             return data
 
     def leave(self) -> None:
-        """The connection has ended."""
+        """Mark the connection as closed."""
         with self.news:
-            self.gone = True
+            self.closed = True
             self.news.notify()
 
 
 class FoxgloveServer:
-    """Serves the trace that gets the name `path` at its end, while it is written and afterwards, until `close`.
+    """A server of the trace `path` while it is being written and afterwards, until `close`.
 
-    Raises `UsageError` if `websockets` is not installed, the port cannot be had, or the file is no trace.
+    `path` is the final name of the trace, or this name with `.part`. Raises `UsageError` if `websockets` is not
+    installed, if the server cannot listen on the port, or if the file is no trace.
     """
 
     def __init__(self, path: Path, *, truth: bool, port: int = 0, token: str = "") -> None:
@@ -138,8 +145,9 @@ class FoxgloveServer:
         self._clients: list[LiveClient] = []
         self._channels: dict[str, LiveChannel] = {}
         self._kept: dict[int, list[tuple[int, bytes]]] = {}
-        self._told: ToldEpisode | None = None
-        self._shown: ViewerMessages | None = None
+        """Time and data, by channel, of the messages for clients that subscribe later."""
+        self._view: EpisodeView | None = None
+        self._messages: ViewerMessages | None = None
         self._now = 0
         self._closed = threading.Event()
         self._read()
@@ -155,23 +163,23 @@ class FoxgloveServer:
 
     @property
     def address(self) -> str:
-        """The WebSocket's address, with the token."""
+        """The URL of the WebSocket, with the token."""
         return f"ws://{HOST}:{self._server.socket.getsockname()[1]}/?token={self.token}"
 
     @property
     def url(self) -> str:
-        """What opens it in Foxglove."""
+        """The URL that opens the episode in Foxglove."""
         return f"{ORIGIN}/~/view?ds=foxglove-websocket&ds.url={quote(self.address, safe='')}"
 
     def close(self) -> None:
-        """Let clients go, those that read nothing without a word, and stop listening."""
+        """Close all connections and stop listening. A client that reads nothing is cut off after `GOODBYE_S`."""
         self._closed.set()
         with self._lock:
             for client in self._clients:
                 client.leave()
             self._gone.wait_for(lambda: not self._clients, GOODBYE_S)
             for client in self._clients:
-                with contextlib.suppress(OSError):  # it goes by itself
+                with contextlib.suppress(OSError):  # the client has closed it
                     client.connection.socket.shutdown(socket.SHUT_RDWR)
         self._server.shutdown()
         for thread in self._threads:
@@ -185,7 +193,7 @@ class FoxgloveServer:
         except ImportError as error:
             message = "Foxglove's live view needs websockets, which is not installed"
             raise UsageError(message, hint=install_line("foxglove")) from error
-        with taking(port), gated(port, self._gate) as listening:
+        with port_errors(port), gated(port, self._gate) as listening:
             return serve(
                 self._talk,
                 sock=listening,
@@ -198,8 +206,7 @@ class FoxgloveServer:
             )
 
     def _checked(self, connection: Any, request: Any) -> Any:
-        """An answer that refuses, or None for a request with the token, this machine's own name, an origin that may
-        ask, and room for one more."""
+        """Return the response that refuses a request, or None if it is admitted and there is room for a client."""
         port = self._server.socket.getsockname()[1]
         head = RequestHead(request.path, request.headers.get_all("Host"), request.headers.get_all("Origin"))
         refused = refusal(head, port, self.token, (ORIGIN, DESKTOP))
@@ -211,7 +218,7 @@ class FoxgloveServer:
         return None
 
     def _talk(self, connection: Any) -> None:
-        """One connection, in a thread of its own."""
+        """Serve one connection, in its own thread."""
         from websockets.exceptions import ConnectionClosed
 
         client = LiveClient(connection)
@@ -225,9 +232,9 @@ class FoxgloveServer:
         sender = threading.Thread(target=_send, args=(connection, client), daemon=True)
         sender.start()
         try:
-            for asked in connection:
-                if isinstance(asked, str):
-                    self._answer(client, asked)
+            for request in connection:
+                if isinstance(request, str):
+                    self._answer(client, request)
         except ConnectionClosed:
             pass
         finally:
@@ -246,30 +253,30 @@ class FoxgloveServer:
             "sessionId": self.token[:8],
         }
 
-    def _answer(self, client: LiveClient, asked: str) -> None:
-        """Subscriptions; all else that a client may say is of no concern here."""
+    def _answer(self, client: LiveClient, text: str) -> None:
+        """Carry out a request to subscribe or unsubscribe. Other requests are ignored."""
         try:
-            said = json.loads(asked)
+            request = json.loads(text)
         except (ValueError, RecursionError):
             return
-        if not isinstance(said, dict):
+        if not isinstance(request, dict):
             return
-        if said.get("op") == "subscribe":
-            for one in _dicts(said.get("subscriptions")):
-                channel, subscription = one.get("channelId"), one.get("id")
+        if request.get("op") == "subscribe":
+            for item in _dicts(request.get("subscriptions")):
+                channel, subscription = item.get("channelId"), item.get("id")
                 if isinstance(channel, int) and isinstance(subscription, int) and 0 <= subscription < 2**32:
                     self._subscribe(client, channel, subscription)
-        elif said.get("op") == "unsubscribe" and isinstance(said.get("subscriptionIds"), list):
+        elif request.get("op") == "unsubscribe" and isinstance(request.get("subscriptionIds"), list):
             with self._lock:
                 for subscriptions in client.wanted.values():
-                    subscriptions.difference_update(one for one in said["subscriptionIds"] if isinstance(one, int))
+                    subscriptions.difference_update(n for n in request["subscriptionIds"] if isinstance(n, int))
 
-    def _subscribe(self, client: LiveClient, channel: int, subscription: int) -> None:
+    def _subscribe(self, client: LiveClient, number: int, subscription: int) -> None:
         with self._lock:
-            if channel not in {one.number for one in self._channels.values()}:
+            if number not in {channel.number for channel in self._channels.values()}:
                 return
-            client.wanted.setdefault(channel, set()).add(subscription)
-            for time_ns, data in self._kept.get(channel, ()):
+            client.wanted.setdefault(number, set()).add(subscription)
+            for time_ns, data in self._kept.get(number, ()):
                 client.put(_MESSAGE.pack(1, subscription, time_ns) + data)
 
     # -- the trace
@@ -279,36 +286,36 @@ class FoxgloveServer:
             try:
                 self._read()
             except UsageError:
-                continue  # it is just being replaced; a file that stays wrong shows nothing more
+                continue  # the file is just being renamed; a file that stays invalid adds no messages
 
     def _read(self) -> None:
         records = self._follower.more()
         trace = self._follower.trace
         if trace is None:
             return
-        if self._told is None or self._shown is None:
-            self._told = ToldEpisode(trace.header.instance, truth=self._truth)
-            self._shown = ViewerMessages(trace.header.instance, surroundings_of(trace))
-            self._publish(self._shown.beginning(hidden=self._truth))
+        if self._view is None or self._messages is None:
+            self._view = EpisodeView(trace.header.instance, truth=self._truth)
+            self._messages = ViewerMessages(trace.header.instance, surroundings_of(trace))
+            self._publish(self._messages.beginning(hidden=self._truth))
         for record in records:
-            self._boundary(trace, self._told, self._shown, record)
+            self._boundary(trace, self._view, self._messages, record)
         if records and trace.outcome is not None:
-            self._publish(self._shown.ending())
+            self._publish(self._messages.ending())
 
-    def _boundary(self, trace: Trace, told: ToldEpisode, shown: ViewerMessages, record: BoundaryRecord) -> None:
-        seen, found = told.take(record)
-        if found:
-            self._publish([(record.time_s, foxglove.markers(found))])
+    def _boundary(self, trace: Trace, view: EpisodeView, messages: ViewerMessages, record: BoundaryRecord) -> None:
+        visible, revealed = view.take(record)
+        if revealed:
+            self._publish([(record.time_s, foxglove.markers(revealed))])
         for frame in record.frames:
             self._publish(self._picture(trace, frame))
-        self._publish(shown.boundary(seen))
+        self._publish(messages.boundary(visible))
         with self._lock:
             self._now = nanoseconds(record.time_s)
             for client in self._clients:
                 client.put(struct.pack("<BQ", 2, self._now))
 
     def _picture(self, trace: Trace, frame: FrameInfo) -> Iterable[Timed]:
-        """The messages of a picture, whose bytes are those that are stored."""
+        """Yield the messages of a picture, with the stored bytes. Large channels need a subscription."""
         yield frame.time_s, foxglove.calibration(frame)
         if self._truth:
             yield frame.time_s, foxglove.true_boxes(frame)
@@ -319,7 +326,7 @@ class FoxgloveServer:
             try:
                 data = trace.stored(frame.id, channel)
             except UsageError:
-                continue  # the file has just got another name; the next picture comes
+                continue  # the file has just been renamed; later pictures can be read
             if data is not None:
                 yield frame.time_s, foxglove.stored_channel(frame, channel, data)
 
@@ -337,8 +344,8 @@ class FoxgloveServer:
                     for client in self._clients:
                         client.put(_advertisement([channel]))
                 kept = self._kept.setdefault(channel.number, [])
-                if not topic.startswith(SCENE):  # maps add up; of the rest a latecomer needs the last
-                    del kept[: -1 if topic == TRANSFORMS else None]  # bodies, then their cameras
+                if not topic.startswith(SCENE):  # updates of the map add up; of other topics the last message suffices
+                    del kept[: -1 if topic == TRANSFORMS else None]  # two messages: bodies, then their cameras
                 kept.append((time_ns, data))
                 for client in self._clients:
                     for subscription in client.wanted.get(channel.number, ()):
@@ -346,7 +353,7 @@ class FoxgloveServer:
 
 
 def _advertisement(channels: Iterable[LiveChannel]) -> str:
-    return json.dumps({"op": "advertise", "channels": [dict(one.advertised()) for one in channels]})
+    return json.dumps({"op": "advertise", "channels": [dict(channel.advertised()) for channel in channels]})
 
 
 def _send(connection: Any, client: LiveClient) -> None:
@@ -356,10 +363,10 @@ def _send(connection: Any, client: LiveClient) -> None:
         while (data := client.take()) is not None:
             connection.send(data)
     except (ConnectionClosed, OSError):
-        pass  # who reads has gone
+        pass  # the client has closed the connection
     finally:
         connection.close()
 
 
 def _dicts(value: object) -> list[dict[str, Any]]:
-    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
+    return [item for item in value if isinstance(item, dict)] if isinstance(value, list) else []

@@ -1,6 +1,7 @@
-"""The frames of a film: the city from above at a slant, what moves in it, a picture, captions and the score.
+"""The frames of a film: an oblique view of the city with moving bodies, a picture, captions and the score.
 
-Drawn with Pillow alone. The city is drawn once, everything else over it at twice the size and then made smaller.
+Frames are drawn with Pillow. The city is drawn once. Everything else is drawn over it at twice the size, and the result
+is scaled down to smooth edges. Colours and sizes are chosen.
 """
 
 from __future__ import annotations
@@ -24,27 +25,31 @@ from lingjing.viewer.moments import Moment
 from lingjing.viewer.steps import PictureNote, ViewStep
 
 Ink = tuple[int, int, int]
+"""A colour: red, green, blue in 0..255."""
 
 WIDTH, HEIGHT = 1280, 720
+"""Size of a frame, pixels."""
 MAP: tuple[int, int, int, int] = (0, 64, 820, 612)
-"""Left, top, right, bottom of the city, pixels."""
+"""Left, top, right, bottom of the map, pixels."""
 
 SHOT: tuple[int, int, int, int] = (844, 84, 1256, 316)
-"""And of the picture."""
+"""Left, top, right, bottom of the picture, pixels."""
 
 STAGE_ROW = 34
-"""Height of the row of a stage beside the city, pixels."""
+"""Height of the row of a stage beside the map, pixels."""
 
 TURN_DEG, TILT_DEG = -28.0, 52.0
-"""How the view is turned and tilted; 90 would be from above."""
+"""Rotation of the view about the vertical, and its angle below the horizon (90: from above)."""
 
 FRESH_TICKS = 8
+"""Length of the bright end of a trail, ticks."""
 SPECK = 6
-"""A reported box is drawn so many pixels larger, for what is small."""
+"""Margin around a box, pixels, so that small objects remain visible."""
 
 _FINE = 2
+"""Factor of the size at which the map is drawn before it is scaled down."""
 _PAPER, _PANEL, _RULE, _INK, _FAINT = (14, 18, 23), (22, 28, 36), (41, 50, 61), (230, 235, 241), (147, 161, 177)
-_GOOD, _BAD, _SAID, _TRUE = (75, 208, 138), (255, 107, 122), (255, 63, 165), (24, 197, 107)
+_GOOD, _BAD, _REPORTED, _TRUE = (75, 208, 138), (255, 107, 122), (255, 63, 165), (24, 197, 107)
 _ASSETS: tuple[Ink, ...] = (
     (86, 180, 255), (255, 158, 94), (190, 150, 255), (94, 226, 200), (240, 214, 96), (255, 130, 190), (160, 226, 96),
     (200, 208, 220),
@@ -64,7 +69,7 @@ _ROOF, _EDGE = (70, 83, 98), (98, 113, 130)
 
 
 class SlantedView:
-    """Places of the world on the map, parallel lines staying parallel; pixels of the map at full size."""
+    """Parallel projection of world coordinates to the map."""
 
     def __init__(self, frame: Extent) -> None:
         turn, tilt = math.radians(TURN_DEG), math.radians(TILT_DEG)
@@ -78,7 +83,7 @@ class SlantedView:
         self._y = high / 2 + self.scale * (max(ys) + min(ys)) / 2 + 12
 
     def point(self, x: float, y: float, z: float = 0.0) -> tuple[float, float]:
-        """Column and row, at `_FINE` times the size."""
+        """Return column and row, in pixels at `_FINE` times the map's size, of a point in metres."""
         across, up = self._turned(x, y, z)
         return (self._x + self.scale * across) * _FINE, (self._y - self.scale * up) * _FINE
 
@@ -86,14 +91,14 @@ class SlantedView:
         return x * self._cos - y * self._sin, (x * self._sin + y * self._cos) * self._flat + z * self._up
 
     def farness(self, shape: GroundShape) -> float:
-        """What is farther is drawn first."""
+        """Return the distance of a shape from the viewer, up to a constant. Farther shapes are drawn first."""
         ring = shape.rings[0]
         x, y = sum(ring[::2]) / len(ring[::2]), sum(ring[1::2]) / len(ring[1::2])
         return x * self._sin + y * self._cos
 
 
 def draw_city(ground: PageGround, view: SlantedView) -> Image.Image:
-    """The city at `_FINE` times the map's size."""
+    """Draw the city at `_FINE` times the map's size."""
     size = ((MAP[2] - MAP[0]) * _FINE, (MAP[3] - MAP[1]) * _FINE)
     image = Image.new("RGB", size, _LOOKS["water"] if ground.sea else _LOOKS["land"])
     pen = ImageDraw.Draw(image)
@@ -143,14 +148,14 @@ def _line(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: Slant
 
 
 def _walls(pen: ImageDraw.ImageDraw, shape: GroundShape, view: SlantedView) -> None:
-    """Walls that face the viewer, lit by how they stand."""
+    """Draw the walls that face the viewer, with a brightness that depends on their direction."""
     base, top = shape.base / STEP_PER_M, shape.top / STEP_PER_M
     colour = _LOOKS[shape.layer]
     for ring in shape.rings:
         corners = _corners(ring)
         for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
             (left, _), (right, _) = view.point(ax, ay), view.point(bx, by)
-            if right <= left:  # it faces away; outlines run anticlockwise, holes clockwise
+            if right <= left:  # the wall faces away, since outlines run anticlockwise and holes clockwise
                 continue
             light = 0.62 + 0.3 * (bx - ax) / (math.hypot(bx - ax, by - ay) or 1.0)
             lit = (round(colour[0] * light), round(colour[1] * light), round(colour[2] * light))
@@ -161,7 +166,7 @@ def _walls(pen: ImageDraw.ImageDraw, shape: GroundShape, view: SlantedView) -> N
 
 
 class EntityTrack:
-    """Where an entity was: simulated seconds and (east, north, elevation), straight in between."""
+    """The track of an entity: simulated seconds and (east, north, elevation), with linear interpolation."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
@@ -169,7 +174,7 @@ class EntityTrack:
         self.headings: list[float] = []
 
     def add(self, samples: Sequence[tuple[float, float, float, float, float]], tick_s: float) -> None:
-        """Further samples; before one that comes late the entity stood still."""
+        """Add samples of time, position and heading. During a gap between samples, the entity stands still."""
         for time_s, x, y, z, heading in samples:
             if self.times and time_s - self.times[-1] > tick_s / 4 + 0.11:
                 self.times.append(max(self.times[-1], time_s - tick_s / 5))
@@ -180,18 +185,18 @@ class EntityTrack:
             self.headings.append(heading)
 
     def at(self, time_s: float) -> tuple[float, float, float] | None:
-        """The place, None before it was known."""
+        """Return the position at a time, or None before the first sample."""
         if not self.times or time_s < self.times[0] - 0.05:
             return None
         x, y, z = (float(np.interp(time_s, self.times, [row[part] for row in self._rows])) for part in range(3))
         return x, y, z
 
     def heading(self, time_s: float) -> float:
-        """The last heading."""
+        """Return the heading of the last sample at or before a time, degrees."""
         return self.headings[max(0, int(np.searchsorted(self.times, time_s + 0.05)) - 1)]
 
     def between(self, begin_s: float, end_s: float, most: int = 200) -> list[tuple[float, float, float]]:
-        """The samples of a stretch of time, thinned to about `most`, and where it ends."""
+        """Return about `most` positions of a period, evenly chosen, and the position at its end."""
         first, last = np.searchsorted(self.times, (begin_s, end_s))
         rows = self._rows[int(first) : int(last)]
         end = self.at(end_s)
@@ -199,7 +204,7 @@ class EntityTrack:
 
 
 class FilmFrames:
-    """Draws one frame after another; see `title`, `played` and `ended`."""
+    """Renderer of the frames of one episode."""
 
     def __init__(self, trace: Trace, head: EpisodeHead, steps: Sequence[ViewStep], ground: PageGround) -> None:
         self._trace, self._head, self._steps = trace, head, steps
@@ -225,18 +230,18 @@ class FilmFrames:
         self._decoded: tuple[str, Image.Image | None] = ("", None)
 
     def title(self) -> Image.Image:
-        """The first frame: what is played, by whom, and what for."""
+        """Draw the first frame: mission, policies and goal."""
         image = self._sheet(0.0, None)
         self._card(image, [(self._head.title or self._head.mission, 34, _INK), (self._facts(), 18, _FAINT),
                            (self._head.goal, 20, _INK)])  # fmt: skip
         return image
 
     def played(self, place: float, moment: Moment | None) -> Image.Image:
-        """The episode at a place among its steps, with what is told of it."""
+        """Draw the episode at a (fractional) number of its steps, with the caption of a moment."""
         return self._sheet(place, moment)
 
     def ended(self, ending: EndingCard) -> Image.Image:
-        """The last frame: how it ended, and why where that may be shown."""
+        """Draw the last frame: the ending, with its explanation if the card has one."""
         image = self._sheet(float(max(0, len(self._steps) - 1)), None)
         colour = {"won": _GOOD, "lost": _BAD}.get(ending.state, _INK)
         lines = [(ending.line, 26, colour), (f"score {self._steps[-1].score:.2f} after {self._steps[-1].tick} ticks"
@@ -307,12 +312,12 @@ class FilmFrames:
                 self._arrow(pen, where, self._tracks[card.id].heading(now), _ASSETS[card.colour % len(_ASSETS)])
                 x, y = self._view.point(*where)
                 labels.append((x, y, card.label or card.id, _ASSETS[card.colour % len(_ASSETS)]))
-        taken: list[tuple[float, float, float]] = []
+        occupied: list[tuple[float, float, float]] = []
         for x, y, text, ink in labels if len(labels) <= 40 else ():
             name = _short(text, 20)
             wide = font_of(name, 24).getlength(name)
-            if not any(abs(y - row) < 26 and x < right and x + wide + 26 > left for left, right, row in taken):
-                taken.append((x, x + wide + 26, y))
+            if not any(abs(y - row) < 26 and x < right and x + wide + 26 > left for left, right, row in occupied):
+                occupied.append((x, x + wide + 26, y))
                 letters = font_of(name, 24)
                 pen.text((x + 22, y - 14), name, font=letters, fill=ink, stroke_width=4, stroke_fill=_PAPER)
 
@@ -335,14 +340,14 @@ class FilmFrames:
         return float(np.interp(place, range(len(self._steps)), [step.time for step in self._steps]))
 
     def _is_away(self, name: str, step: int) -> bool:
-        told = [dormant for at, dormant in self._dormant.get(name, ()) if at <= step]
-        return bool(told) and told[-1]
+        dormant = [is_dormant for at, is_dormant in self._dormant.get(name, ()) if at <= step]
+        return bool(dormant) and dormant[-1]
 
     def _latest(self, image: Image.Image, pen: ImageDraw.ImageDraw, step: int) -> None:
-        """The latest picture, one in which something is reported before others."""
+        """Draw the latest picture. Of the last six ticks, a picture with a report is preferred."""
         recent = [(at, picture) for at, picture in self._pictures if step - 6 < at <= step]
-        told = [(at, picture) for at, picture in recent if self._boxes(picture, step)]
-        latest = (told or recent or [(at, one) for at, one in self._pictures if at <= step])[-1:]
+        reported = [(at, picture) for at, picture in recent if self._boxes(picture, step)]
+        latest = (reported or recent or [(at, picture) for at, picture in self._pictures if at <= step])[-1:]
         box = SHOT
         pen.rectangle(box, fill=_PAPER)
         for at, picture in latest:
@@ -354,17 +359,17 @@ class FilmFrames:
             size = (max(1, round(shown.width * ratio)), max(1, round(shown.height * ratio)))
             left, top = (box[0] + box[2] - size[0]) // 2, (box[1] + box[3] - size[1]) // 2
             image.paste(shown.resize(size, Image.Resampling.BILINEAR), (left, top))
-            for corners, ink in [(one[2], _TRUE) for one in picture.truth] + [
-                (one, _SAID) for one in self._boxes(picture, step)
+            for corners, ink in [(truth[2], _TRUE) for truth in picture.truth] + [
+                (reported_box, _REPORTED) for reported_box in self._boxes(picture, step)
             ]:
                 pen.rectangle(_placed(corners, left, top, size), outline=ink, width=2)
             words = f"{picture.entity} · {picture.camera} · tick {self._steps[at].tick}"
             _write(pen, (box[0], box[3] + 6), _short(words, 58), 13, _FAINT)
 
     def _stages(self, pen: ImageDraw.ImageDraw, step: int) -> None:
-        """How far the stages are: under the picture, in its place where the episode has none."""
+        """Draw the progress of stages under the picture, or in its place if the episode has no pictures."""
         box, top = SHOT, SHOT[3] + 40 if self._pictures else SHOT[1]
-        counts = next((one.stages for one in reversed(self._steps[: step + 1]) if one.stages), [])
+        counts = next((counted.stages for counted in reversed(self._steps[: step + 1]) if counted.stages), [])
         for row, (name, done, members) in enumerate(counts[: (MAP[3] - top) // STAGE_ROW]):
             y = top + STAGE_ROW * row
             _write(pen, (box[0], y), _short(name, 16), 15, _INK)
@@ -394,16 +399,16 @@ class FilmFrames:
         pen.rectangle((0, MAP[3], WIDTH, HEIGHT), fill=_PANEL)
         last, step = max(1, len(self._steps) - 1), self._steps[int(place + 1e-6)]
         column = [left + (right - left) * at / last for at in range(len(self._steps))]
-        most = max(1.0, *(one.score for one in self._steps), 0.0)
+        most = max(1.0, *(other.score for other in self._steps), 0.0)
         points = [
-            (column[at], bottom - max(0.0, one.score) / most * (bottom - top)) for at, one in enumerate(self._steps)
+            (column[at], bottom - max(0.0, other.score) / most * (bottom - top)) for at, other in enumerate(self._steps)
         ]
         if len(points) > 1:
             pen.polygon([(left, bottom), *points, (right, bottom)], fill=(30, 62, 50))
             pen.line(points, fill=_GOOD, width=2)
-        for at, one in enumerate(self._steps):
+        for at, other in enumerate(self._steps):
             for kind, ink in (("good", _GOOD), ("bad", _BAD)):
-                if any(event.kind == kind for event in one.events):
+                if any(event.kind == kind for event in other.events):
                     pen.ellipse((column[at] - 4, top - 12, column[at] + 4, top - 4), fill=ink)
         x = left + (right - left) * place / last
         pen.line([(x, top - 14), (x, bottom + 4)], fill=_INK, width=2)
@@ -417,7 +422,7 @@ class FilmFrames:
 
     @staticmethod
     def _card(image: Image.Image, lines: Sequence[tuple[str, int, Ink]]) -> None:
-        """Text on a veil over the map."""
+        """Draw lines of text on a translucent panel over the map."""
         pen = ImageDraw.Draw(image, "RGBA")
         wide = MAP[2] - 140
         rows = [(row, size, ink) for text, size, ink in lines if text for row in _wrapped(text, size, wide)[:4]][:14]
@@ -445,7 +450,7 @@ def _sign(pen: ImageDraw.ImageDraw, x: float, y: float, sight: str) -> None:
 def _placed(
     box: tuple[float, float, float, float], left: int, top: int, size: tuple[int, int]
 ) -> tuple[float, float, float, float]:
-    """A normalised box on the sheet, inside of the picture whatever was reported."""
+    """Return a normalised box in pixels of the frame, clipped to the picture. A reported box may have any values."""
     x0, y0, x1, y1 = (min(1.0, max(0.0, part)) if math.isfinite(part) else 0.0 for part in box)
     right, bottom = left + size[0] - 1, top + size[1] - 1
     return (
@@ -466,7 +471,7 @@ def _short(text: str, most: int) -> str:
 
 
 def _fitting(text: str, size: int, wide: float) -> str:
-    """The text in one line, cut where it would be wider."""
+    """Return the text as one line, shortened to `wide` pixels."""
     line = _short(text, 400)
     while line and font_of(line, size).getlength(line) > wide:
         line = f"{line[: max(0, int(len(line) * 0.9) - 1)]}…"
@@ -474,7 +479,10 @@ def _fitting(text: str, size: int, wide: float) -> str:
 
 
 def _wrapped(text: str, size: int, wide: float) -> list[str]:
-    """The text in lines that are no wider; between two ideographs a line may end, and a word that is wider is cut."""
+    """Return the text in lines of at most `wide` pixels.
+
+    A line may end between two ideographs. A word that is wider than a line is shortened.
+    """
     rows: list[str] = []
     for piece in _PIECE.findall(_short(text, 600)):
         longer = f"{rows[-1]}{piece}" if rows else piece
@@ -486,20 +494,21 @@ def _wrapped(text: str, size: int, wide: float) -> list[str]:
 
 
 _IDEOGRAPHS = "\u2e80-\u9fff\uac00-\ud7a3\uf900-\ufaff\uff00-\uffef"
+"""Unicode blocks of CJK ideographs and Hangul, and their full-width forms."""
 _PIECE = re.compile(f"[{_IDEOGRAPHS}] ?|[^ {_IDEOGRAPHS}]+ ?| ")
-"""A word with the blank behind it, or one ideograph."""
+"""A word with the space behind it, or one ideograph."""
 
 
 def font_of(text: str, size: int) -> ImageFont.FreeTypeFont:
-    """A font that has the letters of a text, if there is one."""
+    """Return a font that has the letters of a text, if there is one."""
     return font(size, lacking(text))
 
 
-def frames_of(drawn: FilmFrames, places: Sequence[float], told: Sequence[Moment]) -> Iterator[Image.Image]:
-    """The frames of the played part; equal neighbours are drawn once."""
+def frames_of(drawn: FilmFrames, places: Sequence[float], captions: Sequence[Moment]) -> Iterator[Image.Image]:
+    """Yield the frames at `places` among the steps, with captions. Equal neighbours are drawn once."""
     before: tuple[float, Image.Image] | None = None
     for place in places:
         if before is None or before[0] != place:
-            latest = [moment for moment in told if moment.place <= place + 1e-6 and place - moment.place < 4.0]
+            latest = [moment for moment in captions if moment.place <= place + 1e-6 and place - moment.place < 4.0]
             before = place, drawn.played(place, latest[-1] if latest else None)
         yield before[1]

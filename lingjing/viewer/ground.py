@@ -1,4 +1,4 @@
-"""The city of an episode as flat shapes with heights: what the page builds its view from."""
+"""The city of an episode as flat shapes with heights, as input for the view of the page."""
 
 from __future__ import annotations
 
@@ -12,52 +12,59 @@ from lingjing.scene.plan import PlanShape, is_sea
 from lingjing.scene.surroundings import shapes_around, triangulate
 
 MOST_POINTS = 300_000
-"""Corners of all shapes together that a page gets; beyond that layers are left out."""
+"""Most vertices of all shapes. Beyond it, layers are left out. Chosen."""
 
 STEP_PER_M = 10
-"""Coordinates are whole decimetres."""
+"""Units of integer coordinates per metre: coordinates are decimetres."""
 
 
 class GroundShape(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One shape, coordinates in decimetres.
-
-    A polygon has `rings` (each a flat list x, y, x, y, …; the first is its outline, the others holes) and `triangles`,
-    indices into the corners of all rings. A line or a dot has one ring and a `width`, and `heights` for its points.
-    `base` and `top` are elevations.
-    """
+    """One shape: a polygon, a line or a dot. Lengths and coordinates are decimetres."""
 
     layer: str
     rings: list[list[int]]
+    """Flat lists x, y, x, y, … A polygon has its outline first, then its holes. A line or a dot has one ring."""
     surface: str = ""
     triangles: list[int] = []
+    """Indices of the vertices of all rings, three per triangle. Empty for a line or a dot."""
     width: int = 0
+    """Width of a line or a dot. 0 for a polygon."""
     base: int = 0
+    """Elevation of the bottom of a polygon."""
     top: int = 0
+    """Elevation of the top of a polygon."""
     heights: list[int] = []
+    """Elevations of the points of a line or a dot."""
 
 
 class PageGround(msgspec.Struct, frozen=True):
-    """The shapes in painting order. `sea` says that water is under everything; `lacks` names layers left out, because
-    the city is too large, `known` is False where the city is no longer to be had and nothing can be drawn."""
+    """The ground of a page."""
 
     known: bool
+    """False if the city cannot be rebuilt and nothing can be drawn."""
     sea: bool = False
+    """True if water is under all shapes."""
     shapes: list[GroundShape] = []
+    """The shapes in the order of painting."""
     lacks: list[str] = []
+    """Layers that were left out because the city is too large."""
 
 
 def ground_of(city: City | None, played: Extent) -> PageGround:
-    """The ground in and around the extent that was played in (west, south, east, north; metres)."""
+    """Return the ground in and around the extent of an episode (west, south, east, north; metres)."""
     if city is None:
         return PageGround(known=False)
     shapes, lacks = shapes_around(city, played, MOST_POINTS)
     return PageGround(
-        known=True, sea=is_sea(shapes), shapes=[made for one in shapes if (made := _shape(one))], lacks=[*lacks]
+        known=True,
+        sea=is_sea(shapes),
+        shapes=[ground_shape for shape in shapes if (ground_shape := _shape(shape))],
+        lacks=[*lacks],
     )
 
 
 def _shape(shape: PlanShape) -> GroundShape | None:
-    """None for a polygon without an area."""
+    """Return a shape of the plan for the page, or None for a polygon without an area."""
     heights = [_steps(height) for height in shape.heights_m]
     if shape.width_m > 0.0:
         return GroundShape(

@@ -1,4 +1,4 @@
-"""What a page is told of an episode once, before its steps."""
+"""The head and the ending of a page: data of an episode that do not change from step to step."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from lingjing.mission.instance import Entity, Instance
 from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.terminal import visible
 from lingjing.trace.records import CUT_SHORT, Header, Outcome
-from lingjing.viewer.state import Watched
+from lingjing.viewer.state import EpisodeState
 
 LEAST_M = 120.0
-"""The shown part of the world is at least so wide, metres."""
+"""Smallest width of the shown extent, metres. Chosen."""
 
 
 class AgentCard(msgspec.Struct, frozen=True):
-    """An agent as a page names it, and the entities that it controls."""
+    """An agent and the entities that it controls."""
 
     id: str
     role: str
@@ -28,17 +28,18 @@ class AgentCard(msgspec.Struct, frozen=True):
 
 
 class EntityCard(msgspec.Struct, frozen=True):
-    """An entity that may be shown; `colour` numbers assets from 0, -1 is a target."""
+    """An entity of the view."""
 
     id: str
     role: str
     type: str
     label: str
     colour: int
+    """Number of the asset, from 0, which selects its colour. -1 for a target."""
 
 
 class RelationCard(msgspec.Struct, frozen=True):
-    """A coordination relation that the mission declares, between groups of agents or stages."""
+    """A coordination relation that the mission declares between groups of agents or between stages."""
 
     kind: str
     source: str
@@ -47,8 +48,7 @@ class RelationCard(msgspec.Struct, frozen=True):
 
 
 class EpisodeHead(msgspec.Struct, frozen=True):
-    """The episode but for its boundaries. `frame` is what to show of the world (west, south, east, north; metres);
-    `credit` names whose map it is and must be shown; `truth` says whether hidden things are in it."""
+    """The data of an episode that apply to all steps."""
 
     mission: str
     title: str
@@ -57,26 +57,34 @@ class EpisodeHead(msgspec.Struct, frozen=True):
     mode: str
     policies: tuple[str, ...]
     ticks: int
+    """The budget of the mission."""
     tick_s: float
+    """Length of a tick, seconds."""
     agents: tuple[AgentCard, ...]
     relations: tuple[RelationCard, ...]
     regions: tuple[tuple[Vector2, ...], ...]
+    """Outlines, metres."""
     frame: Extent
+    """The shown extent: west, south, east, north; metres."""
     credit: str
+    """Credit for the map, which must be shown; "" if none is required."""
     truth: bool
+    """True if the page contains hidden entities and true boxes."""
 
 
 class EndingCard(msgspec.Struct, frozen=True):
-    """How the episode ended: `line` in words, `why` the whole explanation where the truth may be shown. `state` is
-    `won`, `lost`, `cut` (it did not end by itself) or `open` (no end is recorded)."""
+    """The ending of an episode."""
 
     state: str
+    """`won`, `lost`, `cut` (it did not end by itself) or `open` (no end is recorded)."""
     line: str
+    """The cause in words."""
     why: str = ""
+    """The whole explanation; "" if the truth must not be shown."""
 
 
 def head_of(header: Header, credit: str, *, truth: bool, places: Iterable[Vector2] = ()) -> EpisodeHead:
-    """The head of an episode; `places` are where its entities were, as far as that is known and may be shown."""
+    """Return the head of an episode. `places` are known positions of its entities that may be shown."""
     instance = header.instance
     bindings = {binding.agent: binding for binding in header.bindings}
     agents = [
@@ -101,7 +109,10 @@ def head_of(header: Header, credit: str, *, truth: bool, places: Iterable[Vector
         tick_s=instance.clock.tick_s,
         agents=tuple(agents),
         relations=tuple(
-            dict.fromkeys(RelationCard(one.kind, one.source, one.target, one.mutual) for one in instance.relations)
+            dict.fromkeys(
+                RelationCard(relation.kind, relation.source, relation.target, relation.mutual)
+                for relation in instance.relations
+            )
         ),
         regions=regions,
         frame=_frame(instance, (point for polygon in regions for point in polygon), places, truth=truth),
@@ -111,12 +122,12 @@ def head_of(header: Header, credit: str, *, truth: bool, places: Iterable[Vector
 
 
 def card_of(entity: Entity, colour: int) -> EntityCard:
-    """What a page is told of an entity when it is first shown."""
+    """Return the card of an entity, which a page receives when the entity is first shown."""
     return EntityCard(entity.id, entity.role, visible(entity.type), visible(entity.label), colour)
 
 
 def ending_of(outcome: Outcome | None, cause: str, why: str = "") -> EndingCard:
-    """The ending: `cause` is `lingjing why`'s line of what ended it."""
+    """Return the ending. `cause` and `why` are the texts of `lingjing.analysis.ending`."""
     if outcome is None:
         state = "open"
     elif outcome.reason in CUT_SHORT:
@@ -129,10 +140,10 @@ def ending_of(outcome: Outcome | None, cause: str, why: str = "") -> EndingCard:
 def _frame(
     instance: Instance, corners: Iterable[Vector2], places: Iterable[Vector2], *, truth: bool
 ) -> tuple[float, float, float, float]:
-    """The box around everything that may be shown, widened to `LEAST_M`."""
-    watched = Watched(instance, truth=truth)
-    spots: list[Vector2] = [*corners, *places, *(place for _, place, _ in watched.seen_targets())]
-    spots += [(one.position[0], one.position[1]) for one in watched.assets if one.position[2] < OVERHEAD_M]
+    """Return the box around everything that may be shown, at least `LEAST_M` wide and high."""
+    state = EpisodeState(instance, truth=truth)
+    spots: list[Vector2] = [*corners, *places, *(place for _, place, _ in state.visible_targets())]
+    spots += [(asset.position[0], asset.position[1]) for asset in state.assets if asset.position[2] < OVERHEAD_M]
     xs, ys = [x for x, _ in spots] or [0.0], [y for _, y in spots] or [0.0]
     wide, high = max(max(xs) - min(xs), LEAST_M) / 2, max(max(ys) - min(ys), LEAST_M) / 2
     x, y = (max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2

@@ -1,6 +1,6 @@
-"""What a server shows of an episode that is still played: its trace, read as it grows.
+"""The content for a server from a running episode: its trace, read as it grows.
 
-The run knows nothing of it: it writes its trace and never waits for anybody who looks on.
+The run is not affected. It writes its trace and never waits for a reader.
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ from lingjing.errors import UsageError
 from lingjing.trace.following import TraceFollower
 from lingjing.trace.reader import Trace
 from lingjing.trace.writer import PART
-from lingjing.viewer.narrated import CHUNK, Narration, packed, played_ground
+from lingjing.viewer.page_content import CHUNK, PageContent, packed, played_ground
 from lingjing.viewer.steps import StepDetail, ViewStep
 
 POLL_S = 0.3
-"""How often the file is looked at."""
+"""Interval of reading the file, seconds. Chosen."""
 
 LEFT_S = 2.0
-"""So long a trace must stand still and be written by nobody before its run counts as killed."""
+"""Time, seconds, after which a trace that no process writes and that does not grow counts as that of a killed run.
+Chosen."""
 
 QUIET_S = 15.0
-"""So long without news, a sign of life is sent, by which a reader that has gone is noticed."""
+"""Longest time without an event, seconds. Then an empty event is sent, which fails if the connection is closed.
+Chosen."""
 
 
 class WaitingNote(msgspec.Struct, frozen=True):
-    """There is no header yet: ask again."""
+    """The answer while there is no header yet. The page then repeats its request."""
 
     waiting: bool = True
 
@@ -43,9 +45,10 @@ class LiveNews(msgspec.Struct, frozen=True):
 
 
 class ServedRun:
-    """A growing trace for `lingjing.viewer.server`; `path` is the name that it gets at its end, or that with `.part`.
+    """The content of a growing trace for `lingjing.viewer.server`.
 
-    Raises `UsageError` if a file is there already that is no trace.
+    `path` is the final name of the trace, or this name with `.part`. Raises `UsageError` if an existing file is no
+    trace.
     """
 
     source = packed({"kind": "server", "chunk": CHUNK})
@@ -54,7 +57,7 @@ class ServedRun:
         final = path.with_name(path.name.removesuffix(PART))
         self._follower = TraceFollower(final)
         self._truth = truth
-        self._narration: Narration | None = None
+        self._content: PageContent | None = None
         self._ground: bytes | None = None
         self._news = threading.Condition()
         self._building = threading.Lock()
@@ -66,40 +69,40 @@ class ServedRun:
         self._thread.start()
 
     def close(self) -> None:
-        """Look at the file no more, and let go of those who wait for news."""
+        """Stop reading the file, and end all calls of `follow`."""
         self._closed.set()
         self._thread.join()
         with self._news:
             self._news.notify_all()
 
     def page_start(self) -> bytes:
-        """Head, steps and, once the episode has ended, the ending."""
+        """Return head, steps and, after the end of the episode, the ending."""
         with self._news:
-            if self._narration is None:
+            if self._content is None:
                 return packed(WaitingNote())
-            return packed(self._narration.page_start(live=not self._has_ended()))
+            return packed(self._content.page_start(live=not self._has_ended()))
 
     def ground(self) -> bytes:
-        """The city, built once."""
+        """Return the ground. It is computed once."""
         with self._building:
             if self._ground is None:
                 with self._news:
-                    if self._narration is None:
+                    if self._content is None:
                         raise UsageError("the episode has not begun")
-                    trace, frame = self._narration.trace, self._narration.head.frame
+                    trace, frame = self._content.trace, self._content.head.frame
                 self._ground = packed(played_ground(trace, frame))
             return self._ground
 
     def details(self, chunk: int) -> bytes:
-        """The details of one chunk of steps, as far as there are any."""
+        """Return the details of one chunk of steps, as far as they exist."""
         with self._news:
-            found = self._narration.details[chunk * CHUNK : (chunk + 1) * CHUNK] if self._narration else []
-            if not found:
+            details = self._content.details[chunk * CHUNK : (chunk + 1) * CHUNK] if self._content else []
+            if not details:
                 raise UsageError(f"there is no chunk {chunk}")
-            return packed(found)
+            return packed(details)
 
     def picture(self, name: str) -> bytes:
-        """The stored picture."""
+        """Return a stored picture as JPEG."""
         with self._news:
             if self._follower.trace is None:
                 raise UsageError("the episode has not begun")
@@ -107,17 +110,17 @@ class ServedRun:
         return trace.jpeg(name)
 
     def follow(self, begin: int) -> Iterator[tuple[str, bytes]]:
-        """Steps from `begin` on as they come, then the ending."""
+        """Yield the steps from `begin` on when they exist, then the ending."""
         while not self._closed.is_set():
             with self._news:
-                ended, told = self._has_ended(), self._narration
-                if not ended and (told is None or len(told.steps) <= begin):
+                ended, content = self._has_ended(), self._content
+                if not ended and (content is None or len(content.steps) <= begin):
                     self._news.wait(QUIET_S)
-                    ended, told = self._has_ended(), self._narration
-                news = LiveNews(told.steps[begin:], told.details[begin:]) if told is not None else LiveNews([], [])
+                    ended, content = self._has_ended(), self._content
+                news = LiveNews(content.steps[begin:], content.details[begin:]) if content else LiveNews([], [])
                 begin += len(news.steps)
                 data = packed(news)
-                ending = packed(told.ending()) if ended and told is not None else b""
+                ending = packed(content.ending()) if ended and content is not None else b""
             yield ("steps", data) if news.steps else ("", b"")
             if ending:
                 yield "ending", ending
@@ -134,7 +137,7 @@ class ServedRun:
             try:
                 self._read()
             except UsageError:
-                continue  # it is just being replaced; a file that stays wrong shows nothing more
+                continue  # the file is just being renamed; a file that stays invalid adds no steps
 
     def _read(self) -> None:
         records = self._follower.more()
@@ -147,10 +150,10 @@ class ServedRun:
             trace = self._follower.trace
             if trace is None:
                 return
-            if self._narration is None:
-                self._narration = Narration(trace, self._truth)
+            if self._content is None:
+                self._content = PageContent(trace, self._truth)
             else:
-                self._narration.trace = trace
-                self._narration.take(records)
+                self._content.trace = trace
+                self._content.take(records)
             if records or self._has_ended():
                 self._news.notify_all()

@@ -1,7 +1,7 @@
-"""The one page, with its script and style inside; nothing in it comes from the network or from an inline handler.
+"""The HTML page, with its script and style. It loads nothing from the network and has no inline event handlers.
 
-The content policy names the script and the style by their hashes: no other script runs, whatever texts an episode
-holds. A page from a server may ask that server for data, a page from a file may ask nobody.
+The content security policy allows the script and the style by their hashes. No other script runs, whatever texts an
+episode contains. A page from a server may request data from that server. A page from a file may send no requests.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ SCRIPTS = ("city.js", "episode.js", "marks.js", "player.js")
 
 
 def page(title: str, data: str, *, meta_policy: bool) -> str:
-    """The page as HTML. `data` are the elements that hold its data, escaped by the caller.
+    """Return the page as HTML. `data` contains its data elements, which the caller has escaped.
 
-    `meta_policy` puts the content policy for a file into the page; a server sends `policy()` as a header.
+    With `meta_policy`, the page contains the content security policy for a file. A server sends `policy()` as a header.
     """
     script, style = _assets()
     meta = ""
@@ -33,14 +33,14 @@ def page(title: str, data: str, *, meta_policy: bool) -> str:
 
 
 def element(name: str, text: str) -> str:
-    """A data element of a page; `text` must hold no `<` (base64, or JSON made by `packed`)."""
+    """Return a data element of a page. `text` is base64 or JSON from `packed`. Raises `ValueError` if it has a `<`."""
     if "<" in text:
         raise ValueError("data of a page must hold no <")
     return f'<script type="text/plain" id="d-{html.escape(name)}">{text}</script>'
 
 
 def policy(*, served: bool) -> str:
-    """The content security policy of the page."""
+    """Return the content security policy of a page from a server (`served`) or from a file."""
     script, style = (f"'sha256-{_sha256(text)}'" for text in _assets())
     rules = {
         "default-src": "'none'",
@@ -58,7 +58,7 @@ def policy(*, served: bool) -> str:
 
 @lru_cache(maxsize=1)
 def _assets() -> tuple[str, str]:
-    """Script and style."""
+    """Return the script and the style."""
     script = "\n".join(_asset(name) for name in SCRIPTS)
     return f'"use strict";\n{{\n{script}\n}}\n', _asset("player.css")
 

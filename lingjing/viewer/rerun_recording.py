@@ -1,7 +1,7 @@
-"""A trace as a Rerun recording (`.rrd`) with its blueprint inside, so that opening the file shows it arranged.
+"""A trace as a Rerun recording (`.rrd`) that contains its blueprint, which arranges the views.
 
-Rerun opens an MCAP file too, but leaves scenes, boxes and this project's own records undecoded (0.41). `rerun-sdk` is a
-large optional package: it is imported in here only, and only when a recording is made.
+Rerun can open an MCAP file too, but does not decode scenes, boxes and this project's own records (version 0.41).
+`rerun-sdk` is a large optional package. Only this module imports it, when a recording is written.
 """
 
 from __future__ import annotations
@@ -23,30 +23,34 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receipt, Snapshot, UnitBox
 from lingjing.trace.topics import entity_topic
 from lingjing.trace.viewer_messages import ReportedBoxes, cameras_at
-from lingjing.viewer.told import ToldEpisode
+from lingjing.viewer.episode_view import EpisodeView
 from lingjing.whole_files import written_whole
 
 CLOCK = "simulation"
-"""The timeline: simulated seconds. `tick` is the other one."""
+"""Name of the timeline in simulated seconds. The other timeline is `tick`."""
 
 TRUE, REPORTED = (50, 255, 100), (255, 115, 190)
+"""Colours of boxes: red, green, blue in 0..255. Chosen."""
 ASSET, TARGET, REGION = (40, 120, 235), (245, 95, 30), (30, 180, 80)
+"""Colours of markers and outlines. Chosen."""
 MOST_CAMERAS = 8
-"""Of so many there are views."""
+"""Most cameras, and most agents, with views. Chosen: more tabs do not fit."""
 
 
 def write_rerun(trace: Trace, path: Path, *, truth: bool) -> None:
-    """Write the recording; nothing is left behind where that fails. Raises `UsageError` if `rerun-sdk` is not installed
-    or the file cannot be written."""
+    """Write the recording. A failure leaves no file behind.
+
+    Raises `UsageError` if `rerun-sdk` is not installed or the file cannot be written.
+    """
     rerun = _rerun()
     if path.suffix != ".rrd":
         raise UsageError(f"{path}: a Rerun recording is an .rrd file", hint="name it -o episode.rrd")
     try:
         with written_whole(path) as partial:
             _Recording(rerun, trace, truth=truth).save(partial)
-    except _WriterError as error:  # it names no reason: a full disk is one
+    except _WriterError as error:  # the error of Rerun does not name its cause, such as a full disk
         hint = "make room, or choose another place with -o"
-        raise UsageError(f"cannot write {path}: Rerun's own writer says: {error}", hint=hint) from error
+        raise UsageError(f"cannot write {path}: Rerun's own writer reports: {error}", hint=hint) from error
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}", hint="choose another place with -o") from error
 
@@ -62,23 +66,23 @@ def _rerun() -> Any:
 
 
 class _WriterError(Exception):
-    """Rerun could not write what it was given."""
+    """The error for a failed write of Rerun."""
 
 
 class _Recording:
-    """One episode on its way into a file."""
+    """The recording of one episode."""
 
     def __init__(self, rerun: Any, trace: Trace, *, truth: bool) -> None:
         self._rr = rerun
         self._trace = trace
         self._instance = trace.header.instance
-        self._told = ToldEpisode(self._instance, truth=truth)
+        self._view = EpisodeView(self._instance, truth=truth)
         self._frames = trace.frames
         self._reports = ReportedBoxes(self._instance)
         self._around = surroundings_of(trace)
 
     def save(self, path: Path) -> None:
-        """Everything into the file."""
+        """Write the episode to a file."""
         name = trace_name(self._trace)
         recording = self._rr.RecordingStream(
             "lingjing", recording_id=uuid.uuid5(uuid.NAMESPACE_URL, name), send_properties=False
@@ -88,15 +92,15 @@ class _Recording:
         recording.send_recording_name(name)
         self._beginning()
         for record in self._trace.boundaries:
-            told, found = self._told.take(record)
-            self._boundary(told, found)
+            visible, revealed = self._view.take(record)
+            self._boundary(visible, revealed)
         try:
             recording.flush()
         except RuntimeError as error:
             raise _WriterError(str(error)) from error
         recording.disconnect()
 
-    # -- what is told once
+    # -- static data
 
     def _beginning(self) -> None:
         rr, out = self._rr, self._out
@@ -109,13 +113,14 @@ class _Recording:
             out.log(f"world/city/{mesh.layer}/{number}", shape, static=True)
         level = self._instance.scene.datum_m
         for region in self._instance.regions:
-            if region.polygon and (self._told.truth or not region.hidden):
+            if region.polygon and (self._view.truth or not region.hidden):
                 ring = [(x, y, level) for x, y in (*region.polygon, region.polygon[0])]
                 out.log(f"world/regions/{region.name}", rr.LineStrips3D([ring], colors=[REGION]), static=True)
-        self._markers((one for one in self._instance.entities if one.id not in self._told.hidden), static=True)
+        visible = (entity for entity in self._instance.entities if entity.id not in self._view.hidden)
+        self._markers(visible, static=True)
 
     def _markers(self, entities: Iterable[Entity], *, static: bool) -> None:
-        """Static ones are there at all times: at the world's origin as long as their body has no place."""
+        """Log markers of entities. A static marker is visible at all times, at the origin while it has no position."""
         for entity in entities:
             colour = ASSET if entity.role == "asset" else TARGET
             box = self._rr.Boxes3D(half_sizes=[(2.0, 1.0, 0.5)], colors=[colour], labels=[entity.id])
@@ -123,10 +128,10 @@ class _Recording:
 
     # -- boundaries
 
-    def _boundary(self, record: BoundaryRecord, found: Sequence[Entity]) -> None:
+    def _boundary(self, record: BoundaryRecord, revealed: Sequence[Entity]) -> None:
         rr, out = self._rr, self._out
         self._at(record.snapshots[0].time_s if record.snapshots else record.time_s, record.tick)
-        self._markers(found, static=False)
+        self._markers(revealed, static=False)
         for snapshot in record.snapshots:
             self._at(snapshot.time_s, record.tick)
             for state in snapshot.states:
@@ -150,20 +155,20 @@ class _Recording:
         self._out.set_time("tick", sequence=tick)
 
     def _trails(self, snapshots: Sequence[Snapshot]) -> None:
-        """A boundary's way of each entity; a view that looks back shows the whole trail."""
+        """Log the path of each entity since the last boundary. A view with a long time range shows the whole trail."""
         for state in snapshots[-1].states:
-            way = [one.position for shot in snapshots for one in shot.states if one.id == state.id]
+            way = [other.position for shot in snapshots for other in shot.states if other.id == state.id]
             if len(way) > 1 and way[0] != way[-1] and state.position[2] < OVERHEAD_M:
                 self._out.log(f"world/trails/{entity_topic(state.id)}", self._rr.LineStrips3D([way], colors=[ASSET]))
             latitude, longitude = geodetic(self._instance.scene.origin, *state.position[:2])
             self._out.log(f"map/{entity_topic(state.id)}", self._rr.GeoPoints(lat_lon=[(latitude, longitude)]))
 
     def _cameras(self, record: BoundaryRecord) -> None:
-        """Where each camera is. Cameras stand in the world: below its body one would take the turn of that as well."""
+        """Log the pose of each camera relative to the world, because the poses are in the world frame."""
         for _, entity, camera, pose in cameras_at(self._instance, self._around, record):
-            self._hang(camera_path(entity, camera), pose)
+            self._camera(camera_path(entity, camera), pose)
 
-    def _hang(self, path: str, pose: CameraPose) -> None:
+    def _camera(self, path: str, pose: CameraPose) -> None:
         rows = [[axis[row] for axis in camera_axes(pose)] for row in range(3)]
         pinhole = self._rr.Pinhole(
             focal_length=focal_px(pose), width=pose.width, height=pose.height, image_plane_distance=10.0
@@ -174,24 +179,24 @@ class _Recording:
         rr, out = self._rr, self._out
         path = camera_path(frame.entity, frame.camera)
         self._at(frame.time_s, frame.tick)
-        self._hang(path, frame.pose)
+        self._camera(path, frame.pose)
         try:
             stored = self._trace.picture(frame.id)
         except UsageError:
-            return  # the trace has lost it; the others are shown
+            return  # the picture is missing in the trace; other pictures are shown
         out.log(f"{path}/rgb", rr.EncodedImage(contents=self._trace.jpeg(frame.id), media_type="image/jpeg"))
         if stored.depth is not None:
             out.log(f"{path}/depth", rr.DepthImage(stored.depth, meter=1.0))
         if stored.semantic is not None:
             out.log(f"{path}/semantic", rr.SegmentationImage(stored.semantic, opacity=0.0))
-        if self._told.truth:
-            self._boxes(f"{path}/rgb/truth", frame, [(one.entity, one.box) for one in frame.boxes], TRUE)
+        if self._view.truth:
+            self._boxes(f"{path}/rgb/truth", frame, [(truth.entity, truth.box) for truth in frame.boxes], TRUE)
         out.log(f"{path}/rgb/reported", rr.Clear(recursive=False))
 
     def _reported(self, record: BoundaryRecord) -> None:
-        """Boxes at the time of their picture."""
-        named = self._reports.take(record) & self._frames.keys()
-        for name in sorted(named):
+        """Log reported boxes at the time of their picture."""
+        names = self._reports.take(record) & self._frames.keys()
+        for name in sorted(names):
             info = self._frames[name]
             self._at(info.time_s, info.tick)
             path = f"{camera_path(info.entity, info.camera)}/rgb/reported"
@@ -219,9 +224,9 @@ class _Recording:
 
     def _agents(self, record: BoundaryRecord) -> None:
         rr, out = self._rr, self._out
-        for made in record.decisions:
-            if made.decision.thought:
-                out.log(f"agents/{entity_topic(made.agent)}/thought", rr.TextDocument(made.decision.thought))
+        for entry in record.decisions:
+            if entry.decision.thought:
+                out.log(f"agents/{entity_topic(entry.agent)}/thought", rr.TextDocument(entry.decision.thought))
         for command in record.commands:
             values = ", ".join(f"{name}={value}" for name, value in command.arguments.items())
             text = f"{command.id} {command.resource}.{command.verb} {values}".rstrip()
@@ -243,9 +248,9 @@ class _Recording:
             name="city",
             contents=["$origin/**", "- $origin/cameras/*/*/depth", "- $origin/cameras/*/*/semantic"],
             overrides={
-                f"world/trails/{entity_topic(one.id)}": always
-                for one in self._instance.entities
-                if one.id not in self._told.hidden
+                f"world/trails/{entity_topic(entity.id)}": always
+                for entity in self._instance.entities
+                if entity.id not in self._view.hidden
             },
             eye_controls=self._eye(),
         )
@@ -282,8 +287,9 @@ class _Recording:
         )
 
     def _eye(self) -> Any:
-        """From the south at a slant, so far that all that moves on the map is in view."""
-        places = [one.position for one in self._instance.entities if one.position[2] < OVERHEAD_M] or [(0.0, 0.0, 0.0)]
+        """Return an oblique view from the south that contains all entities on the map."""
+        entities = [entity for entity in self._instance.entities if entity.position[2] < OVERHEAD_M]
+        places = [entity.position for entity in entities] or [(0.0, 0.0, 0.0)]
         west, east = min(x for x, *_ in places), max(x for x, *_ in places)
         south, north = min(y for _, y, _ in places), max(y for _, y, _ in places)
         x, y, far = (west + east) / 2, (south + north) / 2, max(150.0, 0.9 * math.hypot(east - west, north - south))
@@ -293,26 +299,27 @@ class _Recording:
 
 
 LEVELS = {"INFO": "INFO", "WARNING": "WARN"}
+"""Rerun's log level for each level of `log_lines`."""
 
 
 def trace_name(trace: Trace) -> str:
-    """`ssr, seed 1, broadcast, 0e6f1fac69070`: what a recording is called."""
+    """Return the name of a recording, such as `ssr, seed 1, broadcast, 0e6f1fac69070`."""
     instance = trace.header.instance
     digest = trace.boundaries[-1].digest[:16] if trace.boundaries else "nothing"
     return f"{instance.mission}, seed {instance.seed}, {instance.mode}, {digest}"
 
 
 def body_path(entity: str) -> str:
-    """Where an entity is in the recording."""
+    """Return the path of an entity in the recording."""
     return f"world/bodies/{entity_topic(entity)}"
 
 
 def camera_path(entity: str, camera: str) -> str:
-    """Where a camera is in the recording."""
+    """Return the path of a camera in the recording."""
     return f"world/cameras/{entity_topic(entity)}/{camera}"
 
 
 def receipt_line(receipt: Receipt) -> str:
-    """`c7-1 on uav[1]: rejected, busy`."""
+    """Return a receipt in words, such as `c7-1 on uav[1]: rejected, busy`."""
     words = (receipt.status, receipt.reason, receipt.detail)
-    return f"{receipt.request} on {receipt.resource}: {', '.join(one for one in words if one)}"
+    return f"{receipt.request} on {receipt.resource}: {', '.join(word for word in words if word)}"

@@ -1,4 +1,4 @@
-"""What a server shows of a finished trace. Everything is made once, when it is first asked for."""
+"""The content for a server from a finished trace. Each part is computed once, at its first request."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from functools import cached_property
 
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.viewer.narrated import CHUNK, Narration, packed
+from lingjing.viewer.page_content import CHUNK, PageContent, packed
 
 
 class ServedTrace:
-    """A trace for `lingjing.viewer.server`; with `truth` hidden things are shown."""
+    """The content of a trace for `lingjing.viewer.server`. With `truth`, it contains hidden targets and true boxes."""
 
     source = packed({"kind": "server", "chunk": CHUNK})
 
@@ -22,41 +22,41 @@ class ServedTrace:
         self._lock = threading.Lock()
 
     def page_start(self) -> bytes:
-        """Head, steps and ending."""
+        """Return head, steps and ending."""
         with self._lock:
-            return self._telling
+            return self._page_start
 
     def ground(self) -> bytes:
-        """The city."""
+        """Return the ground."""
         with self._lock:
             return self._ground
 
     def details(self, chunk: int) -> bytes:
-        """The details of one chunk of steps."""
+        """Return the details of one chunk of steps. Raises `UsageError` if there is no such chunk."""
         with self._lock:
-            details = self._narration.details[chunk * CHUNK : (chunk + 1) * CHUNK]
+            details = self._content.details[chunk * CHUNK : (chunk + 1) * CHUNK]
         if not details:
             raise UsageError(f"there is no chunk {chunk}")
         return packed(details)
 
     def picture(self, name: str) -> bytes:
-        """The stored picture."""
+        """Return a stored picture as JPEG. Raises `UsageError` if there is no such picture."""
         return self._trace.jpeg(name)
 
     def follow(self, begin: int) -> Iterator[tuple[str, bytes]]:
-        """Nothing comes after the end."""
+        """Yield nothing, because a finished trace gets no further steps."""
         yield from ()
 
     # -- parts
 
     @cached_property
-    def _narration(self) -> Narration:
-        return Narration(self._trace, self._truth)
+    def _content(self) -> PageContent:
+        return PageContent(self._trace, self._truth)
 
     @cached_property
-    def _telling(self) -> bytes:
-        return packed(self._narration.page_start())
+    def _page_start(self) -> bytes:
+        return packed(self._content.page_start())
 
     @cached_property
     def _ground(self) -> bytes:
-        return packed(self._narration.ground())
+        return packed(self._content.ground())

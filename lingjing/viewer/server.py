@@ -1,8 +1,8 @@
-"""The page over HTTP, for this machine alone.
+"""The page over HTTP, for clients on this machine.
 
-The server listens on the loopback address. `admission` decides which requests are answered, so that neither another
-user nor a foreign page in the same browser, whatever its name resolves to, gets an answer. Each connection has a thread
-of its own, so a slow reader delays no other.
+The server listens on the loopback address. `admission` refuses requests from other users and from foreign pages in the
+same browser, whatever address their names resolve to. Each connection has its own thread, so a slow client does not
+delay the others.
 """
 
 from __future__ import annotations
@@ -19,88 +19,96 @@ from typing import Protocol
 
 from lingjing.errors import LingjingError, UsageError
 from lingjing.signals import blocked_signals
-from lingjing.viewer.admission import HOST, ConnectionGate, RefusedRequest, RequestHead, asked_for, refusal
+from lingjing.viewer.admission import HOST, ConnectionGate, RefusedRequest, RequestHead, path_and_query, refusal
 from lingjing.viewer.page import element, page, policy
 
 MOST_CONNECTIONS = 32
-"""Connections with the token at a time; a browser keeps about six."""
+"""Most admitted connections at a time. Chosen: a browser keeps about six."""
 
 PATIENCE_S = 60.0
-"""How long a reader may take nothing before its connection is closed."""
+"""Time without progress, seconds, after which a connection is closed. Chosen."""
 
 JSON = "application/json"
 _SQUEEZED = 1400
-"""Bytes from which on an answer is compressed."""
+"""Shortest response, bytes, that is compressed. Chosen: a shorter one fits into one network packet anyway."""
 
 
 class Served(Protocol):
-    """What is shown. Answers are JSON as bytes; `picture` is a JPEG. Methods are called from several threads; each
-    raises `UsageError` for what is not there."""
+    """The content that a server serves.
+
+    Answers are JSON as bytes, except for pictures. Methods are called from several threads. Each raises `UsageError`
+    for content that does not exist.
+    """
 
     source: bytes
+    """JSON that describes the source of the data to the page."""
 
     def page_start(self) -> bytes:
-        """Head, steps and ending."""
+        """Return head, steps and ending."""
         ...
 
     def ground(self) -> bytes:
-        """The city."""
+        """Return the ground."""
         ...
 
     def details(self, chunk: int) -> bytes:
-        """The details of one chunk of steps."""
+        """Return the details of one chunk of steps."""
         ...
 
     def picture(self, name: str) -> bytes:
-        """The stored picture."""
+        """Return a stored picture as JPEG."""
         ...
 
     def follow(self, begin: int) -> Iterator[tuple[str, bytes]]:
-        """What comes after `begin` steps, as (event, data), waiting in between; ends at the end. An event
-        of "" says that nothing has happened for a while."""
+        """Yield (event, data) for the content after `begin` steps, when it exists, until the end of the episode.
+
+        An empty event means that nothing has happened for a while.
+        """
         ...
 
 
 class LocalServer:
-    """Answers by a handler, which has the attributes `given` and the token, until `close`. `port` 0 takes a free one.
-    Raises `UsageError` if it cannot be had."""
+    """An HTTP server on the loopback address that runs until `close`.
 
-    def __init__(self, handler: type[LocalRequest], given: dict[str, object], port: int, token: str = "") -> None:
+    `handler` gets `attributes` and the token as class attributes. `port` 0 selects a free port. Raises `UsageError` if
+    the server cannot listen on the port.
+    """
+
+    def __init__(self, handler: type[LocalRequest], attributes: dict[str, object], port: int, token: str = "") -> None:
         self.token = token or secrets.token_urlsafe(24)
-        with taking(port):
-            self._http = _HttpServer((HOST, port), type("Handler", (handler,), {**given, "token": self.token}))
+        with port_errors(port):
+            self._http = _HttpServer((HOST, port), type("Handler", (handler,), {**attributes, "token": self.token}))
         self._thread = threading.Thread(target=self._http.serve_forever, args=(0.1,), name="lingjing-http", daemon=True)
-        with blocked_signals():  # by its threads, which hand their mask on
+        with blocked_signals():  # the thread and the threads that it starts inherit the mask
             self._thread.start()
 
     def address(self, path: str) -> str:
-        """The URL of a path, with the token."""
+        """Return the URL of a path, with the token."""
         return f"http://{HOST}:{self._http.server_port}{path}?token={self.token}"
 
     def close(self) -> None:
-        """Stop listening. Connections that are open end by themselves or with the process."""
+        """Stop listening. Open connections end by themselves or with the process."""
         self._http.shutdown()
         self._http.server_close()
         self._thread.join()
 
 
 @contextlib.contextmanager
-def taking(port: int) -> Iterator[None]:
-    """Raise `UsageError` for a port that cannot be listened on."""
+def port_errors(port: int) -> Iterator[None]:
+    """Turn errors of listening on a port into `UsageError`."""
     try:
         yield
     except (OSError, OverflowError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise UsageError(f"cannot listen on port {port}: {why}", hint="choose another with --port") from error
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UsageError(f"cannot listen on port {port}: {reason}", hint="choose another with --port") from error
 
 
 class _HttpServer(ThreadingHTTPServer):
-    """A thread for each connection, of which at most `MOST_CONNECTIONS` are admitted; a reader that goes away is no
-    error."""
+    """An HTTP server with a thread for each connection. At most `MOST_CONNECTIONS` are admitted at a time."""
 
     daemon_threads = True
     block_on_close = False
-    allow_reuse_address = True  # else a port that was just given up is not to be had for a minute
+    allow_reuse_address = True  # otherwise a port that was just closed is blocked for a minute
     request_queue_size = 64
 
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
@@ -110,16 +118,16 @@ class _HttpServer(ThreadingHTTPServer):
         super().__init__(address, handler)
 
     def service_actions(self) -> None:
-        """Between two connections, ten times a second at least: drop those that sent no request in time."""
+        """Drop connections that sent no request in time. The library calls this at least ten times a second."""
         self._gate.drop_late()
 
     def process_request(self, request: object, client_address: object) -> None:
-        """A thread for a new connection, which waits at the gate until it is admitted."""
+        """Start a thread for a new connection, which waits at the gate until it is admitted."""
         self._gate.arrive(request, client_address[0])  # type: ignore[arg-type, index]
         super().process_request(request, client_address)  # type: ignore[arg-type]
 
     def process_request_thread(self, request: object, client_address: object) -> None:
-        """The thread of a connection."""
+        """Serve a connection in its thread, and free its slot at the end."""
         try:
             super().process_request_thread(request, client_address)  # type: ignore[arg-type]
         finally:
@@ -128,7 +136,7 @@ class _HttpServer(ThreadingHTTPServer):
                 self._slots.release()
 
     def admit(self, connection: socket.socket) -> bool:
-        """True for a connection that has sent a request which is answered; False if there are too many of them."""
+        """Admit a connection that has sent an admissible request. Return False if there are too many connections."""
         if connection in self._admitted:
             return True
         self._gate.admit(connection)
@@ -138,24 +146,25 @@ class _HttpServer(ThreadingHTTPServer):
         return True
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A reader that goes away is no error."""
+        """Ignore errors of a connection: a client that closes it is no error."""
 
 
 class LocalRequest(BaseHTTPRequestHandler):
-    """One connection to a `LocalServer`. Pages of `origins` may ask beside the server's own."""
+    """One connection to a `LocalServer`."""
 
     token: str
     origins: tuple[str, ...] = ()
+    """Origins of pages that are allowed in addition to the server's own."""
     protocol_version = "HTTP/1.1"
     server_version = "lingjing"
     sys_version = ""
     timeout = PATIENCE_S
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
-        """Nothing is logged: the addresses hold the token."""
+        """Log nothing, because the addresses contain the token."""
 
     def refused(self) -> RefusedRequest | None:
-        """The reason why the request gets no answer, None if it does. A connection that is refused is closed."""
+        """Return the refusal of the request, or None if it is admitted. A refused connection is closed."""
         hosts, origins = self.headers.get_all("Host", []), self.headers.get_all("Origin", [])
         head, port = RequestHead(self.path, hosts, origins), self.connection.getsockname()[1]
         refused = refusal(head, port, self.token, self.origins)
@@ -166,14 +175,14 @@ class LocalRequest(BaseHTTPRequestHandler):
 
 
 class ViewServer(LocalServer):
-    """Serves the page of one `Served`."""
+    """A server of the page with the content of one `Served`."""
 
     def __init__(self, served: Served, port: int = 0, token: str = "") -> None:
         super().__init__(_PageRequest, {"served": served}, port, token)
 
     @property
     def url(self) -> str:
-        """Where the page is, with the token."""
+        """The URL of the page, with the token."""
         return self.address("/")
 
 
@@ -181,26 +190,26 @@ class _PageRequest(LocalRequest):
     served: Served
 
     def do_GET(self) -> None:
-        """Answer, or say why not."""
-        why = self.refused()
-        if why is not None:
-            self._refuse(*why)
+        """Answer or refuse a request."""
+        refused = self.refused()
+        if refused is not None:
+            self._refuse(*refused)
         else:
-            self._answer(*asked_for(self.path))
+            self._answer(*path_and_query(self.path))
 
     # -- parts
 
-    def _answer(self, path: str, asked: dict[str, str]) -> None:
+    def _answer(self, path: str, query: dict[str, str]) -> None:
         makers: dict[str, Callable[[], tuple[str, bytes]]] = {
             "/": lambda: ("text/html; charset=utf-8", self._page()),
             "/page-start": lambda: (JSON, self.served.page_start()),
             "/ground": lambda: (JSON, self.served.ground()),
-            "/details": lambda: (JSON, self.served.details(_number(asked.get("chunk")))),
-            "/picture": lambda: ("image/jpeg", self.served.picture(asked.get("id", ""))),
+            "/details": lambda: (JSON, self.served.details(_number(query.get("chunk")))),
+            "/picture": lambda: ("image/jpeg", self.served.picture(query.get("id", ""))),
         }
         try:
             if path == "/follow":
-                self._follow(_number(asked.get("from")))
+                self._follow(_number(query.get("from")))
             elif path in makers:
                 self._send(HTTPStatus.OK, *makers[path]())
             else:
@@ -210,9 +219,9 @@ class _PageRequest(LocalRequest):
         except LingjingError as error:
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, str(error))
         except OSError:
-            raise  # the reader has gone
-        except Exception as error:  # noqa: BLE001 - the page says what is wrong; the server goes on
-            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of lingjing: {type(error).__name__}: {error}")
+            raise  # the client has closed the connection
+        except Exception as error:  # noqa: BLE001 - the page shows the error, and the server goes on
+            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"an error of lingjing: {type(error).__name__}: {error}")
 
     def _page(self) -> bytes:
         return page("Lingjing", element("source", self.served.source.decode()), meta_policy=False).encode()
@@ -230,9 +239,9 @@ class _PageRequest(LocalRequest):
         self.end_headers()
         self.wfile.write(body)
 
-    def _refuse(self, status: HTTPStatus, why: str) -> None:
+    def _refuse(self, status: HTTPStatus, message: str) -> None:
         with contextlib.suppress(OSError):
-            self._send(status, "text/plain; charset=utf-8", why.encode(errors="replace"))
+            self._send(status, "text/plain; charset=utf-8", message.encode(errors="replace"))
 
     def _head(self, status: HTTPStatus, kind: str) -> None:
         self.send_response(status)
@@ -250,7 +259,7 @@ class _PageRequest(LocalRequest):
             self.send_header("Connection", "close")
 
     def _follow(self, begin: int) -> None:
-        """Server-sent events. A page that connects again is sent what it asked for before, and passes over it."""
+        """Send server-sent events. A page that reconnects receives steps again and ignores those that it has."""
         self.close_connection = True
         self._head(HTTPStatus.OK, "text/event-stream; charset=utf-8")
         self.end_headers()

@@ -1,4 +1,4 @@
-"""What a watcher knows of an episode so far, gathered boundary by boundary from the kernel's records."""
+"""The state of an episode as a viewer may show it, updated boundary by boundary from the kernel's records."""
 
 from __future__ import annotations
 
@@ -18,50 +18,63 @@ from lingjing.trace.records import REFUSED, Action, BodyState, BoundaryRecord, R
 from lingjing.trace.request_ids import is_request_of
 
 KEPT_LINES = 64
+"""Number of the latest messages and events that are kept. Chosen: more than a screen shows."""
 STEP_M = 1.0
-"""A trail is not grown by steps shorter than this."""
+"""Smallest distance between two points of a trail. Chosen."""
 
 TargetStatus = Literal["known", "found", "completed", "truth"]
+"""The status of a visible target: not hidden; hidden but found; completed; hidden, but the truth is shown."""
 
 
 @dataclass(slots=True)
 class AgentStatus:
-    """An agent's latest command in words and what has become of it."""
+    """An agent's latest command and its status, in words."""
 
     agent: str
     command: str = "–"
     status: str = ""
     refused: bool = False
+    """True if the command was not carried out."""
 
 
 @dataclass(frozen=True, slots=True)
 class TickerLine:
-    """A line of a ticker; `good` events are those that the mission is about."""
+    """A line of text with its tick."""
 
     tick: int
     text: str
     good: bool = False
+    """True for adjudicated events and completed stages."""
 
 
 @dataclass(slots=True)
-class Watched:
-    """The episode as it stands. `truth` shows hidden targets from the start."""
+class EpisodeState:
+    """The visible state of an episode after the last boundary."""
 
     instance: Instance
     truth: bool = False
+    """True if hidden targets are shown from the start."""
     tick: int = 0
     ticks: int = 0
+    """The budget of the mission."""
     time_s: float = 0.0
     wall_s: float = 0.0
+    """Wall-clock time since the beginning of the episode."""
     score: float = 0.0
     done: bool = False
     states: dict[str, BodyState] = field(default_factory=dict)
+    """The last state of each entity, hidden ones included."""
     trails: dict[str, list[tuple[int, Vector2]]] = field(default_factory=dict)
+    """Tick and (east, north) of the points of each entity's trail."""
     routes: dict[str, tuple[Vector2, ...]] = field(default_factory=dict)
+    """The last planned route of each entity."""
     agents: dict[str, AgentStatus] = field(default_factory=dict)
     stages: dict[str, set[str]] = field(default_factory=dict)
+    """The subjects that completed each stage."""
     found: set[str] = field(default_factory=set)
+    """Targets that occur in an adjudicated event or a completed stage."""
     completed: set[str] = field(default_factory=set)
+    """Completed targets."""
     messages: deque[TickerLine] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
     events: deque[TickerLine] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
@@ -75,17 +88,17 @@ class Watched:
         return tuple(entity for entity in self.instance.entities if entity.role == "asset")
 
     def take(self, record: BoundaryRecord, wall_s: float = 0.0) -> None:
-        """One more boundary, `wall_s` after the episode began."""
+        """Update the state with the next boundary, `wall_s` seconds after the beginning of the episode."""
         self.tick, self.time_s, self.wall_s = record.tick, record.time_s, wall_s
         self.score, self.done = record.reward, record.done
         self._move(record)
         self._judge(record)
         self._act(record)
         self.messages.extend(map(message_line, admitted_at(record, categories_of(self.instance))))
-        self.events.extend(self.happened(record))
+        self.events.extend(self.event_lines(record))
 
-    def seen_targets(self) -> Iterable[tuple[Entity, Vector2, TargetStatus]]:
-        """The targets that a watcher may see, where they are, and as what."""
+    def visible_targets(self) -> Iterable[tuple[Entity, Vector2, TargetStatus]]:
+        """Yield the visible targets with their positions and statuses."""
         for entity in self.instance.entities:
             sight = self.sight(entity)
             if entity.role == "target" and sight is not None:
@@ -94,25 +107,25 @@ class Watched:
                 yield entity, (place[0], place[1]), sight
 
     def stage_counts(self) -> list[tuple[str, int, int]]:
-        """(stage, subjects done, subjects there are)."""
+        """Return for each stage its name, the number of subjects that completed it, and the number of all subjects."""
         members = Counter(entity.group for entity in self.instance.entities)
         return [
             (stage.name, len(self.stages.get(stage.name, ())), members[stage.domain] if stage.domain else 1)
             for stage in self.instance.stages
         ]
 
-    def happened(self, record: BoundaryRecord) -> Iterable[TickerLine]:
-        """What engines and the kernel say happened at the boundary that was taken last."""
+    def event_lines(self, record: BoundaryRecord) -> Iterable[TickerLine]:
+        """Yield the events of the boundary, which must be the last one passed to `take`."""
         for task in record.task_events:
-            yield TickerLine(record.tick, self.told(task).line)
+            yield TickerLine(record.tick, self.visible_event(task).line)
         for event in record.events:
-            shown = [name for name in event.bindings if name in self.states or name in self.agents]
-            yield TickerLine(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
+            names = [name for name in event.bindings if name in self.states or name in self.agents]
+            yield TickerLine(record.tick, f"{event.kind} {' '.join(names)}".rstrip(), good=True)
         for change in record.stages:
             yield TickerLine(record.tick, f"stage {change.stage} {change.subject}".rstrip() + " done", good=True)
 
     def sight(self, entity: Entity) -> TargetStatus | None:
-        """What a watcher may know a target as; None for one that is hidden and not found."""
+        """Return the status of a target, or None if it is hidden and not found."""
         if entity.id in self.completed:
             return "completed"
         if entity.id in self.found:
@@ -121,12 +134,13 @@ class Watched:
             return "known"
         return "truth" if self.truth else None
 
-    def told(self, task: TaskEvent) -> TaskEvent:
-        """The event, `?` for those who come or go by themselves, hidden and not found."""
+    def visible_event(self, task: TaskEvent) -> TaskEvent:
+        """Return the event with `?` for hidden entities that a scheduled event lets appear or vanish."""
         if not task.name or not task.entities:
             return task
-        seen = {entity.id for entity in self.instance.entities if self.sight(entity) is not None}
-        return msgspec.structs.replace(task, entities=tuple(one if one in seen else "?" for one in task.entities))
+        visible = {entity.id for entity in self.instance.entities if self.sight(entity) is not None}
+        entities = tuple(name if name in visible else "?" for name in task.entities)
+        return msgspec.structs.replace(task, entities=entities)
 
     # -- parts
 
@@ -145,15 +159,15 @@ class Watched:
         targets = {entity.id for entity in self.instance.entities if entity.role == "target"}
         for change in record.stages:
             self.stages.setdefault(change.stage, set()).add(change.subject)
-        told = {name for event in record.events for name in event.bindings}
-        self.found |= targets & (told | {change.subject for change in record.stages})
+        bindings = {name for event in record.events for name in event.bindings}
+        self.found |= targets & (bindings | {change.subject for change in record.stages})
         self.completed |= completed_at(self.instance, record)
 
     def _act(self, record: BoundaryRecord) -> None:
-        for made in record.decisions:
-            agent = self.agents.get(made.agent)
-            if agent is not None and made.decision.command is not None:
-                agent.command, agent.status, agent.refused = command_words(made.decision.command), "asked", False
+        for entry in record.decisions:
+            agent = self.agents.get(entry.agent)
+            if agent is not None and entry.decision.command is not None:
+                agent.command, agent.status, agent.refused = command_words(entry.decision.command), "sent", False
         for receipt in record.receipts:
             agent = self.agents.get(receipt.sender)
             if agent is not None and (is_request_of("command", receipt.request) or receipt.status == "substituted"):
@@ -161,7 +175,7 @@ class Watched:
 
 
 def command_words(action: Action) -> str:
-    """A command in words: `uav[2].setDestination 120, -40, 60`."""
+    """Return a command in words, such as `uav[2].setDestination 120, -40, 60`."""
     verb = f"{action.resource}.{action.verb}" if action.resource else action.verb
     values = ", ".join(_value(value) for value in action.arguments.values() if value is not None)
     return f"{verb} {values}".rstrip()
@@ -178,19 +192,20 @@ def _short(value: object) -> str:
 
 
 def status_words(receipt: Receipt) -> str:
-    """A receipt in words: `running 40%`, `rejected: busy`."""
+    """Return a receipt in words, such as `running 40%` or `rejected: busy`."""
     progress = f" {receipt.progress:.0%}" if receipt.progress is not None and receipt.status == "running" else ""
     return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
 
 
-def message_line(said: AdmittedMessage) -> TickerLine:
-    """One line a message, its recipients together; a report for nobody is adjudicated all the same."""
-    to = said.recipients[0] if len(said.recipients) == 1 else f"{len(said.recipients)} agents"
-    who = f"{said.sender} → {to}" if said.recipients else said.sender
-    return TickerLine(said.tick, f"{who}: {said.kind} {spoken(said.body)}".rstrip())
+def message_line(message: AdmittedMessage) -> TickerLine:
+    """Return one line for a message with all its recipients. A message may have none."""
+    recipients = message.recipients
+    to = recipients[0] if len(recipients) == 1 else f"{len(recipients)} agents"
+    edge = f"{message.sender} → {to}" if recipients else message.sender
+    return TickerLine(message.tick, f"{edge}: {message.kind} {message_text(message.body)}".rstrip())
 
 
-def spoken(body: Mapping[str, Datum]) -> str:
-    """What a message says, without the frames and boxes that only machines read."""
+def message_text(body: Mapping[str, Datum]) -> str:
+    """Return the values of a message as text, without frame ids and boxes."""
     words = (value for name, value in body.items() if name not in ("frame", "box") and value not in (None, "", ()))
     return " ".join(_value(value) for value in words)

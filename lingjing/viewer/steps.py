@@ -1,4 +1,4 @@
-"""What a page is told of each boundary: a `ViewStep` for the view, a `StepDetail` for what is read beside it."""
+"""The data of a page for each boundary: a `ViewStep` for the view, and a `StepDetail` for the texts beside it."""
 
 from __future__ import annotations
 
@@ -17,30 +17,31 @@ from lingjing.terminal import visible
 from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.records import REFUSED, BodyState, BoundaryRecord, FrameInfo, Receipt
 from lingjing.viewer.head import EntityCard, card_of
-from lingjing.viewer.state import Watched, command_words, spoken, status_words
+from lingjing.viewer.state import EpisodeState, command_words, message_text, status_words
 
 SAMPLES = 5
-"""Of a boundary's macro-steps, so many are shown; all of an episode together keep to `MOST_SAMPLES`."""
+"""Most macro-steps of a boundary that are shown. There are fewer if an episode exceeds `MOST_SAMPLES`. Chosen."""
 
 MOST_SAMPLES = 400_000
-"""Places of entities in an episode that a page gets."""
+"""Most positions of entities in a page. Chosen."""
 
 MOST_AMBIENT = 300
-"""Bodies of nobody (traffic) at one boundary."""
+"""Most background bodies (traffic) at one boundary. Chosen."""
 
 STILL_M, STILL_DEG = 0.1, 2.0
-"""A smaller motion is none."""
+"""Smallest change of position and of heading that counts as a movement. Chosen."""
 
 LONGEST_TEXT = 4_000
-"""Characters of a thought or a message; how many more there are is said."""
+"""Most characters of a thought or a message. A longer text ends with the number of the others. Chosen."""
 
 Boxed = tuple[float, float, float, float]
+"""A normalised box: left, top, right, bottom."""
 Sample = tuple[float, float, float, float, float]
 """Time (s), east, north, elevation (m), heading (degrees)."""
 
 
 class PictureView(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Where the camera of a picture was, as in `CameraPose`."""
+    """The pose of the camera of a picture, as in `CameraPose`."""
 
     position: tuple[float, float, float]
     heading: float
@@ -49,22 +50,26 @@ class PictureView(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class PictureNote(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A picture and the agents that were shown it. `truth` are the true boxes (entity, class, box), where asked for."""
+    """A picture."""
 
     id: str
     entity: str
     camera: str
     agents: tuple[str, ...]
+    """The agents that received it."""
     width: int
     height: int
     view: PictureView | None = None
+    """None if the pose would reveal a hidden entity."""
     truth: tuple[tuple[str, str, Boxed], ...] = ()
+    """Entity, class and true box of each visible entity. Empty unless the truth is shown."""
 
 
 class ReportNote(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A box that an agent reported in a picture; `id` is the message."""
+    """A box that an agent reported in a picture."""
 
     id: str
+    """The id of the message."""
     frame: str
     sender: str
     cls: str
@@ -73,49 +78,58 @@ class ReportNote(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EventNote(msgspec.Struct, frozen=True):
-    """Something that happened: `kind` is `good` (the mission is about it), `bad` (a crash, a replaced answer) or
-    `plain`."""
+    """An event."""
 
     kind: str
+    """`good` (an adjudicated event or a completed stage), `bad` (an incident or a substituted decision) or `plain`."""
     text: str
 
 
 class ViewStep(msgspec.Struct, omit_defaults=True):
-    """One boundary for the view; what has not changed since the step before is left out.
-
-    `moves` are samples by entity, `status` words and what is left of the battery (0..1), `sights` how much is known of
-    a target, `matched` reports that a rule found true by message and target, `said` and `refused` numbers of messages
-    and of refused commands.
-    """
+    """One boundary for the view. Values that have not changed since the previous step are left out."""
 
     tick: int
     time: float
+    """Simulated seconds."""
     score: float
     scr: float
+    """Subtask completion rate, 0 to 1."""
     done: bool = False
     cards: list[EntityCard] = []
+    """Entities that are shown from this step on."""
     moves: dict[str, list[Sample]] = {}
+    """Samples of each entity that moved."""
     status: dict[str, tuple[str, float | None]] = {}
+    """Status word and charge of the battery (0 to 1, None without a battery) of each entity."""
     sights: dict[str, str] = {}
+    """Status of each target: `known`, `found`, `completed` or `truth`."""
     pictures: list[PictureNote] = []
     reports: list[ReportNote] = []
     matched: dict[str, str] = {}
+    """The matched target of each report, by message id."""
     events: list[EventNote] = []
     stages: list[tuple[str, int, int]] = []
+    """Name, number of subjects that completed it, and number of all subjects, of each stage."""
     relations: list[tuple[str, str, str]] = []
+    """Kind, source and target of each occurrence of a coordination relation."""
     routes: dict[str, list[Vector2]] = {}
     ambient: list[tuple[float, float, float]] = []
+    """East, north (m) and heading (degrees) of background bodies."""
     said: int = 0
+    """Number of messages."""
     refused: int = 0
+    """Number of rejected requests."""
 
 
 class AgentNote(msgspec.Struct, omit_defaults=True):
-    """What an agent decided at a boundary and what became of its commands; `replaced` says why its answer was."""
+    """The decision of an agent at a boundary and the receipts for its requests."""
 
     command: str = ""
     thought: str = ""
     replaced: str = ""
+    """The reason for a substituted decision; "" if the decision is the policy's own."""
     receipts: list[tuple[str, bool]] = []
+    """Receipts in words, each with True if the request was not carried out."""
     tokens: int = 0
 
 
@@ -130,27 +144,27 @@ class MessageNote(msgspec.Struct, omit_defaults=True):
 
 
 class StepDetail(msgspec.Struct, omit_defaults=True):
-    """One boundary for reading."""
+    """The texts of one boundary."""
 
     agents: dict[str, AgentNote] = {}
     messages: list[MessageNote] = []
 
 
 class StepMaker:
-    """Makes the steps of one episode, boundary by boundary. Without `truth` nothing hidden gets into them.
+    """Builder of the steps of one episode. Boundaries must be passed in order.
 
-    `boundaries` is how many there will be at most.
+    Without `truth`, steps contain nothing hidden. `boundaries` is the expected number of boundaries.
     """
 
     def __init__(self, instance: Instance, boundaries: int, *, truth: bool) -> None:
-        self.watched = Watched(instance, truth=truth)
+        self.state = EpisodeState(instance, truth=truth)
         self._truth = truth
         self._instance = instance
         self._categories = categories_of(instance)
         self._search = incident_search(instance)
         self._matching = {rule.name for rule in instance.rules if rule.matching}
         self._entities = {entity.id: entity for entity in instance.entities}
-        self._colours = {entity.id: place for place, entity in enumerate(self.watched.assets)}
+        self._colours = {entity.id: place for place, entity in enumerate(self.state.assets)}
         movers = max(1, len(instance.entities)) * max(1, boundaries)
         self._samples = max(1, min(SAMPLES, MOST_SAMPLES // movers))
         self._shown: dict[str, Sample] = {}
@@ -160,43 +174,46 @@ class StepMaker:
         self._full: dict[str, float] = {}
 
     def step(self, record: BoundaryRecord) -> tuple[ViewStep, StepDetail]:
-        """The next boundary."""
-        self.watched.take(record)
-        known = len(self._search.found)
+        """Return the step and the texts of the next boundary."""
+        self.state.take(record)
+        known = len(self._search.incidents)
         self._search.take(record)
         step = ViewStep(record.tick, _short(record.time_s), round(record.reward, 4), round(record.scr, 4), record.done)
-        seen = [entity for entity in self._instance.entities if self._is_seen(entity)]
-        step.cards = [card_of(one, self._colours.get(one.id, -1)) for one in seen if one.id not in self._shown]
-        step.moves = dict(self._moves(record, seen))
-        step.status = dict(self._statuses(seen))
+        entities = [entity for entity in self._instance.entities if self._is_visible(entity)]
+        fresh = [entity for entity in entities if entity.id not in self._shown]
+        step.cards = [card_of(entity, self._colours.get(entity.id, -1)) for entity in fresh]
+        step.moves = dict(self._moves(record, entities))
+        step.status = dict(self._statuses(entities))
         step.sights = dict(self._changed_sights())
         step.pictures = [self._picture(frame, record) for frame in record.frames]
         step.matched = dict(self._matches(record))
         step.events = [*self._incidents(known), *self._replaced(record), *self._events(record, known)]
-        counts = self.watched.stage_counts()
+        counts = self.state.stage_counts()
         if counts != self._stages:
             step.stages = self._stages = counts
-        step.relations = [(one.kind, one.source, one.target) for one in record.relations]
-        step.routes = {one.entity: self._route(one.entity) for one in record.routes if one.entity in self._shown}
+        step.relations = [(relation.kind, relation.source, relation.target) for relation in record.relations]
+        movers = [route.entity for route in record.routes if route.entity in self._shown]
+        step.routes = {name: self._route(name) for name in movers}
         step.refused = sum(receipt.status in ("rejected", "timed_out") for receipt in record.receipts)
         if record.snapshots:
             bodies = record.snapshots[-1].ambient[:MOST_AMBIENT]
             step.ambient = [(_short(b.position[0]), _short(b.position[1]), _short(b.heading_deg)) for b in bodies]
         detail = StepDetail(agents=dict(_decided(record)))
-        for said in admitted_at(record, self._categories):
-            text = clipped(spoken(said.body))
-            detail.messages.append(MessageNote(said.sender, said.recipients, said.kind, said.category, text))
-            box, frame = numbers(said.body.get("box"), 4), said.body.get("frame")
+        for message in admitted_at(record, self._categories):
+            body, text = message.body, clipped(message_text(message.body))
+            note = MessageNote(message.sender, message.recipients, message.kind, message.category, text)
+            detail.messages.append(note)
+            box, frame = numbers(body.get("box"), 4), body.get("frame")
             if box is not None and isinstance(frame, str):
-                sure = said.body.get("confidence")
+                confidence = body.get("confidence")
                 step.reports.append(
                     ReportNote(
-                        said.id,
+                        message.id,
                         frame,
-                        said.sender,
-                        clipped(str(said.body.get("class") or ""), 60),
+                        message.sender,
+                        clipped(str(body.get("class") or ""), 60),
                         (box[0], box[1], box[2], box[3]),
-                        float(sure) if isinstance(sure, int | float) else None,
+                        float(confidence) if isinstance(confidence, int | float) else None,
                     )
                 )
         step.said = len(detail.messages)
@@ -204,15 +221,15 @@ class StepMaker:
 
     # -- parts
 
-    def _is_seen(self, entity: Entity) -> bool:
-        return entity.role != "target" or self.watched.sight(entity) is not None
+    def _is_visible(self, entity: Entity) -> bool:
+        return entity.role != "target" or self.state.sight(entity) is not None
 
-    def _moves(self, record: BoundaryRecord, seen: Sequence[Entity]) -> Iterator[tuple[str, list[Sample]]]:
-        """The samples of each entity that moved or is shown for the first time."""
+    def _moves(self, record: BoundaryRecord, entities: Sequence[Entity]) -> Iterator[tuple[str, list[Sample]]]:
+        """Yield the samples of each entity that moved or is shown for the first time."""
         every = max(1, math.ceil(len(record.snapshots) / self._samples))
         chosen = record.snapshots[::-1][::every][::-1]
         now = [(snapshot.time_s, {state.id: state for state in snapshot.states}) for snapshot in chosen]
-        for entity in seen:
+        for entity in entities:
             first = entity.id not in self._shown
             samples: list[Sample] = []
             for time_s, states in now[-1:] if first and entity.role == "target" else now:
@@ -227,9 +244,9 @@ class StepMaker:
             if samples:
                 yield entity.id, samples
 
-    def _statuses(self, seen: Iterable[Entity]) -> Iterator[tuple[str, tuple[str, float | None]]]:
-        for entity in seen:
-            state = self.watched.states.get(entity.id)
+    def _statuses(self, entities: Iterable[Entity]) -> Iterator[tuple[str, tuple[str, float | None]]]:
+        for entity in entities:
+            state = self.state.states.get(entity.id)
             if state is None:
                 continue
             stock = state.resources.get("battery", state.resources.get("battery_wh"))
@@ -242,20 +259,20 @@ class StepMaker:
                 yield entity.id, (visible(state.status), left)
 
     def _changed_sights(self) -> Iterator[tuple[str, str]]:
-        for entity, _, sight in self.watched.seen_targets():
+        for entity, _, sight in self.state.visible_targets():
             if self._sights.get(entity.id) != sight:
                 self._sights[entity.id] = sight
                 yield entity.id, sight
 
     def _picture(self, frame: FrameInfo, record: BoundaryRecord) -> PictureNote:
-        """A reference picture is taken where the hidden thing is: its view is part of the truth."""
+        """Return the note of a picture. The pose of a reference picture is hidden, because it reveals its object."""
         pose = frame.pose
         view = PictureView(pose.position, pose.heading_deg, pose.tilt_deg, pose.hfov_deg)
         return PictureNote(
             id=frame.id,
             entity=frame.entity,
             camera=frame.camera,
-            agents=tuple(seen.agent for seen in record.observations if frame.id in seen.frames),
+            agents=tuple(observed.agent for observed in record.observations if frame.id in observed.frames),
             width=pose.width,
             height=pose.height,
             view=None if frame.camera == REFERENCE and not self._truth else view,
@@ -271,30 +288,30 @@ class StepMaker:
                     yield reports[0], targets[0]
 
     def _incidents(self, known: int) -> Iterator[EventNote]:
-        for one in self._search.found[known:]:
-            entity = self._entities.get(one.entities[0]) if one.entities else None
-            if entity is None or self._is_seen(entity):
-                yield EventNote("bad", visible(one.line))
+        for incident in self._search.incidents[known:]:
+            entity = self._entities.get(incident.entities[0]) if incident.entities else None
+            if entity is None or self._is_visible(entity):
+                yield EventNote("bad", visible(incident.line))
 
     @staticmethod
     def _replaced(record: BoundaryRecord) -> Iterator[EventNote]:
-        for made in record.decisions:
-            if made.substituted:
-                yield EventNote("bad", visible(f"{made.agent}: its answer was replaced ({made.substituted})"))
+        for entry in record.decisions:
+            if entry.substituted:
+                yield EventNote("bad", visible(f"{entry.agent}: its answer was replaced ({entry.substituted})"))
 
     def _events(self, record: BoundaryRecord, known: int) -> Iterator[EventNote]:
-        """What happened but for what is told as an incident."""
-        told = {one.kind for one in self._search.found[known:]} | {COLLIDED}
-        for line in self.watched.happened(record):
-            if line.good or line.text.split(" ", 1)[0] not in told:
+        """Yield the events that are not shown as incidents."""
+        kinds = {incident.kind for incident in self._search.incidents[known:]} | {COLLIDED}
+        for line in self.state.event_lines(record):
+            if line.good or line.text.split(" ", 1)[0] not in kinds:
                 yield EventNote("good" if line.good else "plain", visible(line.text))
 
     def _route(self, entity: str) -> list[Vector2]:
-        return [(_short(x), _short(y)) for x, y in self.watched.routes.get(entity, ())]
+        return [(_short(x), _short(y)) for x, y in self.state.routes.get(entity, ())]
 
 
 def clipped(text: str, most: int = LONGEST_TEXT) -> str:
-    """Text of a policy or a service as a page may show it: no marks that reorder it, and not longer than `most`."""
+    """Return the text of a policy or a service without marks that reorder it, and with at most `most` characters."""
     cut = f"{text[:most]}… ({len(text) - most} characters more)" if len(text) > most else text
     return visible(cut)
 
@@ -303,22 +320,21 @@ def _decided(record: BoundaryRecord) -> Iterator[tuple[str, AgentNote]]:
     receipts: dict[str, list[Receipt]] = {}
     for receipt in record.receipts:
         receipts.setdefault(receipt.sender, []).append(receipt)
-    made = {one.agent: one for one in record.decisions}
-    for agent in dict.fromkeys([*made, *receipts]):
-        note = AgentNote(receipts=[_receipt(one) for one in receipts.get(agent, ())])
-        if agent in made:
-            decided = made[agent].decision
-            note.thought = clipped(decided.thought)
-            note.command = "" if decided.command is None else clipped(command_words(decided.command), 300)
-            told = f"{made[agent].substituted}: {made[agent].detail}"
-            note.replaced = clipped(told, 300) if made[agent].substituted else ""
-            note.tokens = decided.usage.prompt_tokens + decided.usage.completion_tokens if decided.usage else 0
+    entries = {entry.agent: entry for entry in record.decisions}
+    for agent in dict.fromkeys([*entries, *receipts]):
+        note = AgentNote(receipts=[_receipt(receipt) for receipt in receipts.get(agent, ())])
+        if agent in entries:
+            entry, decision = entries[agent], entries[agent].decision
+            note.thought = clipped(decision.thought)
+            note.command = "" if decision.command is None else clipped(command_words(decision.command), 300)
+            note.replaced = clipped(f"{entry.substituted}: {entry.detail}", 300) if entry.substituted else ""
+            note.tokens = decision.usage.prompt_tokens + decision.usage.completion_tokens if decision.usage else 0
         if note != AgentNote():
             yield agent, note
 
 
 def _receipt(receipt: Receipt) -> tuple[str, bool]:
-    """In words, and whether something was refused."""
+    """Return a receipt in words, and True if the request was not carried out."""
     detail = f" – {receipt.detail}" if receipt.detail else ""
     refused = receipt.status in REFUSED
     return clipped(f"{receipt.request} {status_words(receipt)}{detail}", 300), refused
@@ -335,7 +351,7 @@ def _placed(entity: Entity, time_s: float) -> Sample:
 
 
 def _short(value: float) -> float:
-    """Decimetres, tenths of a degree or of a second."""
+    """Return a value rounded to one decimal, which suffices for the view."""
     return round(value, 1)
 
 

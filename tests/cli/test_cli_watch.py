@@ -32,7 +32,7 @@ from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, TaskEvent
-from lingjing.viewer.state import Watched
+from lingjing.viewer.state import EpisodeState
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
@@ -64,8 +64,8 @@ def boundaries(trace: Trace, until: int) -> list[Progress]:
     ]
 
 
-def watched(trace: Trace, until: int, *, truth: bool = False) -> Watched:
-    state = Watched(trace.header.instance, truth=truth)
+def watched(trace: Trace, until: int, *, truth: bool = False) -> EpisodeState:
+    state = EpisodeState(trace.header.instance, truth=truth)
     for boundary in boundaries(trace, until):
         state.take(boundary.record, boundary.wall_s)
     return state
@@ -75,13 +75,15 @@ def test_what_happens_by_itself_names_nobody_who_is_hidden_but_to_who_may_see_th
     front = TaskEvent(kind="weather", name="front", entities=(), time_s=10.0, values={"rain": 0.5})
     come = TaskEvent(kind="appeared", name="late", entities=("victim[1]", "boat"), time_s=10.0)
     for truth, who in ((False, "? boat"), (True, "victim[1] boat")):
-        state = Watched(trace.header.instance, truth=truth)
+        state = EpisodeState(trace.header.instance, truth=truth)
         (first, *_) = boundaries(trace, 0)
         state.take(msgspec.structs.replace(first.record, task_events=(front, come)))
         assert [line.text for line in state.events][:2] == ["weather front: rain 0.5", f"appeared late: {who}"]
 
 
-def screen_text(state: Watched, city: City, width: int, height: int, colours: str | None = "truecolor") -> list[str]:
+def screen_text(
+    state: EpisodeState, city: City, width: int, height: int, colours: str | None = "truecolor"
+) -> list[str]:
     console = Console(force_terminal=True, color_system=colours, width=width, height=height)  # type: ignore[arg-type]
     screen = Screen(state, Chart(city), "ssr · seed 7 · broadcast · heuristic", "map: © Somebody")
     lines = console.render_lines(screen, console.options.update(height=height))
@@ -91,11 +93,11 @@ def screen_text(state: Watched, city: City, width: int, height: int, colours: st
 
 def test_hidden_targets_appear_when_they_are_found_unless_the_truth_is_asked_for(trace: Trace) -> None:
     first = min(record.tick for record in trace.boundaries if record.events)
-    assert list(watched(trace, first - 1).seen_targets()) == []
-    assert {sight for *_, sight in watched(trace, first - 1, truth=True).seen_targets()} == {"truth"}
-    found = [(entity.id, sight) for entity, _, sight in watched(trace, first).seen_targets()]
+    assert list(watched(trace, first - 1).visible_targets()) == []
+    assert {sight for *_, sight in watched(trace, first - 1, truth=True).visible_targets()} == {"truth"}
+    found = [(entity.id, sight) for entity, _, sight in watched(trace, first).visible_targets()]
     assert found and {sight for _, sight in found} <= {"found", "completed"}
-    assert {sight for *_, sight in watched(trace, 60).seen_targets()} == {"completed"}
+    assert {sight for *_, sight in watched(trace, 60).visible_targets()} == {"completed"}
 
 
 def test_the_state_is_that_of_the_last_boundary(trace: Trace) -> None:

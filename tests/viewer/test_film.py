@@ -19,11 +19,11 @@ from lingjing.viewer.film import ENDING_S, SECONDS, TITLE_S, film_frames, film_n
 from lingjing.viewer.frames import HEIGHT, MAP, SHOT, WIDTH, FilmFrames, _wrapped, font_of
 from lingjing.viewer.ground import PageGround
 from lingjing.viewer.moments import MOST, Moment, moments, schedule
-from lingjing.viewer.narrated import Narration
+from lingjing.viewer.page_content import PageContent
 
 
 def test_moments_are_those_of_the_events_in_order_of_time(trace: Trace) -> None:
-    steps = Narration(trace, truth=False).steps
+    steps = PageContent(trace, truth=False).steps
     found = moments(steps, trace, truth=False)
     assert 0 < len(found) <= MOST and list(found) == sorted(found, key=lambda one: one.place)
     for one in found:
@@ -46,7 +46,7 @@ def test_a_film_stands_still_at_its_moments_and_shows_every_boundary() -> None:
 
 
 def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
-    told = Narration(trace, truth=True)
+    told = PageContent(trace, truth=True)
     drawn = FilmFrames(trace, told.head, told.steps, PageGround(known=False))
     first, last = drawn.played(0.0, None), drawn.played(len(told.steps) - 1.0, Moment(0, "good", "won"))
     assert first.size == last.size == (WIDTH, HEIGHT)
@@ -58,7 +58,7 @@ def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
 
 
 def test_an_episode_without_pictures_has_its_stages_where_they_would_be(trace: Trace) -> None:
-    told = Narration(trace, truth=True)
+    told = PageContent(trace, truth=True)
     assert told.steps[-1].stages
     with_pictures = FilmFrames(trace, told.head, told.steps, PageGround(known=False)).played(0.0, None)
     blind = [msgspec.structs.replace(step, pictures=[]) for step in told.steps]
@@ -75,7 +75,7 @@ def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Call
     header = msgspec.structs.replace(trace.header, instance=instance, attribution=evil)
     for records in ([], list(trace.boundaries[:1]), list(trace.boundaries[:3])):
         lost = Trace(trace.path, header, tuple(records), None, False, {})
-        told = Narration(lost, truth=True)
+        told = PageContent(lost, truth=True)
         drawn = FilmFrames(lost, told.head, told.steps, PageGround(known=False))
         frames = [drawn.title(), drawn.ended(told.ending())]
         frames += [drawn.played(0.0, Moment(0, "bad", evil))] if records else []
@@ -133,7 +133,7 @@ def test_what_cannot_be_made_is_told(trace: Trace, tmp_path: Path, monkeypatch: 
 
 def test_title_and_ending_frame_the_film(trace: Trace) -> None:
     short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, {})
-    frames = list(film_frames(Narration(short, truth=False), 2))
+    frames = list(film_frames(PageContent(short, truth=False), 2))
     assert len(frames) == round(TITLE_S * 2) + round((SECONDS - TITLE_S - ENDING_S) * 2) + round(ENDING_S * 2)
 
 
@@ -172,9 +172,9 @@ def test_letters_that_no_font_has_are_told_once(trace: Trace, monkeypatch: pytes
     instance = msgspec.structs.replace(trace.header.instance, title=CHINESE)
     header = msgspec.structs.replace(trace.header, instance=instance)
     short = Trace(trace.path, header, trace.boundaries[:1], None, False, {})
-    (note,) = film_notes(Narration(short, truth=False))
+    (note,) = film_notes(PageContent(short, truth=False))
     assert note.startswith("no font here has '") and "drawn as boxes" in note
-    assert film_notes(Narration(trace, truth=False)) == ()
+    assert film_notes(PageContent(trace, truth=False)) == ()
 
 
 def test_without_fontconfig_there_is_no_other_font(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ import pytest
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Decision, DecisionRecord
 from lingjing.viewer import single
-from lingjing.viewer.narrated import CHUNK
 from lingjing.viewer.page import element, page, policy
+from lingjing.viewer.page_content import CHUNK
 from lingjing.viewer.single import single_file
 
 EMPTY_ICON = {"rel": "icon", "href": "data:,"}

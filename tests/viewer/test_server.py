@@ -17,8 +17,8 @@ import pytest
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
 from lingjing.viewer import admission
-from lingjing.viewer.narrated import CHUNK
 from lingjing.viewer.page import policy
+from lingjing.viewer.page_content import CHUNK
 from lingjing.viewer.served import ServedTrace
 from lingjing.viewer.server import MOST_CONNECTIONS, ViewServer
 

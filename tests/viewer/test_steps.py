@@ -10,7 +10,7 @@ import msgspec
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Snapshot
-from lingjing.viewer.narrated import Narration, packed
+from lingjing.viewer.page_content import PageContent, packed
 from lingjing.viewer.steps import LONGEST_TEXT, clipped
 
 
@@ -50,11 +50,11 @@ def test_what_is_hidden_and_not_found_changes_nothing_that_a_page_is_told(
     )
     header = msgspec.structs.replace(trace.header, instance=msgspec.structs.replace(instance, entities=entities))
     whole = written(other, header, finish=False)
-    told, told_other = (Narration(one, truth=False) for one in (shortened(trace, until), whole))
+    told, told_other = (PageContent(one, truth=False) for one in (shortened(trace, until), whole))
     assert packed(told.steps) == packed(told_other.steps)
     assert packed(told.details) == packed(told_other.details)
     assert packed(told.head) == packed(told_other.head)
-    shown, shown_other = (Narration(one, truth=True) for one in (shortened(trace, until), whole))
+    shown, shown_other = (PageContent(one, truth=True) for one in (shortened(trace, until), whole))
     assert packed(shown.steps) != packed(shown_other.steps)
 
 
@@ -64,18 +64,18 @@ def shortened(trace: Trace, records: list[BoundaryRecord]) -> Trace:
 
 def test_a_target_appears_when_it_is_found(trace: Trace) -> None:
     first = min(record.tick for record in trace.boundaries if record.events)
-    steps = Narration(trace, truth=False).steps
+    steps = PageContent(trace, truth=False).steps
     names = hidden(trace.header.instance)
     cards = {card.id: step.tick for step in steps for card in step.cards}
     assert names <= set(cards)
     assert min(cards[name] for name in names) == first
-    told = Narration(trace, truth=True).steps
+    told = PageContent(trace, truth=True).steps
     assert {card.id for card in told[0].cards} >= names
     assert {told[0].sights[name] for name in names} == {"truth"}
 
 
 def test_true_boxes_and_the_explanation_need_the_truth(trace: Trace) -> None:
-    plain, full = (Narration(trace, truth=truth) for truth in (False, True))
+    plain, full = (PageContent(trace, truth=truth) for truth in (False, True))
     assert any(frame.boxes for frame in trace.frames.values())
     assert not any(picture.truth for step in plain.steps for picture in step.pictures)
     assert any(picture.truth for step in full.steps for picture in step.pictures)
@@ -84,7 +84,7 @@ def test_true_boxes_and_the_explanation_need_the_truth(trace: Trace) -> None:
 
 
 def test_reported_boxes_and_what_they_matched_are_told(trace: Trace) -> None:
-    steps = Narration(trace, truth=False).steps
+    steps = PageContent(trace, truth=False).steps
     reports = {report.id: report for step in steps for report in step.reports}
     matched = {report: target for step in steps for report, target in step.matched.items()}
     assert matched and set(matched) <= set(reports)
@@ -93,7 +93,7 @@ def test_reported_boxes_and_what_they_matched_are_told(trace: Trace) -> None:
 
 
 def test_an_entity_that_stands_still_is_told_once(trace: Trace) -> None:
-    steps = Narration(trace, truth=True).steps
+    steps = PageContent(trace, truth=True).steps
     record = trace.boundaries[-1]
     for state in record.snapshots[-1].states:
         told = [sample for step in steps for sample in step.moves.get(state.id, ())]
@@ -114,7 +114,7 @@ def test_packed_json_holds_nothing_that_ends_a_script(trace: Trace, written: Cal
     evil = "</script><script>alert(1)</script><!-- & \u2028"
     record = trace.boundaries[1]
     made = DecisionRecord(agent=record.decisions[0].agent, decision=Decision(thought=evil))
-    told = Narration(
+    told = PageContent(
         written([trace.boundaries[0], msgspec.structs.replace(record, decisions=(made,))], trace.header, finish=False),
         truth=False,
     )

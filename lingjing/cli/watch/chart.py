@@ -22,7 +22,7 @@ from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
 from lingjing.scene.plan import PlanShape, ground_plan, is_sea
 from lingjing.viewer.frames import Ink
-from lingjing.viewer.state import TargetStatus, Watched
+from lingjing.viewer.state import EpisodeState, TargetStatus
 
 LAND: Ink = (30, 32, 36)
 _GREEN: Ink = (30, 48, 33)
@@ -103,7 +103,7 @@ class Chart:
         self._shapes: tuple[PlanShape, ...] = ()
         self._ground: list[list[Ink]] = []
 
-    def lines(self, watched: Watched, columns: int, rows: int, *, coloured: bool) -> list[list[Segment]]:
+    def lines(self, watched: EpisodeState, columns: int, rows: int, *, coloured: bool) -> list[list[Segment]]:
         """The map as `rows` lines of `columns` cells."""
         window = self._fit(watched, columns, rows, coloured)
         canvas = _CellCanvas(window, self._ground if coloured else [])
@@ -114,7 +114,7 @@ class Chart:
         _draw(canvas, watched)
         return [list(line) for line in canvas.lines()]
 
-    def _fit(self, watched: Watched, columns: int, rows: int, coloured: bool) -> ChartWindow:
+    def _fit(self, watched: EpisodeState, columns: int, rows: int, coloured: bool) -> ChartWindow:
         window = self._window
         states = [watched.states[asset.id] for asset in watched.assets if asset.id in watched.states]
         here = [(state.position[0], state.position[1]) for state in states]
@@ -125,14 +125,14 @@ class Chart:
             self._ground = _paint(self._shapes, window) if coloured else []
         return window
 
-    def _extent(self, watched: Watched, here: list[Vector2]) -> list[Vector2]:
+    def _extent(self, watched: EpisodeState, here: list[Vector2]) -> list[Vector2]:
         points = [corner for region in watched.instance.regions if not region.hidden for corner in region.polygon]
-        points += [place for _, place, _ in watched.seen_targets()]
+        points += [place for _, place, _ in watched.visible_targets()]
         points += [point for asset in watched.assets for _, point in watched.trails.get(asset.id, ())]
         return points + here
 
 
-def _draw(canvas: _CellCanvas, watched: Watched) -> None:
+def _draw(canvas: _CellCanvas, watched: EpisodeState) -> None:
     for region in watched.instance.regions:
         if not region.hidden and region.polygon:
             canvas.path((*region.polygon, region.polygon[0]), REGION, dashed=True)
@@ -145,7 +145,7 @@ def _draw(canvas: _CellCanvas, watched: Watched) -> None:
         new = [point for tick, point in trail if tick > watched.tick - FRESH_TICKS]
         canvas.path(old + new[:1], _dimmed(colour))
         canvas.path(old[-1:] + new, colour)
-    for _, place, sight in watched.seen_targets():
+    for _, place, sight in watched.visible_targets():
         canvas.glyph(place, *TARGET_SIGNS[sight])
     for name, colour in colours.items():
         state = watched.states.get(name)

@@ -80,9 +80,9 @@ class Watching:
         from lingjing.cli.watch.chart import Chart
         from lingjing.cli.watch.screen import Screen
         from lingjing.cli.watch.terminal import AlternateScreen
-        from lingjing.viewer.state import Watched
+        from lingjing.viewer.state import EpisodeState
 
-        self._watched = Watched(instance, truth=truth)
+        self._watched = EpisodeState(instance, truth=truth)
         title = f"{instance.mission} · seed {instance.seed} · {instance.mode} · {policy}"
         self._screen: Screen = Screen(self._watched, Chart(city), title, credit(city.attribution))
         self._terminal = AlternateScreen(self._draw)

@@ -17,7 +17,7 @@ from lingjing.cli.progress import factor
 from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, asset_ink
 from lingjing.terminal import visible
 from lingjing.viewer.frames import Ink
-from lingjing.viewer.state import AgentStatus, TickerLine, Watched
+from lingjing.viewer.state import AgentStatus, EpisodeState, TickerLine
 
 MAP_FROM = (56, 16)
 """Columns and rows from which on there is room for a map."""
@@ -27,7 +27,7 @@ _HEADING = 3
 class Screen:
     """A rich renderable that fills the terminal with the episode as it stands."""
 
-    def __init__(self, watched: Watched, chart: Chart, title: str, credit: str = "") -> None:
+    def __init__(self, watched: EpisodeState, chart: Chart, title: str, credit: str = "") -> None:
         self._watched = watched
         self._chart = chart
         self._title = title

@@ -1,4 +1,4 @@
-"""A trace as what a page is told: head, steps, details, ending."""
+"""The content of a page from a trace: head, steps, details and ending."""
 
 from __future__ import annotations
 
@@ -17,22 +17,25 @@ from lingjing.viewer.head import EndingCard, EpisodeHead, ending_of, head_of
 from lingjing.viewer.steps import StepDetail, StepMaker, ViewStep
 
 CHUNK = 50
-"""So many details travel together."""
+"""Number of steps in one message with details. Chosen."""
 
 
 class PageStart(msgspec.Struct, frozen=True):
-    """What a page asks for first. `live` says that more steps will come."""
+    """The content that a page requests first."""
 
     head: EpisodeHead
     steps: list[ViewStep]
     ending: EndingCard | None
+    """None for a running episode."""
     live: bool
+    """True if more steps will follow."""
     notes: list[str]
+    """Notes for the reader, such as on missing pictures."""
 
 
 @dataclass
-class Narration:
-    """The steps of one trace so far."""
+class PageContent:
+    """The content of a page for the boundaries of one trace so far."""
 
     trace: Trace
     truth: bool
@@ -45,7 +48,7 @@ class Narration:
         self.take(self.trace.boundaries)
 
     def take(self, records: tuple[BoundaryRecord, ...]) -> None:
-        """More boundaries, in order."""
+        """Add boundaries, in order."""
         for record in records:
             step, detail = self._maker.step(record)
             self.steps.append(step)
@@ -53,7 +56,7 @@ class Narration:
 
     @property
     def head(self) -> EpisodeHead:
-        """The head, framed around everything that the steps show."""
+        """The head. Its extent contains everything that the steps show."""
         header = self.trace.header
         places: list[Vector2] = [
             (sample[1], sample[2])
@@ -65,26 +68,26 @@ class Narration:
         return head_of(header, credit(header.attribution), truth=self.truth, places=places)
 
     def ending(self) -> EndingCard:
-        """How it ended; with the whole explanation where the truth may be shown."""
-        words = why(self.trace).text if self.truth else ""
-        return ending_of(self.trace.outcome, cause(self.trace), words)
+        """Return the ending, with the whole explanation if the truth may be shown."""
+        explanation = why(self.trace).text if self.truth else ""
+        return ending_of(self.trace.outcome, cause(self.trace), explanation)
 
     def ground(self) -> PageGround:
-        """The city in and around what was played in."""
+        """Return the ground in and around the shown extent."""
         return played_ground(self.trace, self.head.frame)
 
     def page_start(self, *, live: bool = False, notes: list[str] | None = None) -> PageStart:
-        """Everything but details, ground and pictures."""
+        """Return the content without details, ground and pictures."""
         return PageStart(self.head, self.steps, None if live else self.ending(), live, notes or [])
 
 
 def played_ground(trace: Trace, frame: Extent) -> PageGround:
-    """The city of a trace in and around an extent."""
+    """Return the ground of a trace in and around an extent."""
     return ground_of(city_of(trace), frame)
 
 
 def packed(value: object) -> bytes:
-    """JSON that is safe inside of a page as well: `<`, `>`, `&` and the line separators of JavaScript are escaped."""
+    """Return JSON that is safe inside of HTML: `<`, `>`, `&` and the line separators of JavaScript are escaped."""
     text = msgspec.json.encode(value)
     for mark in (b"<", b">", b"&"):
         text = text.replace(mark, b"\\u%04x" % ord(mark))
