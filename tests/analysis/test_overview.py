@@ -164,7 +164,7 @@ def test_a_fleet_of_forty_can_be_read(trace: Trace) -> None:
     body = next(entity for entity in history.instance.entities if entity.id == one.entity)
     instance = replace(history.instance, agents=agents, entities=tuple(replace(body, id=name) for name in names))
     tracks = {name: dataclasses.replace(one, entity=name) for name in names}
-    fleet = dataclasses.replace(history, instance=instance, tracks=tracks, said=(), refusals=())
+    fleet = dataclasses.replace(history, instance=instance, tracks=tracks, messages=(), refusals=())
     figure = Figure(figsize=(18, 12))
     canvas = FigureCanvasAgg(figure)
     messages, batteries = figure.add_axes((0.06, 0.225, 0.54, 0.095)), figure.add_axes((0.06, 0.04, 0.54, 0.055))
