@@ -45,7 +45,7 @@ def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
     listed, place, last = 0, 0, math.nan
     for name, average in ranking([*counted, *left_open]):
         own = [row for row in (*counted, *left_open) if row.entrant == name]
-        shown = own[0].privileged
+        shown = any(row.privileged for row in own)
         group = SHOWN if shown else OPEN if name in unresolved else UNRANKED if math.isnan(average) else ""
         if not group:
             listed += 1

@@ -51,7 +51,7 @@ GROUPS = {"commercial": "Commercial models", "open": "Open-source models"}
 @dataclass(frozen=True, slots=True)
 class Player:
     """An entrant with its names looked up: `policy` is how `PlayOptions` names it, `declared` what it declares there,
-    `args` its own options."""
+    `args` its own options, `privileged` true if one of its policies asks to see the truth."""
 
     name: str
     group: str
@@ -61,6 +61,7 @@ class Player:
     model: ModelPlugin | None = None
     policies_for: Mapping[str, str] = field(default_factory=dict)
     blank_pictures: bool = False
+    privileged: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,7 +378,8 @@ class _Reader:
         declared = self._policy(f"{where}.policy", spec)
         others = [self._policy(f"{where}.policies_for.{role}", _absolute(self._folder, named))
                   for role, named in entrant.policies_for.items()]  # fmt: skip
-        if declared is None or None in others:
+        known = [declaration for declaration in (declared, *others) if declaration is not None]
+        if declared is None or len(known) <= len(others):
             return None
         own = {**(model.arguments if model else {}), **entrant.args}
         player = Player(
@@ -389,6 +391,7 @@ class _Reader:
             model=model,
             policies_for={role: _absolute(self._folder, named) for role, named in entrant.policies_for.items()},
             blank_pictures=entrant.blank_pictures,
+            privileged=any(declaration.privileged for declaration in known),
         )
         return entrant, player
 

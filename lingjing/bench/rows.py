@@ -26,11 +26,11 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
 
     `entrant`, `mission`, `mode`, `condition` and `seed` say which, `tries` is 1 for the first try with this seed.
     `entrant_place` and `condition_place` are where the suite lists them, from 0; the others of a mission are compared
-    with the `baseline`. `privileged` is whether the policy was shown the truth. `options` are those that it was played
-    with, without the places of files. `salt_sha256` tells whose policy seeds are drawn alike without telling the salt.
-    `code` is the SHA-256 over everything that decides an episode, `version` lingjing's. `wall_s` is how long it
-    took, seconds; `ended_unix_s` is when it ended (UNIX time, 0 in rows that do not say): aborts of several entrants
-    at once are told by it. `attention_iou` is that of the maps that lay beside the trace when the row was read from the
+    with the `baseline`. `privileged` is true if one of its policies sees the truth. `options` are those that it was
+    played with, without the places of files. `salt_sha256` tells whose policy seeds are drawn alike without telling the
+    salt. `code` is the SHA-256 over everything that decides an episode, `version` lingjing's. `wall_s` is how long it
+    took, seconds; `ended_unix_s` is when it ended (UNIX time, 0 in rows that do not say): aborts of several entrants at
+    once are told by it. `attention_iou` is that of the maps that lay beside the trace when the row was read from the
     suite's folder (`lingjing.analysis.attention`), None where there were none.
     """
 

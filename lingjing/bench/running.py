@@ -248,7 +248,7 @@ class SuiteRun:
             standing=standing,
             policy=cell.player.declared.name,
             model=cell.player.model.name if cell.player.model else "",
-            privileged=cell.player.declared.privileged,
+            privileged=cell.player.privileged or report.privileged,
             policy_seed=options.policy_seed,
             salt_sha256=fingerprint(self.results.salt()),
             code=self.code,

@@ -39,7 +39,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     process. `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a
     lost episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what
     rates of perception over several episodes are made of. `ambient_random` names agents in whose calls a global random
-    generator was used that nothing had seeded.
+    generator was used that nothing had seeded. `privileged` is true if a policy was shown the truth.
     """
 
     mission: str
@@ -68,6 +68,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     terciles: tuple[ActionCounts, ...] = ()
     perceived: PerceptionCounts | None = None
     ambient_random: tuple[str, ...] = ()
+    privileged: bool = False
 
     @property
     def folder(self) -> Path:
@@ -135,6 +136,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         terciles=counted_by_tercile(actions(trace)),
         perceived=detect(trace).counts,
         ambient_random=outcome.ambient_random,
+        privileged=any(binding.privileged for binding in trace.header.bindings),
     )
 
 

@@ -182,6 +182,37 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
     assert f"trips: {len(names)} episodes are there, 0 to play" in capsys.readouterr().err
 
 
+LATER_PRIVILEGED = """\
+from pathlib import Path
+
+mark = Path(__file__).with_name("read")
+
+
+class Later:
+    privileged = mark.exists()
+
+    async def reset(self, brief): ...
+    async def act(self, observation, inbox): ...
+
+
+mark.touch()
+"""
+
+
+def test_an_entrant_is_marked_by_each_policy_that_sees_the_truth(folder: Path) -> None:
+    """Also one for a single role, and one that declares it after the suite was read."""
+    (folder / "later.py").write_text(LATER_PRIVILEGED)
+    (folder / "suite.toml").write_text(
+        'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 1\n'
+        '[[entrants]]\nname = "helped"\npolicy = "entrants.py:Drives"\npolicies_for = { rescuer = "oracle" }\n'
+        '[[entrants]]\npolicy = "later.py"\n'
+        '[[entrants]]\nname = "fair"\npolicy = "entrants.py:Drives"\n'
+    )
+    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    marked = {row.entrant: row.privileged for row in read_results(folder / "out")}
+    assert marked == {"helped": True, "later.py:Later": True, "fair": False}
+
+
 def _ending(row: SuiteRow) -> tuple[str, bool]:
     return row.report.reason, row.report.success
 
