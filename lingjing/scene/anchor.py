@@ -86,14 +86,16 @@ _RADII_M = (40.0, 120.0, REACH_M)
 def anchor(instance: Instance, city: City, *, imported: bool = False) -> Instance:
     """Return the instance with its entities and regions placed on the city.
 
-    `imported`: True for the document of another program; its bodies are moved as far as the city requires. Raises
+    `imported`: True for the document of another program; its bodies are moved as far as the city requires. Beside
+    road vehicles, what walks begins off the road, where it would bar the way of a vehicle that it waits for. Raises
     `MissionError` if an entity has no suitable place within `REACH_M` (and in the region that it is drawn from) or
     within the mission's `displacement`; if a place is outside of the city or under its ground; or if no road has the
     name that a region requires.
     """
     from lingjing.scene.regions import resolve_region
 
-    anchoring = _Anchoring(instance, city)
+    drives = any(one.role == "asset" and one.engine == _ROAD for one in instance.entities)
+    anchoring = _Anchoring(instance, city, walks_off_road=imported and drives)
     # Hidden entities come last: if a public one gave way to them, its place would reveal theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
     placed = {entity.id: anchoring.entity(entity) for entity in order}
@@ -115,8 +117,9 @@ _ROAD = "road"
 class _Anchoring:
     """One pass over an instance's entities. It remembers the roofs, facades and places that are in use."""
 
-    def __init__(self, instance: Instance, city: City) -> None:
+    def __init__(self, instance: Instance, city: City, *, walks_off_road: bool) -> None:
         self._instance = instance
+        self._walks_off_road = walks_off_road
         self._city = city
         self._tiles = Tiles(city)
         self._footing = Footing(city, self._tiles)
@@ -364,7 +367,7 @@ class _Anchoring:
         body = entity.role == "asset"
         x, y, _ = entity.position
         spot = self._footing.nearest_clear(
-            x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, GROUND_REACH_M, off_road=not body,
+            x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, GROUND_REACH_M, off_road=not body or self._walks_off_road,
             apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in, suits=self._suits(entity),
         )  # fmt: skip
         if spot is None:

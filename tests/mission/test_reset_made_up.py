@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,13 @@ from benchmarks.silent_guesses import silent_guesses
 from lingjing.cli.main import main
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import ExitCode, MissionError
+from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.lines import project
 
 FOLDER = Path(__file__).parent / "made_up"
 FILES = {path.name[:2]: path for path in sorted(FOLDER.glob("*.json"))}
@@ -395,6 +399,17 @@ def test_the_oracle_wins_it(number: str, tmp_path: Path, capsys: pytest.CaptureF
     arguments = ["run", str(FILES[number]), "--seed", "1", "--policy", "oracle", "--no-overview"]
     assert main([*arguments, "-o", str(tmp_path / "out")]) == ExitCode.OK
     assert "success: yes" in capsys.readouterr().out
+
+
+def test_a_dog_on_the_road_of_a_vehicle_that_it_waits_for_begins_beside_it() -> None:
+    """Document 04 places its dog on the street that its van comes along, 38 m before the stop."""
+    instance, _ = loaded("04")
+    placed, city = CityBuilder(PluginHost()).place(instance, imported=True)
+    dog, van = (next(one for one in placed.entities if one.id == name) for name in ("dog", "van"))
+    lanes = [lane for road in city.roads for lane in road.lanes if lane.kind == "car"]
+    off_m = min(project(lane.shape, *dog.position[:2]).off_m - lane.width_m / 2.0 for lane in lanes)
+    assert 0.4 < off_m < 10.0 and math.dist(dog.position[:2], (-71.0, 203.0)) < 10.0
+    assert math.dist(van.position[:2], (-1935.0, -472.0)) < 50.0
 
 
 def test_rows_say_less_or_more_than_one_goal() -> None:
