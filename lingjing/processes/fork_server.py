@@ -125,8 +125,7 @@ def _end(number: int, frame: object) -> NoReturn:
 def main() -> NoReturn:
     """Serve until the caller has ended."""
     options = _options()
-    # Not SIGKILL: processes that the forks have started in other sessions are to end as well.
-    signal.signal(signal.SIGTERM, _end)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # during the imports there are no forks to end
     end_with_parent(options.parent, signal.SIGTERM)
     adopt_orphans()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -139,6 +138,8 @@ def main() -> NoReturn:
     forks = Forks()
     server = _Server(Channel(socket.socket(fileno=options.fd)), options.parent, os.getpid(), forks)
     try:
+        # Not SIGKILL: processes that the forks have started in other sessions are to end as well.
+        signal.signal(signal.SIGTERM, _end)
         server.run()
         # The caller's end of the channel closes before the kernel sends the signal of its death.
         signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import textwrap
@@ -195,3 +196,22 @@ def test_with_a_second_thread_nothing_is_forked(tmp_path: Path, monkeypatch: pyt
         pytest.raises(InfrastructureError, match="has ended, or could start no more"),
     ):
         started(server, tmp_path, "told")
+
+
+def test_a_server_whose_caller_ends_while_it_imports_ends_without_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bug: the signal of the caller's end met an import, and the exception of its handler a traceback."""
+    (tmp_path / "lasting.py").write_text("import signal\nprint('importing', flush=True)\nsignal.pause()\n")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), ROOT]))
+    ends = socket.socketpair()
+    command = [sys.executable, "-m", "lingjing.processes.fork_server", "--fd", str(ends[1].fileno())]
+    server = subprocess.Popen(
+        [*command, "--parent", str(os.getpid()), "lasting"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=(ends[1].fileno(),),
+    )  # fmt: skip
+    assert server.stdout is not None and server.stdout.readline() == "importing\n"
+    server.terminate()
+    assert server.communicate() == ("", "")
+    for end in ends:
+        end.close()
