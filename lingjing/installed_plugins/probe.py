@@ -2,7 +2,8 @@
 
 Started by `discovery` alone, and killed by the kernel when that process ends. Each stage is a line; the last line is a
 `discovery.Trial` as JSON. A plug-in that ends this process, or never returns, leaves the stage that it was in. What it
-registered for the end is called, and a process or a thread that it leaves running is a fault.
+registered for the end is called. A process or a thread that it leaves running is a fault, and so is a change of the
+process that would meet every command.
 """
 
 from __future__ import annotations
@@ -10,12 +11,16 @@ from __future__ import annotations
 import atexit
 import contextlib
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable
 
 from lingjing.processes.descendants import end_children
 from lingjing.processes.linux import adopt_orphans, end_with_parent
+
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""The signals by which users and schedulers end a command."""
 
 
 def main(descriptor: int, name: str, value: str) -> None:
@@ -33,10 +38,12 @@ def main(descriptor: int, name: str, value: str) -> None:
     from lingjing.installed_plugins.discovery import Trial
 
     try:
+        before = _process_state()
         failed = _failed_hooks(name, value, enter)
+        altered = [what for what, state in _process_state().items() if state != before[what]]
         enter("ending")
         atexit._run_exitfuncs()
-        trial = Trial(_left_behind(), failed)
+        trial = Trial(f"changes {altered[0]} of each command" if altered else _left_behind(), failed)
     except BaseException as error:  # noqa: BLE001 - SystemExit too: it is reported, not obeyed
         from lingjing.plugins.loading import one_line
 
@@ -45,6 +52,30 @@ def main(descriptor: int, name: str, value: str) -> None:
         end_children(set())  # also those in sessions of their own
         os.write(descriptor, msgspec.json.encode(trial))
     os._exit(0)
+
+
+def _process_state() -> dict[str, object]:
+    """What a plug-in must leave as it is, because commands that do not use it rely on it."""
+    return {
+        "the working folder": _folder(),
+        "the standard streams": [_file_of(descriptor) for descriptor in range(3)],
+        "the handlers of signals": [signal.getsignal(number) for number in _ENDING],
+    }
+
+
+def _folder() -> str:
+    try:
+        return os.getcwd()  # noqa: PTH109
+    except OSError:  # it was removed
+        return ""
+
+
+def _file_of(descriptor: int) -> tuple[int, int] | None:
+    try:
+        state = os.fstat(descriptor)
+    except OSError:  # closed
+        return None
+    return state.st_dev, state.st_ino
 
 
 def _left_behind() -> str:

@@ -65,6 +65,12 @@ FAULTS = {
         "import threading, time\nthreading.Thread(target=time.sleep, args=(3600,)).start()",
         "leaves a thread running",
     ),
+    "moves": ("import os; os.chdir('/usr')", "changes the working folder of each command"),
+    "closes": ("import os; os.close(1)", "changes the standard streams of each command"),
+    "ignores": (
+        "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
+        "changes the handlers of signals of each command",
+    ),
     "parting": ("import atexit, os\natexit.register(os._exit, 5)", "ends its process with code 5 while ending"),
 }
 

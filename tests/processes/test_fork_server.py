@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import InfrastructureError
+from lingjing.processes import fork_server
 from lingjing.processes.fork_client import ForkedProcess, ForkServer
 from tests.kernel.test_world_process import ROOT, await_gone, is_running, open_descriptors
 
@@ -215,3 +216,14 @@ def test_a_server_whose_caller_ends_while_it_imports_ends_without_a_word(
     assert server.communicate() == ("", "")
     for end in ends:
         end.close()
+
+
+def test_the_signal_of_the_callers_end_breaks_off_no_ending() -> None:
+    """A second signal, and one that comes after the socket was closed, found the server at ending its forks."""
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        with pytest.raises(fork_server._CallerEndedError):
+            fork_server._end(signal.SIGTERM, None)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGTERM, before)
