@@ -22,6 +22,12 @@ from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
 from tests.bare_instance import bare_instance
 from tests.declared import declared
 
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """One option for all golden files."""
+    parser.addoption("--update", action="store_true", help="rewrite the golden files")
+
+
 LEVEL_M = -3.5
 MOVES = ("takeoff", "setDestination", "forward", "backward", "left", "right", "up", "down", "stop")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, name_of
+from lingjing.plugins.contract import API_VERSION
 
 _TEMPLATE = Path(__file__).parent / "templates" / "engine"
 _SUFFIX = ".txt"
@@ -65,7 +66,7 @@ def _write(source: Path, folder: Path, word: str) -> None:
     camel = "".join(part.capitalize() for part in word.split("_"))
     title = word.replace("_", " ").strip().capitalize()
     text = source.read_text(encoding="utf-8")
-    words = {"NAME0": word, "Name0": camel, "Title0": title, "CORE0": name_of(CORE)}
+    words = {"NAME0": word, "Name0": camel, "Title0": title, "CORE0": name_of(CORE), "API0": API_VERSION}
     for placeholder, value in words.items():
         text = text.replace(placeholder, value)
     target.write_text(text, encoding="utf-8")

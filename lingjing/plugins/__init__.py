@@ -1,5 +1,6 @@
 """Everything a plug-in author needs: contracts, values, hooks, geometry and the conformance kit.
 
+- `contract`      the version of the contract, and the modules that belong to it
 - `hookspecs`     what a plug-in may offer; `host` finds it, `loading` builds policies, `building` scenes
 - `options`       the models of options that plug-ins declare, and the reading of what people write
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` how a model is declared, `calls` what a
@@ -18,7 +19,7 @@ Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 """
 
 __all__ = [
-    "bodies", "building", "calls", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet",
+    "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine", "evaluator", "fleet",
     "frame_detector", "geometry", "hookspecs", "host", "loading", "options", "policy", "prompts", "requests", "roads",
     "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

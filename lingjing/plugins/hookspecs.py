@@ -34,6 +34,12 @@ class ScenePlugin:
 
 
 @hookspec
+def lingjing_api_version() -> str:  # type: ignore[empty-body]
+    """Fires when the plug-in is registered, before any other hook: the `lingjing.plugins.contract.API_VERSION` that it
+    was written for. A plug-in without this hook is taken for one of version 1.0."""
+
+
+@hookspec
 def lingjing_engines() -> Iterable[EnginePlugin]:  # type: ignore[empty-body]
     """Fires once when the host is built: the engines this plug-in offers."""
 
@@ -69,6 +75,6 @@ def lingjing_detectors() -> Iterable[DetectorPlugin]:  # type: ignore[empty-body
 
 
 __all__ = [
-    "ScenePlugin", "hookimpl", "hookspec", "lingjing_detectors", "lingjing_engines", "lingjing_evaluators",
-    "lingjing_models", "lingjing_policies", "lingjing_prompts", "lingjing_scenes",
+    "ScenePlugin", "hookimpl", "hookspec", "lingjing_api_version", "lingjing_detectors", "lingjing_engines",
+    "lingjing_evaluators", "lingjing_models", "lingjing_policies", "lingjing_prompts", "lingjing_scenes",
 ]  # fmt: skip

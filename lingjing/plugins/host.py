@@ -25,6 +25,7 @@ from lingjing.installed_plugins.discovery import (
 from lingjing.installed_plugins.entry_points import label
 from lingjing.plugins import hookspecs
 from lingjing.plugins.chat_model import ModelPlugin
+from lingjing.plugins.contract import version_fault
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
@@ -124,8 +125,17 @@ class PluginHost:
         return self._get("detector", "lingjing_detectors", self.detectors, name)
 
     def register(self, plugin: object, name: str | None = None) -> None:
-        """Add a plug-in object; its hooks are called when what they offer is asked for."""
-        self._order.append(str(self._manager.register(plugin, name=name)))
+        """Add a plug-in object; its hooks are called when what they offer is asked for.
+
+        Raises `PluginError` if it is written for another version of the contract.
+        """
+        source = str(self._manager.register(plugin, name=name))
+        try:
+            self._check_version(source)
+        except BaseException:
+            self._manager.unregister(name=source)
+            raise
+        self._order.append(source)
 
     def hook_fault(self, hook: str) -> str:
         """Call a hook of all plug-ins: the reason for which it fails, or ""."""
@@ -134,6 +144,14 @@ class PluginHost:
         except PluginError as error:
             return _reason(error, hook)
         return ""
+
+    def _check_version(self, source: str) -> None:
+        implementations = self._manager.hook.lingjing_api_version.get_hookimpls()
+        for implementation in implementations:
+            if implementation.plugin_name == source:
+                fault = version_fault(implementation.function())
+                if fault:
+                    raise PluginError(f"plug-in `{source}`: {fault}")
 
     def _load(self, plugin: LoadablePlugin) -> None:
         name, owner = plugin.point.name, label(plugin.point.dist)

@@ -87,9 +87,9 @@ def _owner(plugin: PolicyPlugin) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """An exception of a stranger in one line: its type and what it says, if it can say anything."""
+    """The message of an exception of foreign code in one line, with its type unless it is an error of this project."""
     try:
-        text = f"{type(error).__name__}: {error}"
+        text = str(error) if isinstance(error, LingjingError) else f"{type(error).__name__}: {error}"
     except Exception:  # noqa: BLE001 - its own `__str__` may raise anything
         text = type(error).__name__
     return text.splitlines()[0].rstrip(": ").encode("utf-8", "backslashreplace").decode()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-
 import pytest
 
 SMALL = """\
@@ -53,8 +51,3 @@ mission small "A small mission" {
 def small() -> str:
     """A mission without errors, one declaration a line."""
     return SMALL
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    with contextlib.suppress(ValueError):
-        parser.addoption("--update", action="store_true", help="rewrite the golden files")

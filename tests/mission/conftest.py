@@ -1,6 +1,5 @@
 """The sea rescue as a mission graph built by hand: the tests of this package need no compiler."""
 
-import contextlib
 from typing import Literal
 
 import pytest
@@ -186,8 +185,3 @@ def ssr_mission() -> m.Mission:
 @pytest.fixture(scope="session")
 def ssr() -> m.Mission:
     return ssr_mission()
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    with contextlib.suppress(ValueError):
-        parser.addoption("--update", action="store_true", help="rewrite the golden files")
