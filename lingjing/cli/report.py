@@ -81,9 +81,8 @@ def _page(evidence: ReportEvidence, title: str) -> str:
 
 
 def _figure(evidence: ReportEvidence, kind: FigureKind, output: str) -> str | bytes:
-    from lingjing.report.raster import boxed_letters, png_file
+    from lingjing.report.painting import boxed_letters, png_file, svg_file
     from lingjing.report.sheet import sheet_of
-    from lingjing.report.vector import svg_file
 
     sheet = sheet_of(kind, list(kind.make(evidence)))
     if sheet is None:

@@ -1,11 +1,20 @@
-"""A report of one's own runs: the figures of the paper as one page that needs no network, or one by one as SVG or PNG.
+"""Reports: the figures of the paper from one's own runs, as one page without network, or one by one as SVG or PNG.
 
-`places` finds what lies where a reader points → `gathering` reads it, traces one by one, into `evidence`; `trace_rows`
-makes rows of traces that are no suite's → each of `figures` takes what it can show: numbers from `estimates` (`swept`
-and `conditions` say what a study changes, `chosen` which episodes stand for a mission), drawings by `charts`, tables by
-`lingjing.bench` → `figure_kinds` lists them, in the one shape of `figure` → `page`, or `sheet`: all drawings of one
-figure side by side. A `drawing` is marks and tones; `vector` writes it as SVG, `raster` as PNG.
+A *place* is a file or folder that the user names. Its *evidence* is the rows of episodes, grouped by *study* (a suite,
+or all single traces together), and the traces and measurements that figures show. A *figure* has *parts*; a part has
+*drawings* and the tables with their numbers. A drawing is painted with matplotlib and rendered as SVG or PNG.
 
-In: traces, rows, and folders that other verbs have written; out: bytes that are the same for the same input. Every text
-is escaped. A figure without anything to show is left out, and the page says what to run for it.
+In control-flow order:
+
+- `places`: the files and folders at the places, by kind. `gathering`: reads them, one trace at a time, into `evidence`;
+  `trace_rows`: rows and conditions of single traces.
+- `figures`: one module for each figure. They take numbers with intervals from `estimates`, changed parameters and
+  options from `swept` and `conditions`, and the episodes to show from `chosen`. `figure` has the types of figures and
+  parts, `figure_kinds` the list of all figures.
+- `charts`: line charts, bars, divided bars and grids, laid out with the widths of `text_layout`. `drawing`: the type of
+  drawings, and the palette. `painting`: drawings as SVG and PNG; it alone loads matplotlib.
+- `page`: the HTML page. `sheet`: all drawings of one figure on one.
+
+The same input gives the same bytes. Every text is escaped. The page lists the figures that the evidence holds nothing
+of, and the commands that would play what they need.
 """

@@ -1,72 +1,126 @@
-"""Charts as drawings: lines over steps, bars, stacked bars, a grid of shares. Each is as wide as a phone; several stand
-beside each other where there is room.
+"""Charts as drawings: lines over steps, bars, divided bars, a grid of shares. Each is as wide as a phone.
 
-Series differ by tone, marker and dashes alike, values stand beside their marks, and intervals are whiskers.
+Series differ by tone, marker and dashes, values are written beside their bars, and intervals are whiskers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from itertools import pairwise
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
-from lingjing.analysis.fonts import font, lacking
-from lingjing.report.drawing import (
-    SERIES,
-    Drawing,
-    DrawnMark,
-    PaneMark,
-    SpotMark,
-    StrokeMark,
-    WordsMark,
-    shape_of,
-    tone_of,
-)
+import numpy as np
+
+from lingjing.report.drawing import LIGHT, SERIES, WIDE, Drawing, colour_of, marker_of
 from lingjing.report.estimates import BoundedEstimate
+from lingjing.report.text_layout import SMALL, USUAL, fitting, text_width
 
-WIDE = 360.0
-"""The width of a chart: a phone's, so that letters are read there as on a desk."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from lingjing.report.painting import Canvas
 
 FEW = 3
-"""More series of bars than this have their names beside them."""
+"""Up to this many series of bars share one legend; more have their names beside each bar, since more colours are hard
+to tell apart."""
 
-_SMALL, _USUAL = 10.0, 11.0
-_NAME = 92.0
-_ROW, _BAR = 17.0, 12.0
+MARKER_SIZE = 9.0
+"""Diameter of a marker in units."""
+
+_NAME_WIDTH = 92.0
+"""Largest width of the names beside bars, a quarter of a chart."""
+
+_BAR_HEIGHT, _BAR_STEP = 12.0, 15.0
+_HEADING_BASE, _HEADING_STEP = 16.0, 21.0
+"""From the top of a group to the base line of its heading, and to its first bar."""
+_PLOT_HEIGHT = 150.0
+_CELL_WIDTH, _CELL_HEIGHT = 46.0, 24.0
+_LABEL_WIDTH = 24.0
+"""Narrower parts of a divided bar have no percentage."""
+_LEGEND_LINE = 14.0
+_DASHES = (0, (3.0, 2.0))
+"""Line style of series beyond the number of tones, in multiples of the line's width."""
 
 
 class ChartSeries(NamedTuple):
-    """A named series: an estimate for each step, and the number that its tone and marker have in all charts."""
+    """A series of a line chart."""
 
     name: str
+    """Its name in the legend."""
+
     values: tuple[BoundedEstimate, ...]
+    """An estimate for each step; an undefined one leaves a gap in the line."""
+
     number: int
+    """Number of its tone and marker, the same in all charts of a study."""
 
 
 class ChartBar(NamedTuple):
-    """One bar: its name among those of its group, the tone's number, the value."""
+    """One bar of a group."""
 
     name: str
+    """Name of its series."""
+
     series: int
+    """Number of the tone of its series."""
+
     value: BoundedEstimate
+    """Its length and its whisker."""
 
 
 class BarGroup(NamedTuple):
-    """Bars under one heading; `most` is the value of a whole width, nan for that of all groups."""
+    """Bars under one heading."""
 
     name: str
+    """The heading."""
+
     bars: tuple[ChartBar, ...]
+    """Its bars from top to bottom."""
+
     spec: str = ".0f"
+    """Format of the values beside the bars."""
+
     most: float = math.nan
+    """Value of a bar of full width; nan for the value that all groups share."""
 
 
 class ShareBar(NamedTuple):
-    """A bar that is divided: its name, how many it is over, the share (0..1) of each part in order."""
+    """A bar that is divided into parts."""
 
     name: str
+    """Its heading."""
+
     number: int
+    """Number of things that it divides."""
+
     shares: tuple[float, ...]
+    """Share (0 to 1) of each part, in the order of the parts."""
+
+
+class Legend:
+    """Names of numbered series beside their markers, in as many lines as the width of a chart requires."""
+
+    def __init__(self, names: Sequence[tuple[int, str]], *, squares: bool = False) -> None:
+        self._squares = squares
+        self._entries: list[tuple[float, float, int, str]] = []
+        x, y = 2.0, 12.0
+        for number, name in names:
+            text = fitting(name, WIDE - 24.0, SMALL)
+            width = text_width(text, SMALL) + 26.0
+            if x > 2.0 and x + width - 10.0 > WIDE:
+                x, y = 2.0, y + _LEGEND_LINE
+            self._entries.append((x, y, number, text))
+            x += width
+        self.height = y if names else 4.0
+        """Height in units."""
+
+    def paint(self, canvas: Canvas, axes: Axes) -> None:
+        """Paint it at the top of a canvas, on axes that begin there."""
+        for x, y, number, text in self._entries:
+            marker = "s" if self._squares else marker_of(number)
+            axes.plot([x + 5.0], [y - 4.0], marker, color=colour_of(number), markersize=MARKER_SIZE, clip_on=False)
+            canvas.text(x + 13.0, y, text, size=SMALL)
 
 
 # -- charts
@@ -82,286 +136,252 @@ def line_chart(
     most: float | None = None,
     places: Sequence[float] = (),
 ) -> Drawing:
-    """Series over steps that stand at equal distances, or at `places` (numbers that rise).
+    """Return a chart of series over steps, which stand at equal distances or at `places` (rising numbers).
 
-    `below` says what the steps are, `unit` is that of values; the scale goes from 0 to `most`, or as far as it must.
+    `below` names the steps, and `unit` is that of the values. The scale ends at `most`, or above the highest value.
     """
-    highest = max((_top(value) for one in series for value in one.values), default=1.0)
-    scale = _rounded(highest) if most is None else most
-    marks, top = legend([(one.number, one.name) for one in series], 12.0)
-    left, right, high = 44.0, WIDE - 14.0, 150.0
-    bottom = top + 12.0 + high
-    marks += _grid(left, right, bottom, high, scale, unit)
-    where = _places(len(steps), places, left + 14.0, right - 14.0)
+    highest = max((_top(value) for line in series for value in line.values), default=0.0) if most is None else most
+    ticks = _ticks(highest or 1.0)
+    labels = [f"{tick:g} {unit}".strip() for tick in ticks]
+    legend = Legend([(line.number, line.name) for line in series])
+    top = legend.height + 12.0
+    left = max(44.0, *(text_width(label, SMALL) + 8.0 for label in labels))
+    width = WIDE - 14.0 - left
+    positions = _positions(len(steps), places, 14.0, width - 14.0)
+    names, lines = _step_names(steps, positions)
+    height = top + _PLOT_HEIGHT + 11.0 + 11.0 * lines + (14.0 if below else 0.0)
 
-    def height(value: float) -> float:
-        return bottom - high * min(value, scale) / scale
+    def paint(canvas: Canvas) -> None:
+        legend.paint(canvas, canvas.axes(0.0, 0.0, WIDE, legend.height))
+        axes = canvas.axes(left, top, width, _PLOT_HEIGHT)
+        axes.set_ylim(0.0, ticks[-1])
+        axes.set_yticks(ticks, labels)
+        axes.grid(axis="y")
+        for place, (x, name) in enumerate(zip(positions, names, strict=True)):
+            half = text_width(name, SMALL) / 2
+            middle = min(max(left + x, half + 1.0), WIDE - half - 1.0)
+            down = 11.0 * (place % lines)
+            canvas.text(middle, top + _PLOT_HEIGHT + 15.0 + down, name, size=SMALL, tone="faint", anchor="center")
+        canvas.text(left + width / 2, height - 5.0, below, size=SMALL, tone="faint", anchor="center")
+        for place, line in enumerate(series):
+            shift = (place - (len(series) - 1) / 2) * min(5.0, 24.0 / len(series))  # keeps whiskers side by side
+            xs, ys = [x + shift for x in positions], [value.value for value in line.values]
+            dashes = _DASHES if line.number >= SERIES else "solid"
+            axes.plot(xs, ys, color=colour_of(line.number), linewidth=2.0, linestyle=dashes, clip_on=False)
+            lows, highs = ([end for _, end in each] for each in (_ends(line, "low"), _ends(line, "high")))
+            axes.vlines([xs[at] for at, _ in _ends(line, "low")], lows, highs, colors=colour_of(line.number),
+                        linewidth=1.2, alpha=0.55, clip_on=False)  # fmt: skip
+            for x, value in zip(xs, line.values, strict=True):
+                if value.known:
+                    (marker,) = axes.plot([x], [value.value], marker_of(line.number), color=colour_of(line.number),
+                                          markersize=MARKER_SIZE, clip_on=False)  # fmt: skip
+                    canvas.tooltip(marker, _value_words(line.name, value.number, value.text(".4g"), unit))
 
-    for at, one in enumerate(series):
-        shift = (at - (len(series) - 1) / 2) * min(5.0, 24.0 / len(series))  # whiskers beside each other
-        marks += _line(one, [x + shift for x in where], height, unit)
-    names, end = _steps(steps, where, bottom + 15.0)
-    marks += names
-    if below:
-        end += 14.0
-        marks.append(
-            WordsMark(x=(left + right) / 2, y=end - 5.0, text=below, size=_SMALL, anchor="middle", tone="faint")
-        )
-    return Drawing(title=title, description=_series_words(steps, series, unit), width=WIDE, height=end, marks=(*marks,))
+    words = _series_words(steps, series, unit)
+    return Drawing(title=title, description=words, width=WIDE, height=height, paint=paint)
 
 
 def bar_chart(
     title: str, groups: Sequence[BarGroup], *, unit: str = "", most: float | None = None, lone: bool = False
 ) -> Drawing:
-    """Bars of groups under each other, all with their values and intervals. Of more than `FEW` series each bar has its
-    name beside it, so that no colour must be told from many others. A `lone` series is named too, which is of use where
-    neither title nor groups say whose bars they are."""
+    """Return a chart of horizontal bars with their values and intervals, in groups one below the other.
+
+    A bar of full width is worth `most`, or the highest value of all. More than `FEW` series are named beside their
+    bars. A single series is named if it is `lone`, for charts with titles and headings that do not name it.
+    """
     series = _names(groups, lone=lone)
-    marks, y = legend(series if len(series) <= FEW else [], 12.0)
-    y += 4.0
+    legend = Legend(series if len(series) <= FEW else [])
     bars = [(bar, group.spec) for group in groups for bar in group.bars]
-    whole = max((_top(bar.value) for bar, _ in bars), default=0.0) or 1.0 if most is None else most
+    whole = (max((_top(bar.value) for bar, _ in bars), default=0.0) if most is None else most) or 1.0
     left = 2.0
     if len(series) > FEW:
-        left += min(max(text_width(name, _SMALL) for _, name in series), _NAME) + 6.0
-    room = max((text_width(bar.value.text(spec), _SMALL) for bar, spec in bars), default=0.0) + 12.0
-    for group in groups:
-        y += 16.0
-        marks.append(WordsMark(x=2.0, y=y, text=fitting(group.name, WIDE - 4.0), size=_USUAL))
-        y += 5.0
-        limit = whole if math.isnan(group.most) else group.most or 1.0
-        for bar in group.bars:
+        left += min(max(text_width(name, SMALL) for _, name in series), _NAME_WIDTH) + 6.0
+    right = WIDE - max((text_width(bar.value.text(spec), SMALL) for bar, spec in bars), default=0.0) - 12.0
+    placed, height = _placed_bars(groups, legend.height + 4.0, whole)
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.axes(0.0, 0.0, WIDE, height)
+        legend.paint(canvas, axes)
+        y = legend.height + 4.0
+        for group in groups:
+            canvas.text(2.0, y + _HEADING_BASE, fitting(group.name, WIDE - 4.0))
+            y += _HEADING_STEP + _BAR_STEP * len(group.bars)
+        for each in placed:
             if left > 2.0:
-                marks.append(WordsMark(x=2.0, y=y + 10.0, text=fitting(bar.name, _NAME, _SMALL), size=_SMALL))
-            marks += _bar(bar, group.spec, y, (left, WIDE - room), limit, unit)
-            y += _ROW - 2.0
+                canvas.text(2.0, each.y + 10.0, fitting(each.bar.name, _NAME_WIDTH, SMALL), size=SMALL)
+            x, tone = (right + 6.0, "ink") if each.bar.value.known else (left + 2.0, "faint")
+            canvas.text(x, each.y + 10.0, each.text, size=SMALL, tone=tone)
+        _paint_bars(canvas, axes, (left, right), [each for each in placed if each.bar.value.known], unit)
+
     words = "; ".join(_group_words(group, unit) for group in groups)
-    return Drawing(title=title, description=words, width=WIDE, height=y + 6.0, marks=(*marks,))
+    return Drawing(title=title, description=words, width=WIDE, height=height, paint=paint)
 
 
 def share_chart(title: str, parts: Sequence[str], bars: Sequence[ShareBar]) -> Drawing:
-    """Bars that are divided into parts, percentages written where there is room."""
-    marks, y = legend(list(enumerate(parts)), 12.0, squares=True)
-    y += 4.0
-    for bar in bars:
-        y += 16.0
-        marks.append(WordsMark(x=2.0, y=y, text=fitting(f"{bar.name}, n = {bar.number}", WIDE - 4.0), size=_USUAL))
-        y += 5.0
-        x = 2.0
-        for number, share in enumerate(bar.shares):
-            wide = (WIDE - 4.0) * share
-            if wide <= 0.0:
-                continue
-            told = f"{bar.name}: {parts[number]} {100 * share:.0f} %"
-            marks.append(PaneMark(x=x, y=y, width=max(wide - 1.0, 0.5), height=18.0, tone=tone_of(number), told=told))
-            if wide > 24.0:
-                percent = f"{100 * share:.0f}"
-                marks.append(WordsMark(x=x + wide / 2, y=y + 13.0, text=percent, size=_SMALL, anchor="middle",
-                                       tone="paper", bold=True))  # fmt: skip
-            x += wide
-        y += 22.0
-    words = "; ".join(
-        f"{bar.name}, {bar.number}: " + ", ".join(f"{name} {100 * share:.0f} %"
-                                                for name, share in zip(parts, bar.shares, strict=True) if share)
-        for bar in bars
-    )  # fmt: skip
-    return Drawing(title=title, description=words, width=WIDE, height=y + 4.0, marks=(*marks,))
+    """Return a chart of bars that are divided into parts, with percentages in the parts that have room for them."""
+    legend = Legend(list(enumerate(parts)), squares=True)
+    whole, height = WIDE - 4.0, legend.height + 8.0 + 43.0 * len(bars)
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.axes(0.0, 0.0, WIDE, height)
+        legend.paint(canvas, axes)
+        for number, bar in enumerate(bars):
+            y = legend.height + 4.0 + 43.0 * number
+            canvas.text(2.0, y + _HEADING_BASE, fitting(f"{bar.name}, n = {bar.number}", WIDE - 4.0))
+            edges = [2.0 + whole * share for share in (0.0, *accumulate(bar.shares))]
+            for at, (part, share) in enumerate(zip(parts, bar.shares, strict=True)):
+                if share <= 0.0:
+                    continue
+                (patch,) = axes.barh(y + 30.0, whole * share, 18.0, left=edges[at], color=colour_of(at),
+                                     edgecolor=LIGHT["paper"], linewidth=1.0)  # fmt: skip
+                canvas.tooltip(patch, f"{bar.name}: {part} {100 * share:.0f} %")
+                if whole * share > _LABEL_WIDTH:
+                    middle, label = edges[at] + whole * share / 2, f"{100 * share:.0f}"
+                    canvas.text(middle, y + 34.0, label, size=SMALL, tone="paper", anchor="center", bold=True)
+
+    words = "; ".join(f"{bar.name}, {bar.number}: {_share_words(parts, bar)}" for bar in bars)
+    return Drawing(title=title, description=words, width=WIDE, height=height, paint=paint)
 
 
 def share_grid(title: str, heads: Sequence[str], lines: Sequence[tuple[str, Sequence[float]]]) -> Drawing:
-    """Percentages in a grid, the deeper the colour the higher; nan is a dash."""
-    left = min(max((text_width(name, _USUAL) for name, _ in lines), default=0.0) + 12.0, 190.0)
-    wide, high = 46.0, 24.0
-    marks: list[DrawnMark] = [
-        WordsMark(x=left + wide * (at + 0.5), y=16.0, text=head.replace("^", " "), size=_SMALL, anchor="middle",
-                  tone="faint")
-        for at, head in enumerate(heads)
-    ]  # fmt: skip
-    for row, (name, values) in enumerate(lines):
-        y = 24.0 + row * high
-        marks.append(WordsMark(x=2.0, y=y + 16.0, text=fitting(name, left - 8.0), size=_USUAL))
-        for at, value in enumerate(values):
-            x, known = left + at * wide, not math.isnan(value)
-            deep = 0.06 + 0.5 * value / 100 if known else 0.0
-            told = f"{name}, {heads[at]}: {f'{value:.0f} %' if known else 'not played'}"
-            marks.append(PaneMark(x=x + 1, y=y, width=wide - 2, height=high - 2, tone="heat" if known else "panel",
-                                  opacity=deep or 1.0, told=told))  # fmt: skip
-            marks.append(WordsMark(x=x + wide / 2, y=y + 15.0, text=f"{value:.0f}" if known else "–", size=_USUAL,
-                                   anchor="middle", tone="ink" if known else "faint"))  # fmt: skip
-    words = "; ".join(
-        f"{name}: " + ", ".join(f"{head} {value:.0f} %" for head, value in zip(heads, values, strict=True)
-                                if not math.isnan(value))
-        for name, values in lines
-    )  # fmt: skip
-    width = left + wide * len(heads) + 4.0
-    height = 24.0 + high * len(lines) + 4.0
-    return Drawing(title=title, description=words, width=width, height=height, marks=(*marks,), wide=width > WIDE)
+    """Return a grid of percentages; the higher one is, the deeper its colour. A dash stands for nan."""
+    left = min(max((text_width(name, USUAL) for name, _ in lines), default=0.0) + 12.0, 190.0)
+    width, height = left + _CELL_WIDTH * len(heads) + 4.0, 28.0 + _CELL_HEIGHT * len(lines)
+
+    def paint(canvas: Canvas) -> None:
+        for column, head in enumerate(heads):
+            middle = left + _CELL_WIDTH * (column + 0.5)
+            canvas.text(middle, 16.0, fitting(head.replace("^", " "), _CELL_WIDTH, SMALL), size=SMALL, tone="faint",
+                        anchor="center")  # fmt: skip
+        axes = canvas.axes(left, 0.0, width - left, height)
+        for row, (name, values) in enumerate(lines):
+            y = 24.0 + _CELL_HEIGHT * row
+            canvas.text(2.0, y + 16.0, fitting(name, left - 8.0))
+            middles = [_CELL_WIDTH * (column + 0.5) for column in range(len(values))]
+            colours = [LIGHT["panel"] if math.isnan(value) else (colour_of(0), 0.06 + 0.5 * value / 100)
+                       for value in values]  # fmt: skip
+            cells = axes.bar(middles, _CELL_HEIGHT - 2.0, _CELL_WIDTH - 2.0, bottom=y, color=colours)
+            for head, value, x, cell in zip(heads, values, middles, cells, strict=True):
+                known = not math.isnan(value)
+                canvas.tooltip(cell, f"{name}, {head}: {f'{value:.0f} %' if known else 'not played'}")
+                canvas.text(left + x, y + 15.0, f"{value:.0f}" if known else "–", tone="ink" if known else "faint",
+                            anchor="center")  # fmt: skip
+
+    words = "; ".join(f"{name}: {_known_words(heads, values)}" for name, values in lines)
+    return Drawing(title=title, description=words, width=width, height=height, paint=paint, wide=width > WIDE)
 
 
 # -- parts of charts
 
 
-def _line(one: ChartSeries, places: Sequence[float], height: Callable[[float], float], unit: str) -> list[DrawnMark]:
-    tone, marks = tone_of(one.number), list[DrawnMark]()
-    runs: list[list[tuple[float, float]]] = [[]]
-    for x, value in zip(places, one.values, strict=True):
-        if value.known:
-            runs[-1].append((x, height(value.value)))
-        elif runs[-1]:
-            runs.append([])
-    for run in runs:
-        if len(run) > 1:
-            marks.append(StrokeMark(points=tuple(run), tone=tone, width=2.0, dashed=one.number >= SERIES))
-    for x, value in zip(places, one.values, strict=True):
+class _PlacedBar(NamedTuple):
+    """A bar of a chart of bars, with its upper edge at y. `whole` is the value of a bar of full width."""
+
+    bar: ChartBar
+    y: float
+    text: str
+    whole: float
+
+
+def _placed_bars(groups: Sequence[BarGroup], y: float, whole: float) -> tuple[list[_PlacedBar], float]:
+    """Return all bars from y downwards, below the headings of their groups, and the height of the chart."""
+    placed = []
+    for group in groups:
+        y += _HEADING_STEP
+        for bar in group.bars:
+            own = whole if math.isnan(group.most) else group.most or 1.0
+            placed.append(_PlacedBar(bar, y, bar.value.text(group.spec), own))
+            y += _BAR_STEP
+    return placed, y + 6.0
+
+
+def _paint_bars(canvas: Canvas, axes: Axes, ends: tuple[float, float], placed: Sequence[_PlacedBar], unit: str) -> None:
+    """Paint bars on tracks between two ends, with whiskers; all of a chart at once, which matplotlib does faster."""
+    left, width = ends[0], ends[1] - ends[0]
+    values = np.array([each.bar.value[:3] for each in placed], dtype=np.float64).reshape(-1, 3)
+    wholes = np.array([each.whole for each in placed], dtype=np.float64).reshape(-1, 1)
+    value, low, high = (width * np.clip(values / wholes, 0.0, 1.0)).T
+    middles = [each.y + _BAR_HEIGHT / 2 for each in placed]
+    colours = [colour_of(each.bar.series) for each in placed]
+    axes.barh(middles, width, _BAR_HEIGHT, left=left, color=LIGHT["panel"])
+    patches = axes.barh(middles, np.maximum(value, 1.0), _BAR_HEIGHT, left=left, color=colours)
+    for each, patch in zip(placed, patches, strict=True):
+        canvas.tooltip(patch, _value_words(each.bar.name, each.bar.value.number, each.text, unit))
+    axes.errorbar(left + value, middles, xerr=np.maximum([value - low, high - value], 0.0), fmt="none",
+                  ecolor=LIGHT["ink"], elinewidth=1.2, capthick=1.2, clip_on=False)  # fmt: skip
+
+
+def _ends(series: ChartSeries, end: str) -> Iterator[tuple[int, float]]:
+    """Yield the index and one end of each interval, those below 0 as 0."""
+    for at, value in enumerate(series.values):
         if value.known and not math.isnan(value.low):
-            ends = ((x, height(max(value.low, 0.0))), (x, height(value.high)))
-            marks.append(StrokeMark(points=ends, tone=tone, width=1.2, opacity=0.55))
-    for x, value in zip(places, one.values, strict=True):
-        if value.known:
-            told = f"{one.name}: {value.text('.4g')} {unit} (n = {value.number})".replace("  ", " ")
-            marks.append(SpotMark(x=x, y=height(value.value), tone=tone, shape=shape_of(one.number), told=told))
-    return marks
+            yield at, max(getattr(value, end), 0.0)
 
 
-def _bar(bar: ChartBar, spec: str, y: float, ends: tuple[float, float], whole: float, unit: str) -> list[DrawnMark]:
-    """A bar on its track, which reaches from the one end to the other."""
-    value, tone, (left, right) = bar.value, tone_of(bar.series), ends
-    text = value.text(spec)
-    if not value.known:
-        return [WordsMark(x=left + 2.0, y=y + 10.0, text=text, size=_SMALL, tone="faint")]
+def _ticks(highest: float) -> list[float]:
+    """Return about five round numbers from 0 to the highest value or just above it."""
+    from matplotlib.ticker import MaxNLocator
 
-    def place(number: float) -> float:
-        return left + (right - left) * min(max(number, 0.0), whole) / whole
-
-    told = f"{bar.name}: {text} {unit} (n = {value.number})".replace("  ", " ")
-    long = max(place(value.value) - left, 1.0)
-    marks: list[DrawnMark] = [
-        PaneMark(x=left, y=y, width=right - left, height=_BAR, tone="panel"),
-        PaneMark(x=left, y=y, width=long, height=_BAR, tone=tone, told=told),
-    ]
-    if not math.isnan(value.low):
-        low, high, middle = place(value.low), place(value.high), y + _BAR / 2
-        marks += [
-            StrokeMark(points=((low, middle), (high, middle)), tone="ink", width=1.2),
-            *(StrokeMark(points=((x, middle - 3.0), (x, middle + 3.0)), tone="ink", width=1.2) for x in (low, high)),
-        ]
-    marks.append(WordsMark(x=right + 6.0, y=y + 10.0, text=text, size=_SMALL))
-    return marks
+    ticks = MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, highest)
+    return [float(tick) for tick in ticks if tick >= 0.0]
 
 
-def _grid(left: float, right: float, bottom: float, high: float, scale: float, unit: str) -> list[DrawnMark]:
-    marks: list[DrawnMark] = []
-    for part in range(5):
-        y, value = bottom - high * part / 4, scale * part / 4
-        marks.append(StrokeMark(points=((left, y), (right, y)), tone="rule", width=1.0))
-        text = f"{value:.3g}" + (f" {unit}" if part == 4 and unit else "")
-        marks.append(WordsMark(x=left - 4.0, y=y + 4.0, text=text, size=_SMALL, anchor="end", tone="faint"))
-    return marks
+def _step_names(steps: Sequence[str], positions: Sequence[float]) -> tuple[list[str], int]:
+    """Return the names of steps as they fit, and in how many lines they stand: two if they would touch in one."""
+    apart = min((after - before for before, after in pairwise(positions)), default=WIDE)
+    lines = 1 + (max((text_width(step, SMALL) for step in steps), default=0.0) > apart - 4.0)
+    room = max(lines * apart - 4.0, 20.0)
+    return [fitting(step, room, SMALL) for step in steps], lines
 
 
-def _steps(steps: Sequence[str], where: Sequence[float], y: float) -> tuple[list[DrawnMark], float]:
-    """The names of steps, in two lines where they would touch; and where they end."""
-    apart = min((after - before for before, after in pairwise(where)), default=WIDE)
-    longest = max((text_width(step, _SMALL) for step in steps), default=0.0)
-    crowded = longest > apart - 4.0
-    marks: list[DrawnMark] = []
-    for number, (step, x) in enumerate(zip(steps, where, strict=True)):
-        text = fitting(step, 2 * apart - 6.0 if crowded else max(apart - 2.0, 20.0), _SMALL)
-        half = text_width(text, _SMALL) / 2
-        middle = min(max(x, half + 1.0), WIDE - half - 1.0)
-        down = 11.0 if crowded and number % 2 else 0.0
-        marks.append(WordsMark(x=middle, y=y + down, text=text, size=_SMALL, anchor="middle", tone="faint"))
-    return marks, y + (18.0 if crowded else 7.0)
-
-
-def _places(count: int, given: Sequence[float], left: float, right: float) -> list[float]:
+def _positions(count: int, places: Sequence[float], left: float, right: float) -> list[float]:
+    """Return where steps stand between two ends: at equal distances, or in proportion to their places."""
     if count == 1:
         return [(left + right) / 2]
-    low, high = (min(given), max(given)) if given else (0.0, count - 1.0)
-    values = given or [float(number) for number in range(count)]
+    values = places or [float(number) for number in range(count)]
+    low, high = min(values, default=0.0), max(values, default=1.0)
     return [left + (right - left) * (value - low) / (high - low or 1.0) for value in values]
 
 
-def legend(names: Sequence[tuple[int, str]], y: float, *, squares: bool = False) -> tuple[list[DrawnMark], float]:
-    """What the tones and markers of numbered series mean, in as many lines as it takes; and where it ends."""
-    if not names:
-        return [], y - 8.0
-    marks: list[DrawnMark] = []
-    x = 2.0
-    for number, name in names:
-        text = fitting(name, WIDE - 24.0, _SMALL)
-        wide = text_width(text, _SMALL) + 26.0
-        if x > 2.0 and x + wide - 10.0 > WIDE:
-            x, y = 2.0, y + 14.0
-        shape = "square" if squares else shape_of(number)
-        marks.append(SpotMark(x=x + 5.0, y=y - 4.0, tone=tone_of(number), shape=shape))
-        marks.append(WordsMark(x=x + 13.0, y=y, text=text, size=_SMALL))
-        x += wide
-    return marks, y
-
-
 def _names(groups: Sequence[BarGroup], *, lone: bool) -> list[tuple[int, str]]:
-    """The series by their numbers, as far as they need a legend."""
-    found = {bar.series: bar.name for group in groups for bar in group.bars}
-    return sorted(found.items()) if lone or len(found) > 1 else []
+    """Return the numbers and names of the series, none if there is a single one that needs no name."""
+    names = {bar.series: bar.name for group in groups for bar in group.bars}
+    return sorted(names.items()) if lone or len(names) > 1 else []
 
 
 def _top(value: BoundedEstimate) -> float:
-    return max((each for each in (value.value, value.high) if not math.isnan(each)), default=0.0)
+    return max((end for end in (value.value, value.high) if not math.isnan(end)), default=0.0)
 
 
-def _rounded(highest: float) -> float:
-    """A round number that is at least so high."""
-    if highest <= 0.0:
-        return 1.0
-    unit = 10.0 ** math.floor(math.log10(highest))
-    return next(step * unit for step in (1.0, 1.2, 1.6, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0) if step * unit >= highest)
+# -- charts in words
+
+
+def _value_words(name: str, number: int, text: str, unit: str) -> str:
+    return f"{name}: {f'{text} {unit}'.strip()} (n = {number})"
 
 
 def _series_words(steps: Sequence[str], series: Sequence[ChartSeries], unit: str) -> str:
     return "; ".join(
-        f"{one.name}: " + ", ".join(f"{step} {value.text('.4g')} {unit}".rstrip()
-                                    for step, value in zip(steps, one.values, strict=True))
-        for one in series
+        f"{line.name}: " + ", ".join(f"{step} {value.text('.4g')} {unit}".rstrip()
+                                    for step, value in zip(steps, line.values, strict=True))
+        for line in series
     )  # fmt: skip
 
 
 def _group_words(group: BarGroup, unit: str) -> str:
-    told = ", ".join(f"{bar.name} {bar.value.text(group.spec)} {unit}".strip() for bar in group.bars)
-    return f"{group.name}: {told}"
+    values = ", ".join(f"{bar.name} {bar.value.text(group.spec)} {unit}".strip() for bar in group.bars)
+    return f"{group.name}: {values}"
 
 
-def text_width(text: str, size: float, *, bold: bool = False) -> float:
-    """How wide a line of text is in DejaVu Sans; letters that it lacks are as wide as Chinese ones, whatever fonts are
-    here."""
-    other = set(lacking(text))
-    own = "".join(letter for letter in text if letter not in other)
-    return font(round(4 * size), bold=bold).getlength(own) / 4 + size * (len(text) - len(own))
+def _share_words(parts: Sequence[str], bar: ShareBar) -> str:
+    return ", ".join(f"{part} {100 * share:.0f} %" for part, share in zip(parts, bar.shares, strict=True) if share)
 
 
-def fitting(text: str, wide: float, size: float = _USUAL, *, bold: bool = False) -> str:
-    """The text in one line, cut where it would be wider."""
-    line = " ".join(text.split())
-    if text_width(line, size, bold=bold) <= wide:
-        return line
-    while line and text_width(f"{line}…", size, bold=bold) > wide:
-        line = line[:-1]
-    return f"{line}…"
-
-
-def wrapped(text: str, wide: float, size: float = _USUAL, *, bold: bool = False) -> list[str]:
-    """The text in lines no wider than that, broken between words where it can be."""
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if text_width(longer, size, bold=bold) <= wide:
-            lines[-1] = longer
-        else:
-            lines.append(fitting(word, wide, size, bold=bold))
-    return [line for line in lines if line]
+def _known_words(heads: Sequence[str], values: Sequence[float]) -> str:
+    pairs = zip(heads, values, strict=True)
+    return ", ".join(f"{head} {value:.0f} %" for head, value in pairs if not math.isnan(value))
 
 
 __all__ = [
-    "WIDE", "BarGroup", "ChartBar", "ChartSeries", "ShareBar", "bar_chart", "fitting", "legend", "line_chart",
-    "share_chart", "share_grid", "text_width", "wrapped",
+    "BarGroup", "ChartBar", "ChartSeries", "Legend", "ShareBar", "bar_chart", "line_chart", "share_chart", "share_grid",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The report as one HTML page: it loads nothing, runs nothing, and is light or dark as its reader has it."""
+"""The report as one HTML page, without scripts and without anything to load, light or dark as the browser is set."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from lingjing.bench.unresolved import unresolved_entrants
 from lingjing.report.drawing import DARK, LIGHT, Drawing
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart
-from lingjing.report.vector import inline_svg
+from lingjing.report.painting import inline_svg
 from lingjing.terminal import visible
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+"""Content security policy of the page: it may load and run nothing."""
 
 
 def report_page(evidence: ReportEvidence, made: Iterable[tuple[FigureKind, list[FigurePart]]], title: str) -> str:
-    """The page of figures with their parts; those without any are listed with what to run for them."""
+    """Return the page of figures with their parts. Figures without parts are listed with the command to run."""
     shown, absent = list[tuple[FigureKind, list[FigurePart]]](), list[FigureKind]()
     for kind, parts in made:
         if parts:
@@ -30,7 +31,7 @@ def report_page(evidence: ReportEvidence, made: Iterable[tuple[FigureKind, list[
         else:
             absent.append(kind)
     body = [
-        f"<header><h1>{_text(title)}</h1>", *_told(evidence), "</header>", _contents(kind for kind, _ in shown),
+        f"<header><h1>{_text(title)}</h1>", *_summary(evidence), "</header>", _contents(kind for kind, _ in shown),
         "<main>", *(_section(kind, parts) for kind, parts in shown), *_absent(absent), "</main>",
     ]  # fmt: skip
     lines = "\n".join(body)
@@ -43,8 +44,8 @@ def report_page(evidence: ReportEvidence, made: Iterable[tuple[FigureKind, list[
     )
 
 
-def _told(evidence: ReportEvidence) -> Iterator[str]:
-    """What a reader must know of all figures."""
+def _summary(evidence: ReportEvidence) -> Iterator[str]:
+    """Yield the facts that hold for all figures: the episodes, the intervals, and the notes."""
     rows = [row for study in evidence.studies for row in study.all_rows]
     counted = [row for study in evidence.studies for row in study.rows]
     if counted:
@@ -54,24 +55,24 @@ def _told(evidence: ReportEvidence) -> Iterator[str]:
             f"<p>{evidence.episodes} episode{'s' * (evidence.episodes != 1)} of "
             f"{entrants} entrant{'s' * (entrants > 1)} in "
             f"{_text(', '.join(missions))}; seeds {_text(seed_ranges({row.seed for row in counted}))}. Brackets and "
-            "whiskers are 95 % intervals; N/A is what is not defined, a dash what nobody played.</p>"
+            "whiskers are 95 % intervals; N/A means not defined, a dash not played.</p>"
         )
     notes = list(evidence.left_out)
-    for standing, said in (
+    for standing, words in (
         ("aborted", "infrastructure aborts were played again"),
-        ("lost", "are lost, and in no rate"),
+        ("lost", "episodes are lost, and in no rate"),
     ):
         number = sum(row.standing == standing for row in rows)
         if number:
-            notes.append(f"{number} {said}")
+            notes.append(f"{number} {words}")
     codes = sorted({row.code[:12] for row in counted if row.code})
     if len(codes) > 1:
         notes.append(f"played by {len(codes)} versions of the code: {', '.join(codes)}")
     if any(row.privileged for row in counted):
-        notes.append("† is shown the truth and is never marked as best")
+        notes.append("† has access to the truth and is never marked as best")
     if unresolved_entrants(rows):
         notes.append(f"{UNRESOLVED} has episodes that are lost, or were played again because its own service was gone")
-    notes += [said for one in dict.fromkeys(row.report.attribution for row in counted) if (said := credit(one))]
+    notes += [words for maps in dict.fromkeys(row.report.attribution for row in counted) if (words := credit(maps))]
     if notes:
         yield f"<ul class='notes'>{''.join(f'<li>{_text(note)}</li>' for note in notes)}</ul>"
 
@@ -115,17 +116,16 @@ def _drawn(drawing: Drawing, name: str) -> str:
 def _absent(kinds: list[FigureKind]) -> Iterator[str]:
     if kinds:
         lines = "".join(f"<li><b>{_text(kind.title)}</b>: {_text(kind.needs)}</li>" for kind in kinds)
-        said = "<h2>Not in this report</h2><p>What to run for the rest:</p>"
-        yield f"<section id='absent'>{said}<ul>{lines}</ul></section>"
+        head = "<h2>Not in this report</h2><p>The commands that play the episodes for the other figures:</p>"
+        yield f"<section id='absent'>{head}<ul>{lines}</ul></section>"
 
 
 def _style() -> str:
-    """The page's style with the tones: light, dark where the reader asks for it, light in print."""
+    """Return the style sheet with the tones: dark if the browser prefers it, light otherwise and in print."""
     text = files("lingjing.report").joinpath("assets", "report.css").read_text(encoding="utf-8")
     text = re.sub(r"/\*.*?\*/\s*", "", text, flags=re.DOTALL)
     light, dark = (";".join(f"--{name}:{value}" for name, value in tones.items()) for tones in (LIGHT, DARK))
-    tones = "".join(f".f-{name}{{fill:var(--{name})}}.l-{name}{{stroke:var(--{name})}}" for name in LIGHT)
-    return f":root{{{light}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}\n{tones}\n{text}"
+    return f":root{{{light}}}\n@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}\n{text}"
 
 
 def _text(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Two short episodes that were really played, and a folder of rows that nobody played."""
+"""Two short episodes that engines played, folders of made rows, and the texts of drawings."""
 
 from __future__ import annotations
 
@@ -11,10 +11,24 @@ from lingjing.bench.parquet import encode_rows
 from lingjing.bench.rows import SuiteRow
 from lingjing.data import data_path
 from lingjing.play.episode import Session
+from lingjing.report.drawing import Drawing
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.gathering import gather
+from lingjing.report.painting import painted
 
 TICKS = 12
+
+
+def lines_of(drawing: Drawing) -> list[str]:
+    """The lines of text of a drawing."""
+    with painted(drawing) as painting:
+        return painting.lines()
+
+
+def tooltips_of(drawing: Drawing) -> list[str]:
+    """The tooltips of a drawing's marks."""
+    with painted(drawing) as painting:
+        return list(painting.tooltips.values())
 
 
 @pytest.fixture(scope="session")
@@ -32,13 +46,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def evidence(runs: Path) -> ReportEvidence:
-    """What the two say."""
+    """The evidence of these two episodes."""
     return gather([runs])
 
 
 @pytest.fixture
 def results(tmp_path: Path) -> Callable[..., Path]:
-    """Writes rows as a suite's folder."""
+    """A function that writes rows as a suite's folder and returns the folder."""
 
     def write(rows: Sequence[SuiteRow], name: str = "results") -> Path:
         folder = tmp_path / name

@@ -1,4 +1,4 @@
-"""The numbers of figures against rows by hand, and what each of them is made of."""
+"""The numbers of figures against rows made by hand, and the parts of each figure."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pytest
 
 from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.detection import PerceptionCounts
+from lingjing.analysis.messages import admitted
 from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.frame_sets.balance import class_set
 from lingjing.bench.frame_sets.folder import write_set
@@ -23,15 +24,17 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import drawn_samples
 from lingjing.bench.table_cells import ResultTable
 from lingjing.play.options import PlayOptions
-from lingjing.report.drawing import PaneMark, PictureMark, SpotMark, WordsMark
 from lingjing.report.estimates import MANY, pooled, share, unmatched
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigurePart
 from lingjing.report.figure_kinds import FIGURES, figure_named
 from lingjing.report.gathering import gather
+from lingjing.report.painting import painted
+from lingjing.trace.reader import read_trace
 from tests.bench.frame_kit import VICTIM, made_frame, picture, pictures_of
 from tests.bench.suite_kit import made_row
 from tests.play.report_kit import blank_metrics, made_report
+from tests.report.conftest import lines_of, tooltips_of
 
 PERSON = VICTIM.cls
 
@@ -49,14 +52,14 @@ def entries(table: ResultTable) -> dict[tuple[str, ...], dict[str, str]]:
 
 
 def words_of(part: FigurePart) -> list[str]:
-    return [mark.text for drawing in part.drawings for mark in drawing.marks if isinstance(mark, WordsMark)]
+    return [line for drawing in part.drawings for line in lines_of(drawing)]
 
 
 def row(*, metrics: dict[str, object] | None = None, settings: dict[str, float] | None = None,
         args: dict[str, object] | None = None, success: bool = True, family: str | None = None,
         terciles: tuple[ActionCounts, ...] = (), perceived: PerceptionCounts | None = None,
         **changes: object) -> SuiteRow:  # fmt: skip
-    """A counted row; what its report and its options hold is given by their names."""
+    """A counted row with the given fields of its metrics, settings and options."""
     report = made_report(
         seed=changes.get("seed", 0), success=success, scr=1.0 if success else 0.5,
         metrics=blank_metrics(**(metrics or {})), family=family, terciles=terciles, perceived=perceived,
@@ -105,8 +108,8 @@ def test_the_main_figure_is_the_main_table(results: Callable[..., Path]) -> None
     assert not any("episodes are counted" in note for table in part.tables for note in table.notes)
 
 
-def test_entrants_stand_in_drawings_as_they_stand_in_tables(results: Callable[..., Path]) -> None:
-    """Though the second of them alone played the first column."""
+def test_entrants_have_the_same_order_in_drawings_and_tables(results: Callable[..., Path]) -> None:
+    """The second of them alone played the first column, which does not move it up."""
     rows = [
         row(entrant=name, entrant_place=place, mode=mode, seed=0, success=False, family="perception_miss")
         for place, (name, modes) in enumerate((("a", ("broadcast",)), ("b", ("star", "broadcast"))))
@@ -124,9 +127,9 @@ def test_modes_are_compared_on_seeds_that_were_played_in_both(results: Callable[
     rows = [row(mode="star", seed=seed, metrics={"messages": 5}) for seed in (0, 1, 2)]
     rows += [row(mode="broadcast", seed=seed, success=False, metrics={"messages": 9 + seed}) for seed in (1, 2, 3)]
     (part,) = parts_of("communication", gather([results(rows)]))
-    told = entries(part.tables[0])
-    assert told["SSR", "Msg"] == {"Matched seeds": "2", "Star": "5.0 [5.0, 5.0]", "Broadcast": "10.5 [10.0, 11.0]"}
-    assert told["SSR", "Gap"]["Star"] == "N/A"
+    cells = entries(part.tables[0])
+    assert cells["SSR", "Msg"] == {"Matched seeds": "2", "Star": "5.0 [5.0, 5.0]", "Broadcast": "10.5 [10.0, 11.0]"}
+    assert cells["SSR", "Gap"]["Star"] == "N/A"
     assert next(line for line in part.tables[0].lines if line.label[1] == "Msg").cells[1].mark == "best"
     assert entries(part.tables[1])["e, SSR star", "e, SSR broadcast"]["Only first won"] == "2"
 
@@ -140,9 +143,10 @@ def test_a_sweep_needs_its_parameter_alone_to_differ(results: Callable[..., Path
     rows += [row(condition="low", settings={"altitude": 60.0}, mode="broadcast", metrics={"coverage": 0.64})]
     evidence = gather([results(rows)])
     (scaled,) = parts_of("scaling", evidence)
-    told = entries(scaled.tables[0])
-    assert {label: cells["n"] for label, cells in told.items()} == {("1",): "2", ("2",): "2", ("3",): "2"}
-    assert told["1",]["Success (TSR) %"] == "0 [0, 66]" and told["3",]["Success (TSR) %"] == "100 [34, 100]"
+    cells = entries(scaled.tables[0])
+    counts = {label: values["n"] for label, values in cells.items()}
+    assert counts == {("1",): "2", ("2",): "2", ("3",): "2"}
+    assert cells["1",]["Success (TSR) %"] == "0 [0, 66]" and cells["3",]["Success (TSR) %"] == "100 [34, 100]"
     (sensed,) = parts_of("robustness", evidence)
     assert sensed.heading == "SSR (broadcast) by altitude"
     assert [*entries(sensed.tables[0])] == [("60 m",), ("100 m",)], "the default is the mission's own"
@@ -169,7 +173,7 @@ def test_ablations_compare_with_the_baseline_and_the_sweep(results: Callable[...
     assert parts_of("prompts", evidence) == [] and parts_of("last-mile", evidence) == []
 
 
-def test_prompts_and_interventions_are_told_by_their_options(results: Callable[..., Path]) -> None:
+def test_prompts_and_interventions_are_recognised_by_their_options(results: Callable[..., Path]) -> None:
     rows = [
         row(condition=name, args={"prompt": name}, metrics={"json_compliance": 0.5, "answers": 4})
         for name in ("P0", "P1")
@@ -190,20 +194,20 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     stages = (StageMetric(name="detect", done=3, required=3, cumulative=True),
               StageMetric(name="locate", done=2, required=3, cumulative=False))  # fmt: skip
     terciles = tuple(ActionCounts(actions=10, adherent=9 - third, following=9) for third in range(3))
-    seen = {"stages": stages, "coverage": 0.5, "first_discovery_tick": 4, "miss_rate": 0.2}
-    told = PerceptionCounts(frames=10, missing=2, errors_m=(4.0,), confidences=((0.9, True), (0.6, False)))
+    metrics = {"stages": stages, "coverage": 0.5, "first_discovery_tick": 4, "miss_rate": 0.2}
+    counts = PerceptionCounts(frames=10, missing=2, errors_m=(4.0,), confidences=((0.9, True), (0.6, False)))
     families = ("perception_miss", "perception_miss", "context_drift", "unattributed")
     rows = [
-        row(seed=seed, success=False, family=one, terciles=terciles, metrics=seen, perceived=told)
-        for seed, one in enumerate(families)
+        row(seed=seed, success=False, family=family, terciles=terciles, metrics=metrics, perceived=counts)
+        for seed, family in enumerate(families)
     ]
     evidence = gather([results(rows)])
     (chain,) = parts_of("provenance", evidence)
     assert entries(chain.tables[0])["e",] == {"n": "4", "detect": "100 [51, 100]", "locate": "0 [0, 49]"}
     assert chain.tables[0].notes == ()
     (lost,) = parts_of("failures", evidence)
-    panes = [mark for mark in lost.drawings[0].marks if isinstance(mark, PaneMark)]
-    assert [round(pane.width + 1) for pane in panes] == [178, 89, 89] and "Perception miss 50 %" in panes[0].told
+    shares = [tooltip.rpartition(": ")[2] for tooltip in tooltips_of(lost.drawings[0])]
+    assert shares[0] == "Perception miss 50 %" and [share[-4:] for share in shares] == ["50 %", "25 %", "25 %"]
     (drift,) = parts_of("drift", evidence)
     assert entries(drift.tables[0])["e", "Late"]["Adher."] == "70 [70, 70]"
     (tiers,) = parts_of("drift", gather([results([msgspec.structs.replace(one, group="Open models") for one in rows])]))
@@ -211,21 +215,21 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     (search,) = parts_of("signatures", evidence)
     assert entries(search.tables[0])["e",]["search coverage, %"] == "50 [50, 50]"
     (panel,) = parts_of("perception", evidence)
-    found = entries(panel.tables[0])["e",]
-    assert (found["Miss"], found["LocErr m"]) == ("0.20 [0.20, 0.20]", "4.0 [4.0, 4.0]")
-    assert found["ECE"] == "0.35 [0.35, 0.35]"  # by hand: (|1 - 0.9| + |0 - 0.6|) / 2
+    perception = entries(panel.tables[0])["e",]
+    assert (perception["Miss"], perception["LocErr m"]) == ("0.20 [0.20, 0.20]", "4.0 [4.0, 4.0]")
+    assert perception["ECE"] == "0.35 [0.35, 0.35]"  # by hand: (|1 - 0.9| + |0 - 0.6|) / 2
     assert entries(panel.tables[1])["e",]["Attn-IoU"] == "N/A"
 
 
-def test_what_was_won_beside_its_stages_is_said(results: Callable[..., Path]) -> None:
-    """Success need not ask for every stage, nor for the reports that last-mile stages are read from."""
+def test_a_note_reports_episodes_that_were_won_without_a_stage(results: Callable[..., Path]) -> None:
+    """Success need not require every stage, nor the reports that last-mile stages are read from."""
     stages = (StageMetric(name="assign", done=16, required=20, cumulative=False),
               StageMetric(name="execute", done=20, required=20, cumulative=False))  # fmt: skip
     rows = [row(mission="cd", seed=seed, metrics={"stages": stages}, success=seed > 0) for seed in range(3)]
     rows += [row(mission="ld", seed=seed, metrics={"last_mile": 1}) for seed in range(2)]
     evidence = gather([results(rows)])
     (chain,) = parts_of("provenance", evidence)
-    assert chain.tables[0].notes == ("e: 2 of 2 that were won left assign open, which their success does not ask for",)
+    assert chain.tables[0].notes == ("e: 2 of 2 that were won left assign open, which success does not require",)
     (mile,) = parts_of("last-mile", evidence)
     assert mile.tables[0].notes[1].startswith("S2 and S3 are read from typed reports")
 
@@ -236,25 +240,25 @@ def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
     (folder / "candidate-0.txt").write_text("start")
     episode = PromptEpisode(seed=1000, success=False, scr=0.5, answers=10, valid=4)
     better = msgspec.structs.replace(episode, success=True, scr=1.0, valid=10)
-    found = (PromptCandidate(number=0, text="start", episodes=(episode, episode)),
+    candidates = (PromptCandidate(number=0, text="start", episodes=(episode, episode)),
              PromptCandidate(number=1, text="more", episodes=(episode, better)),
              PromptCandidate(number=2, text="", fault="is empty"))  # fmt: skip
     kept = KeptSearch(
-        start="start", seeds=(1000, 1001), mission="ssr", options=PlayOptions(mission="ssr"), candidates=found
+        start="start", seeds=(1000, 1001), mission="ssr", options=PlayOptions(mission="ssr"), candidates=candidates
     )
     (folder / RESULTS).write_bytes(msgspec.json.encode(kept))
     (part,) = parts_of("prompts", gather([tmp_path]))
-    told = entries(part.tables[0])
-    assert told["start",]["JSON %"] == "40 [40, 40]" and told["revision 1",]["TSR %"] == "50 [9, 91]"
-    assert len(told) == 2 and part.notes[1] == "no prompt was given in round 2"
+    cells = entries(part.tables[0])
+    assert cells["start",]["JSON %"] == "40 [40, 40]" and cells["revision 1",]["TSR %"] == "50 [9, 91]"
+    assert len(cells) == 2 and part.notes[1] == "no prompt was given in round 2"
 
 
 def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
-    said = [ProbedFrame(detector="d", cls=PERSON, name=str(at), truth=at < 2, said=at < 2, twin_said=at < 1)
+    answers = [ProbedFrame(detector="d", cls=PERSON, name=str(at), truth=at < 2, said=at < 2, twin_said=at < 1)
             for at in range(4)]  # fmt: skip
     (tmp_path / "probe").mkdir()
-    (tmp_path / "probe" / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in said))
-    (tmp_path / "probe" / "counts.json").write_bytes(msgspec.json.encode([probe_cell(said)]))
+    (tmp_path / "probe" / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in answers))
+    (tmp_path / "probe" / "counts.json").write_bytes(msgspec.json.encode([probe_cell(answers)]))
     frames = [made_frame(number, boxes=(VICTIM,) if number == 2 else ()) for number in (1, 2)]
     write_set(tmp_path / "set", [class_set(frames, PERSON)], pictures_of(frames))
     (tmp_path / "twins" / PERSON).mkdir(parents=True)
@@ -266,25 +270,30 @@ def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
     probe, pairs = parts_of("appearance", gather([tmp_path]))
     assert entries(probe.tables[0])[PERSON, "d"]["F1 frames"].startswith("1.00 [")
     assert entries(probe.tables[0])[PERSON, "d"]["F1 twins"].startswith("0.67 [")
-    bars = [mark.told for mark in probe.drawings[0].marks if isinstance(mark, PaneMark) and mark.told]
+    bars = tooltips_of(probe.drawings[0])
     assert bars[0].startswith("simulator's frames: 1.00") and bars[1].startswith("twins: 0.67")
-    assert [sum(isinstance(mark, PictureMark) for mark in drawing.marks) for drawing in pairs.drawings] == [2]
+    (pair,) = pairs.drawings
+    with painted(pair) as painting:
+        assert len(painting.pictures) == 2
     assert pairs.notes == ("2 pairs, 0 edits refused",)
 
 
-def test_episodes_that_can_be_looked_at_make_pictures(evidence: ReportEvidence) -> None:
-    (said,) = parts_of("conversations", evidence)
-    assert [drawing.title.split(",")[0] for drawing in said.drawings] == ["SSR star", "SSR broadcast"]
-    ticks = [int(word) for word in words_of(said) if word.isdecimal()]
-    assert ticks == [*range(0, 13, 5)] * 2, "numbers of an axis stand where they say"
-    messages = [m for d in said.drawings for m in d.marks if isinstance(m, SpotMark) and " to " in m.told]
-    counted = [one.row.report.metrics for one in evidence.traced]
-    assert len(messages) >= 1 and all(one is not None for one in counted)
-    (seen,) = parts_of("frames", evidence)
-    assert all(drawing.marks for drawing in seen.drawings)
+def test_traced_episodes_give_pictures(evidence: ReportEvidence) -> None:
+    (shown,) = parts_of("conversations", evidence)
+    assert [drawing.title.split(",")[0] for drawing in shown.drawings] == ["SSR star", "SSR broadcast"]
+    ticks = [int(word) for word in words_of(shown) if word.isdecimal()]
+    assert ticks == [*range(0, 13, 5)] * 2, "multiples of five, as an axis of ticks has them"
+    messages = [tooltip for drawing in shown.drawings for tooltip in tooltips_of(drawing) if " to " in tooltip]
+    metrics = [episode.row.report.metrics for episode in evidence.traced]
+    assert all(each is not None for each in metrics)
+    assert len(messages) == sum(len(admitted(read_trace(episode.path))) for episode in evidence.traced) >= 1
+    (frames,) = parts_of("frames", evidence)
+    for drawing in frames.drawings:
+        with painted(drawing) as painting:
+            assert len(painting.pictures) == 1 and painting.lines()
 
 
-def test_what_is_not_there_has_no_parts_and_says_what_to_run() -> None:
+def test_missing_evidence_gives_no_parts_and_a_command_to_run() -> None:
     nothing = ReportEvidence()
     for kind in FIGURES:
         assert list(kind.make(nothing)) == [], kind.name

@@ -19,7 +19,7 @@ LEAST_PX = 8.5
 
 SMALLEST = """() => Math.min(...[...document.querySelectorAll('figure.panel svg')].flatMap(svg => {
     const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
-    return [...svg.querySelectorAll('text')].map(text => scale * parseFloat(text.getAttribute('font-size')));
+    return [...svg.querySelectorAll('text')].map(text => scale * parseFloat(getComputedStyle(text).fontSize));
 }))"""
 OUTSIDE = """() => [...document.querySelectorAll('figure.panel text')].filter(text => {
     const own = text.getBoundingClientRect(), box = text.closest('svg').getBoundingClientRect();
@@ -28,7 +28,7 @@ OUTSIDE = """() => [...document.querySelectorAll('figure.panel text')].filter(te
 MOVED = """() => [...document.querySelectorAll('figure .scroll')].filter(box => box.scrollWidth > box.clientWidth + 1)
     .map(box => box.closest('figure').textContent.slice(0, 40))"""
 KEPT = "() => [...document.querySelectorAll('h2, .about, thead')].map(each => getComputedStyle(each).breakAfter)"
-INK = "() => getComputedStyle(document.querySelector('figure.panel text.f-ink')).fill"
+INK = "() => getComputedStyle(document.querySelector('figure.panel text[style*=\"--ink\"]')).fill"
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,14 @@
-"""Who told whom what, tick by tick, in an episode of each mission: the paper's communication traces."""
+"""Communication traces: the messages of one episode of each mission, tick by tick.
+
+Agents are lanes and ticks go from left to right. A marker stands at the sender, and a line leads to the recipients. The
+lowest lane has the events of the episode.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -12,173 +17,198 @@ from lingjing.analysis.incidents import incidents
 from lingjing.analysis.messages import admitted
 from lingjing.analysis.search_marks import discoveries
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, plain
-from lingjing.report.charts import WIDE, fitting, legend, text_width
+from lingjing.report.charts import Legend
 from lingjing.report.chosen import chosen_episodes
-from lingjing.report.drawing import Drawing, DrawnMark, SpotMark, StrokeMark, WordsMark
+from lingjing.report.drawing import LIGHT, WIDE, Drawing, colour_of, marker_of
 from lingjing.report.evidence import ReportEvidence, TracedEpisode
 from lingjing.report.figure import FigureKind, FigurePart, called
+from lingjing.report.text_layout import SMALL, fitting, text_width
 from lingjing.trace.admitted import AdmittedMessage
 from lingjing.trace.reader import Trace, read_trace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from lingjing.report.painting import Canvas
 
 CATEGORIES = ("report", "assignment", "target_status", "other")
 """Categories of messages, in the order of their tones."""
 
-SAID = 12
-"""Messages of an episode that are told in words."""
+SHOWN_MESSAGES = 12
+"""Messages of an episode in its table, which a reader takes in at a glance."""
 
 FEW = 3
-"""More recipients than this are counted, not named."""
+"""Up to this many recipients of a message are named, more are counted."""
 
-_LANE, _SIZE = 18.0, 10.0
+BODY_LENGTH = 160
+"""Characters of a message's body in the table: two lines on a desk."""
+
+_LANE = 18.0
+_MOST_NAME_WIDTH = 110.0
+_SPREAD = 0.8
+"""Part of a tick's width over which the messages of one tick are spread."""
+
+
+class _EpisodeEvent(NamedTuple):
+    """A marker in the lane of events."""
+
+    tick: float
+    tone: str
+    marker: str
+    tooltip: str
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for mission, episodes in chosen_episodes(evidence).items():
-        traces = [(one, read_trace(one.path)) for one in episodes]
-        told = [(one, trace) for one, trace in traces if admitted(trace)]
-        if told:
+        traces = [(episode, read_trace(episode.path)) for episode in episodes]
+        shown = [(episode, trace) for episode, trace in traces if admitted(trace)]
+        if shown:
             yield FigurePart(
                 heading=mission.upper(),
-                drawings=tuple(_lanes(one, trace) for one, trace in told),
-                tables=(_compared([one for one, _ in told]), *(_words(one, trace) for one, trace in told)),
+                drawings=tuple(_lanes(episode, trace) for episode, trace in shown),
+                tables=(
+                    _compared([episode for episode, _ in shown]),
+                    *(_message_table(episode, trace) for episode, trace in shown),
+                ),
             )
 
 
-def _lanes(one: TracedEpisode, trace: Trace) -> Drawing:
+def _lanes(episode: TracedEpisode, trace: Trace) -> Drawing:
     agents = [agent.id for agent in trace.header.instance.agents]
-    left = min(max(text_width(name, _SIZE) for name in agents) + 10.0, 110.0)
-    right, ticks = WIDE - 8.0, max(trace.boundaries[-1].tick, 1)
-    marks, top = legend([(at, name.replace("_", " ")) for at, name in enumerate(CATEGORIES)], 12.0)
-    top += 16.0
-    lanes = {name: top + _LANE * at for at, name in enumerate(agents)}
-    floor = top + _LANE * len(agents)
+    left = min(max(text_width(name, SMALL) for name in agents) + 10.0, _MOST_NAME_WIDTH)
+    ticks = max(trace.boundaries[-1].tick, 1)
+    legend = Legend([(number, name.replace("_", " ")) for number, name in enumerate(CATEGORIES)])
+    top, width, height = legend.height + 7.0, WIDE - 8.0 - left, _LANE * (len(agents) + 1)
+    messages = _spread(admitted(trace))
+    events = list(_events(trace))
 
-    def place(tick: float) -> float:
-        return left + (right - left) * tick / (ticks + 0.5)
+    def paint(canvas: Canvas) -> None:
+        legend.paint(canvas, canvas.axes(0.0, 0.0, WIDE, legend.height))
+        axes = canvas.axes(left, top, width, height)
+        axes.set(xlim=(0.0, ticks + 0.5), ylim=(len(agents) + 0.5, -0.5))
+        axes.set_yticks(range(len(agents) + 1), [fitting(name, left - 6.0, SMALL) for name in (*agents, "events")])
+        axes.grid(axis="y")
+        axes.set_xticks(_tick_numbers(ticks))
+        axes.set_xlabel("tick")
+        _paint_messages(canvas, axes, messages, {name: lane for lane, name in enumerate(agents)})
+        for event in events:
+            (marker,) = axes.plot([event.tick], [len(agents)], event.marker, color=LIGHT[event.tone], markersize=7.0,
+                                  clip_on=False)  # fmt: skip
+            canvas.tooltip(marker, event.tooltip)
 
-    for name, y in [*lanes.items(), ("events", floor)]:
-        marks.append(StrokeMark(points=((left, y), (right, y)), tone="rule", width=1.0))
-        marks.append(WordsMark(x=2.0, y=y + 3.5, text=fitting(name, left - 6.0, _SIZE), size=_SIZE, tone="faint"))
-    spread = _spread(admitted(trace))
-    for said, tick in spread:
-        marks += _message(said, place(tick), lanes)
-    marks += _events(trace, place, floor)
-    for tick in range(0, ticks + 1, _step(ticks)):
-        marks.append(
-            WordsMark(x=place(tick), y=floor + 20.0, text=str(tick), size=_SIZE, anchor="middle", tone="faint")
-        )
-    marks.append(
-        WordsMark(x=(left + right) / 2, y=floor + 33.0, text="tick", size=_SIZE, anchor="middle", tone="faint")
-    )
-    row = one.row
-    title = f"{row.mission.upper()} {row.mode}, seed {row.seed}, {called(row, row.condition)}: {_ending(one)}"
+    row = episode.row
     words = (
-        f"{len(agents)} agents, {len(spread)} messages in {ticks} ticks; a line goes from the sender's mark to the "
+        f"{len(agents)} agents, {len(messages)} messages in {ticks} ticks; a line goes from the sender's mark to the "
         "recipients. In the row of events a diamond is a discovery, a square something completed, a cross an incident."
     )
-    return Drawing(title=title, description=words, width=WIDE, height=floor + 40.0, marks=tuple(marks))
+    return Drawing(
+        title=f"{row.mission.upper()} {row.mode}, seed {row.seed}, {called(row, row.condition)}: {_ending(episode)}",
+        description=words, width=WIDE, height=top + height + 34.0, paint=paint,
+    )  # fmt: skip
 
 
-def _step(ticks: int) -> int:
-    """Ticks between two numbers of the axis, of which there are five or six at most: 1, 2 or 5 times a power of ten."""
-    found = (step * unit for unit in (1, 10, 100, 1000, 10_000) for step in (1, 2, 5) if 5 * step * unit >= ticks)
-    return next(found, ticks)
+def _tick_numbers(ticks: int) -> list[int]:
+    """Return about five multiples of 1, 2 or 5 times a power of ten, from 0 to the last tick."""
+    from matplotlib.ticker import MaxNLocator
+
+    numbers = MaxNLocator(5, steps=[1, 2, 5, 10], integer=True).tick_values(0, ticks)
+    return [int(number) for number in numbers if 0 <= number <= ticks]
 
 
-def _message(said: AdmittedMessage, x: float, lanes: Mapping[str, float]) -> Iterator[DrawnMark]:
-    if said.sender not in lanes:
-        return
-    number = CATEGORIES.index(said.category) if said.category in CATEGORIES else len(CATEGORIES) - 1
-    tone, shape = f"s{number}", ("circle", "square", "triangle", "diamond")[number]
-    ends = [lanes[said.sender], *(lanes[name] for name in said.recipients if name in lanes)]
-    yield StrokeMark(points=((x, min(ends)), (x, max(ends))), tone=tone, width=1.0, opacity=0.6)
-    for y in ends[1:]:
-        yield StrokeMark(points=((x - 2.0, y), (x + 2.0, y)), tone=tone, width=1.5)
-    told = f"tick {said.tick}: {said.sender} to {', '.join(said.recipients) or 'nobody'}: {said.kind}"
-    yield SpotMark(x=x, y=ends[0], tone=tone, shape=shape, radius=3.0, told=told)
+def _paint_messages(
+    canvas: Canvas, axes: Axes, messages: Sequence[tuple[AdmittedMessage, float]], lanes: Mapping[str, int]
+) -> None:
+    for message, tick in messages:
+        if message.sender not in lanes:
+            continue
+        number = CATEGORIES.index(message.category if message.category in CATEGORIES else CATEGORIES[-1])
+        colour, sender = colour_of(number), lanes[message.sender]
+        recipients = [lanes[name] for name in message.recipients if name in lanes]
+        axes.vlines(tick, min(sender, *recipients, sender), max(sender, *recipients, sender), colors=colour,
+                    linewidth=1.0, alpha=0.6)  # fmt: skip
+        axes.plot([tick] * len(recipients), recipients, "_", color=colour, markersize=4.0, markeredgewidth=1.5)
+        (marker,) = axes.plot([tick], [sender], marker_of(number), color=colour, markersize=6.0, clip_on=False)
+        recipient_names = ", ".join(message.recipients) or "no agent"
+        canvas.tooltip(marker, f"tick {message.tick}: {message.sender} to {recipient_names}: {message.kind}")
 
 
-def _events(trace: Trace, place: Callable[[float], float], floor: float) -> Iterator[DrawnMark]:
+def _events(trace: Trace) -> Iterator[_EpisodeEvent]:
     tick_s = trace.header.instance.clock.tick_s
     for name, tick in sorted(discoveries(trace).items()):
-        yield SpotMark(
-            x=place(tick), y=floor, tone="s4", shape="diamond", radius=3.5, told=f"tick {tick}: {name} found"
-        )
+        yield _EpisodeEvent(tick, "s4", "D", f"tick {tick}: {name} found")
     for name, tick in sorted(completion_ticks(trace).items()):
-        told = f"tick {tick}: {name} completed"
-        yield SpotMark(x=place(tick), y=floor, tone="good", shape="square", radius=3.5, told=told)
-    for each in incidents(trace):
-        at = each.time_s / tick_s
-        yield SpotMark(x=place(at), y=floor, tone="bad", shape="cross", told=f"tick {at:.0f}: {each.kind}")
+        yield _EpisodeEvent(tick, "good", "s", f"tick {tick}: {name} completed")
+    for incident in incidents(trace):
+        place = incident.time_s / tick_s
+        yield _EpisodeEvent(place, "bad", "X", f"tick {place:.0f}: {incident.kind}")
 
 
-def _spread(messages: Sequence[AdmittedMessage]) -> list[tuple[AdmittedMessage, float]]:
-    """Messages of one tick side by side instead of on top of each other."""
+def _spread(messages: Iterable[AdmittedMessage]) -> list[tuple[AdmittedMessage, float]]:
+    """Return messages and their places on the axis of ticks: those of one tick stand side by side."""
     by_tick: dict[int, list[AdmittedMessage]] = {}
-    for said in messages:
-        by_tick.setdefault(said.tick, []).append(said)
+    for message in messages:
+        by_tick.setdefault(message.tick, []).append(message)
     return [
-        (said, tick + 0.8 * ((at + 0.5) / len(some) - 0.5))
-        for tick, some in by_tick.items()
-        for at, said in enumerate(some)
+        (message, tick + _SPREAD * ((place + 0.5) / len(together) - 0.5))
+        for tick, together in by_tick.items()
+        for place, message in enumerate(together)
     ]
 
 
-def _ending(one: TracedEpisode) -> str:
-    report = one.row.report
+def _ending(episode: TracedEpisode) -> str:
+    report = episode.row.report
     return "won" if report.success else f"lost ({report.reason}, SCR {report.scr:.2f})"
 
 
 def _compared(episodes: Sequence[TracedEpisode]) -> ResultTable:
     lines = []
-    for one in episodes:
-        found = one.row.report.metrics
-        if found is None:
+    for episode in episodes:
+        metrics = episode.row.report.metrics
+        if metrics is None:
             continue
-        cells = [ResultCell(_ending(one))]
-        rep = None if found.rep is None else 100 * found.rep
-        told = (
-            (found.messages, ".0f"),
-            (found.kilobytes, ".1f"),
-            (found.rounds, ".0f"),
-            (found.gap, ".0f"),
+        rep = None if metrics.rep is None else 100 * metrics.rep
+        values = (
+            (metrics.messages, ".0f"),
+            (metrics.kilobytes, ".1f"),
+            (metrics.rounds, ".0f"),
+            (metrics.gap, ".0f"),
             (rep, ".0f"),
         )
-        for value, spec in told:
-            cells.append(plain(float("nan") if value is None else float(value), spec))
-        lines.append(ResultLine("", (one.row.mode, str(one.row.seed)), tuple(cells)))
+        cells = [plain(float("nan") if value is None else float(value), spec) for value, spec in values]
+        label = (episode.row.mode, str(episode.row.seed))
+        lines.append(ResultLine("", label, (ResultCell(_ending(episode)), *cells)))
     heads = ("Ended", "Msg", "KB", "Rnd", "Gap %", "Rep %")
     return ResultTable("episodes", "The episodes that are shown", ("Mode", "Seed"), heads, tuple(lines))
 
 
-def _words(one: TracedEpisode, trace: Trace) -> ResultTable:
-    """What was said: assignments and states of targets first, in the order of ticks."""
+def _message_table(episode: TracedEpisode, trace: Trace) -> ResultTable:
+    """Return the first assignments and target states of an episode, or its first messages if it has neither."""
     messages = admitted(trace)
-    first = [said for said in messages if said.category in ("assignment", "target_status")]
-    what = "assignments and target states" if first else "messages"
-    first = first or list(messages)
+    selected = [message for message in messages if message.category in ("assignment", "target_status")]
+    kinds = "assignments and target states" if selected else "messages"
+    selected = selected or list(messages)
     lines = []
-    for said in first[:SAID]:
-        body = json.dumps(_rounded(msgspec.to_builtins(dict(said.body))), ensure_ascii=False)
-        many = len(said.recipients) > FEW
-        to = f"{len(said.recipients)} agents" if many else ", ".join(said.recipients) or "nobody"
-        short = body if len(body) <= 160 else f"{body[:159]}…"
-        lines.append(ResultLine("", (str(said.tick), said.sender, to, said.kind, short), ()))
-    more = f"{len(lines)} of {len(first)} {what}, of {len(messages)} messages; lingjing view shows all"
-    notes = (more,) if len(lines) < len(messages) else ()
-    title = f"What was said in {one.row.mode}"
+    for message in selected[:SHOWN_MESSAGES]:
+        body = json.dumps(_rounded(msgspec.to_builtins(dict(message.body))), ensure_ascii=False)
+        named = ", ".join(message.recipients) or "no agent"
+        recipients = named if len(message.recipients) <= FEW else f"{len(message.recipients)} agents"
+        short = body if len(body) <= BODY_LENGTH else f"{body[: BODY_LENGTH - 1]}…"
+        lines.append(ResultLine("", (str(message.tick), message.sender, recipients, message.kind, short), ()))
+    count = f"{len(lines)} of {len(selected)} {kinds}, of {len(messages)} messages; lingjing view shows all"
+    notes = (count,) if len(lines) < len(messages) else ()
+    title = f"Messages in {episode.row.mode}"
     return ResultTable("said", title, ("Tick", "From", "To", "Kind", "Body"), (), tuple(lines), notes)
 
 
 def _rounded(value: object) -> object:
-    """The same with numbers to two places, as far as anybody reads them."""
+    """Return a message's body with numbers to two places, which is all that a reader needs."""
     match value:
         case float():
             return round(value, 2)
         case dict():
-            return {name: _rounded(one) for name, one in value.items()}
+            return {name: _rounded(content) for name, content in value.items()}
         case list() | tuple():
-            return [_rounded(one) for one in value]
+            return [_rounded(content) for content in value]
     return value
 
 
@@ -186,7 +216,7 @@ KIND = FigureKind(
     name="conversations",
     title="Communication traces",
     source="fig:logistics-process (a), fig:sea-process (a)",
-    about="One seed of each mission in both modes, where there are, best one that ended differently. A mark is a "
+    about="One seed of each mission, in both modes if it was played in both. A mark is a "
     "message at its sender, a line goes to its recipients.",
     needs="lingjing bench modes --keep (or: lingjing run ufr --seed 1 --mode star, and --mode broadcast)",
     make=_parts,

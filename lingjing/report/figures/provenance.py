@@ -1,4 +1,4 @@
-"""Where chains of subtasks break: cumulative stage success, the paper's panel (a) of subtask provenance."""
+"""Subtask provenance: cumulative stage success, as in panel (a) of the paper's figure."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _won_otherwise(name: str, rows: Sequence[SuiteRow]) -> Iterator[str]:
-    """A note where episodes were won without a stage that success does not ask for."""
+    """Yield a note if episodes were won without a stage that success does not require."""
     won = [row.report.metrics.stages for row in rows if row.report.success and row.report.metrics is not None]
-    open_ones = [[stage.name for stage in stages if stage.done < stage.required] for stages in won]
-    number = sum(map(bool, open_ones))
+    unfinished = [[stage.name for stage in stages if stage.done < stage.required] for stages in won]
+    number = sum(map(bool, unfinished))
     if number:
-        stages = ", ".join(dict.fromkeys(stage for each in open_ones for stage in each))
-        yield f"{name}: {number} of {len(won)} that were won left {stages} open, which their success does not ask for"
+        stages = ", ".join(dict.fromkeys(stage for names in unfinished for stage in names))
+        yield f"{name}: {number} of {len(won)} that were won left {stages} open, which success does not require"
 
 
 KIND = FigureKind(
