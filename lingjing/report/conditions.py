@@ -1,5 +1,4 @@
-"""What the conditions of a study change: options of its policies by which ablations, prompts and interventions are told
-apart."""
+"""Options of policies that differ among the conditions of a study: ablations, prompts and interventions."""
 
 from __future__ import annotations
 
@@ -11,19 +10,30 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.report.evidence import ReportStudy
 
 PROMPT, INTERVENTION = "prompt", "intervention"
+"""Options that have figures of their own, apart from ablations."""
 
 
 class VariedColumn(NamedTuple):
-    """The rows of one mission and mode, with the options of policies that differ among its conditions."""
+    """The rows of one mission and mode in which options of policies differ."""
 
     mission: str
+    """Name of the mission."""
+
     mode: str
+    """The communication mode."""
+
     rows: tuple[SuiteRow, ...]
+    """All counted rows of that mission and mode."""
+
     options: frozenset[str]
+    """Names of the options that differ."""
 
     def conditions(self, *, of: str = "") -> dict[tuple[str, str], list[SuiteRow]]:
-        """The rows by entrant and condition: those that were given the option `of`, or, without it, those that were
-        given no prompt and no intervention where these differ."""
+        """Return the rows by entrant and condition.
+
+        With `of`, only rows that set this option; without it, only rows that set neither a prompt nor an intervention,
+        as far as these differ.
+        """
         apart = {PROMPT, INTERVENTION} & self.options
         kept = [
             row for row in self.rows
@@ -33,7 +43,7 @@ class VariedColumn(NamedTuple):
 
 
 def varied_columns(study: ReportStudy) -> Iterator[VariedColumn]:
-    """Every mission and mode of a study in which options differ."""
+    """Yield every mission and mode of a study in which options differ."""
     for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
         options = frozenset(name for own in grouped(rows, lambda row: row.entrant).values() for name in _differing(own))
         if options:
@@ -41,10 +51,10 @@ def varied_columns(study: ReportStudy) -> Iterator[VariedColumn]:
 
 
 def _differing(rows: Sequence[SuiteRow]) -> Iterator[str]:
-    """Names of options that change from condition to condition."""
-    each = [own[0].options.policy_args for own in grouped(rows, lambda row: row.condition).values()]
-    for name in sorted({name for one in each for name in one}):
-        if len({repr(one.get(name)) for one in each}) > 1:
+    """Yield the names of options that change from condition to condition."""
+    settings = [own[0].options.policy_args for own in grouped(rows, lambda row: row.condition).values()]
+    for name in sorted({name for options in settings for name in options}):
+        if len({repr(options.get(name)) for options in settings}) > 1:
             yield name
 
 

@@ -1,6 +1,6 @@
-"""Numbers of figures with their 95 % intervals and how many episodes they are over, taken from rows of episodes.
+"""Estimates from rows of episodes, with 95 % intervals and the number of episodes behind them.
 
-Shares of episodes have Wilson's interval; means, medians and pooled rates are bootstrapped over episodes.
+Shares of episodes have Wilson's interval. Means, medians and pooled rates are bootstrapped over episodes.
 """
 
 from __future__ import annotations
@@ -21,49 +21,57 @@ from lingjing.bench.table_cells import UNDEFINED, ResultCell
 
 
 class BoundedEstimate(NamedTuple):
-    """A value (nan where it is not defined), the ends of its interval, and the `number` of episodes behind it."""
+    """A value with its 95 % interval."""
 
     value: float
+    """The value; nan if it is not defined."""
+
     low: float
+    """Lower end of its interval; nan if it has none."""
+
     high: float
+    """Upper end of its interval; nan if it has none."""
+
     number: int
+    """Number of episodes behind it."""
 
     def times(self, factor: float) -> BoundedEstimate:
-        """The same in other units."""
+        """Return the same estimate in other units."""
         return BoundedEstimate(self.value * factor, self.low * factor, self.high * factor, self.number)
 
     @property
     def known(self) -> bool:
-        """Whether it is defined."""
+        """True if the value is defined."""
         return not math.isnan(self.value)
 
     def text(self, spec: str) -> str:
-        """`62 [48, 74]`, or N/A."""
+        """Return it as `62 [48, 74]`, as `62` if it has no interval, or as N/A."""
         if not self.known:
             return UNDEFINED
         ends = "" if math.isnan(self.low) else f" [{self.low:{spec}}, {self.high:{spec}}]"
         return f"{self.value:{spec}}{ends}"
 
     def cell(self, spec: str = ".0f") -> ResultCell:
-        """The entry of a table."""
+        """Return it as the entry of a table."""
         return ResultCell(self.text(spec), self.value)
 
 
 MANY = 500
-"""From so many episodes on the interval of a pooled rate is that of its linearisation: the bootstrap's to a tenth of a
-point, in a thousandth of the time."""
+"""Above this many episodes the interval of a pooled rate is that of its linearisation. It agrees with the bootstrap's
+to a tenth of a percentage point, and takes a thousandth of the time (measured)."""
 
 _Z = 1.959963984540054
 """The standard normal quantile at 0.975."""
 
 UNKNOWN = BoundedEstimate(math.nan, math.nan, math.nan, 0)
+"""The estimate from no episode."""
 
 RowMeasure = Callable[[Sequence[SuiteRow]], BoundedEstimate]
-"""What makes one number of episodes."""
+"""A function that estimates one number from rows of episodes."""
 
 
 def share(flags: Iterable[bool]) -> BoundedEstimate:
-    """The percentage of what is true, with Wilson's interval."""
+    """Return the percentage of true flags, with Wilson's interval."""
     known = list(flags)
     if not known:
         return UNKNOWN
@@ -72,7 +80,7 @@ def share(flags: Iterable[bool]) -> BoundedEstimate:
 
 
 def mean(values: Iterable[float | None]) -> BoundedEstimate:
-    """The mean of what is defined."""
+    """Return the mean of the defined values."""
     known = [float(value) for value in values if value is not None and not math.isnan(value)]
     if not known:
         return UNKNOWN
@@ -80,7 +88,7 @@ def mean(values: Iterable[float | None]) -> BoundedEstimate:
 
 
 def pooled(parts: Iterable[tuple[float, float]]) -> BoundedEstimate:
-    """The sum of all first numbers over the sum of all second ones: a rate over one pool of all episodes."""
+    """Return the rate over one pool of all episodes: the sum of the first numbers over the sum of the second ones."""
     known = np.array([part for part in parts if part[1] > 0], dtype=np.float64).reshape(-1, 2)
     if not len(known):
         return UNKNOWN
@@ -94,44 +102,44 @@ def pooled(parts: Iterable[tuple[float, float]]) -> BoundedEstimate:
 
 
 def tsr(rows: Sequence[SuiteRow]) -> BoundedEstimate:
-    """Task success rate, percent."""
+    """Return the task success rate in percent."""
     return share(row.report.success for row in rows)
 
 
 def scr(rows: Sequence[SuiteRow]) -> BoundedEstimate:
-    """Mean subtask completion rate, percent."""
+    """Return the mean subtask completion rate in percent."""
     return mean(row.report.scr for row in rows).times(100.0)
 
 
 def metric(name: str, factor: float = 1.0) -> RowMeasure:
-    """What takes the mean of a metric over the episodes that have it."""
-    return lambda rows: mean(getattr(one, name) for one in metrics_of(rows)).times(factor)
+    """Return the measure that is the mean of a metric over the episodes that have it."""
+    return lambda rows: mean(getattr(metrics, name) for metrics in metrics_of(rows)).times(factor)
 
 
 def weighted(name: str, weight: str, factor: float = 1.0) -> RowMeasure:
-    """What pools a rate over what `weight` counts in each episode."""
+    """Return the measure that pools a rate, weighted by the metric `weight`, which counts its cases in each episode."""
 
     def measured(rows: Sequence[SuiteRow]) -> BoundedEstimate:
-        parts = [(getattr(one, name), getattr(one, weight)) for one in metrics_of(rows)]
+        parts = [(getattr(metrics, name), getattr(metrics, weight)) for metrics in metrics_of(rows)]
         return pooled((value * count, count) for value, count in parts if value is not None).times(factor)
 
     return measured
 
 
 def unmatched(rows: Sequence[SuiteRow]) -> BoundedEstimate:
-    """1 - F1 of detection over the pooled counts."""
-    told = [(one.false_positives + one.misses, 2 * one.detections) for one in metrics_of(rows)]
-    return pooled((wrong, right + wrong) for wrong, right in told)
+    """Return 1 - F1 of detection over the pooled counts."""
+    counts = [(each.false_positives + each.misses, 2 * each.detections) for each in metrics_of(rows)]
+    return pooled((wrong, right + wrong) for wrong, right in counts)
 
 
 def perceived(kind: Literal["missing", "hallucinating", "confusing"], factor: float = 1.0) -> RowMeasure:
-    """What takes the share of all aligned frames with one or more of a kind of error."""
-    return lambda rows: pooled((getattr(one, kind), one.frames) for one in _perceived(rows)).times(factor)
+    """Return the measure that is the share of all aligned frames with at least one error of a kind."""
+    return lambda rows: pooled((getattr(counts, kind), counts.frames) for counts in _perceived(rows)).times(factor)
 
 
 def location_error_m(rows: Sequence[SuiteRow]) -> BoundedEstimate:
-    """The median over all matched reports of their distance from the target."""
-    errors = [np.array(one.errors_m, dtype=np.float64) for one in _perceived(rows) if one.errors_m]
+    """Return the median distance in metres between matched reports and their targets."""
+    errors = [np.array(counts.errors_m, dtype=np.float64) for counts in _perceived(rows) if counts.errors_m]
     if not errors:
         return UNKNOWN
     drawn = [np.median(np.concatenate([errors[at] for at in sample])) for sample in drawn_samples(len(errors))]
@@ -139,20 +147,23 @@ def location_error_m(rows: Sequence[SuiteRow]) -> BoundedEstimate:
 
 
 def calibration(rows: Sequence[SuiteRow]) -> BoundedEstimate:
-    """Expected calibration error over the confidences of all reports."""
-    told = [one.confidences for one in _perceived(rows) if one.confidences]
-    if not told:
+    """Return the expected calibration error (0 to 1) over the confidences of all reports."""
+    confidences = [counts.confidences for counts in _perceived(rows) if counts.confidences]
+    if not confidences:
         return UNKNOWN
-    gaps = np.array([calibration_gaps(each) for each in told])
-    counts = np.array([len(each) for each in told])
-    sample = drawn_samples(len(told))
+    gaps = np.array([calibration_gaps(each) for each in confidences])
+    counts = np.array([len(each) for each in confidences])
+    sample = drawn_samples(len(confidences))
     drawn = np.abs(gaps[sample].sum(axis=1)).sum(axis=1) / counts[sample].sum(axis=1)
-    return _bounded(float(np.abs(gaps.sum(axis=0)).sum() / counts.sum()), bounds_of(drawn), len(told))
+    return _bounded(float(np.abs(gaps.sum(axis=0)).sum() / counts.sum()), bounds_of(drawn), len(confidences))
 
 
 def cost_factor(rows: Sequence[SuiteRow], among: Iterable[SuiteRow]) -> float:
-    """Tokens of an episode over those of the same entrant's baseline `among` some rows: "relative cost divides this
-    total by the designated full agent or prompt baseline"; nan where that took none."""
+    """Return the tokens of an episode over those of the same entrant's baseline in `among`.
+
+    The paper: "relative cost divides this total by the designated full agent or prompt baseline". It is nan if the
+    baseline took no tokens.
+    """
     return Played.of(rows).cost_factor(
         Played.of(row for row in among if row.baseline and row.entrant == rows[0].entrant)
     )
@@ -163,12 +174,12 @@ def _perceived(rows: Iterable[SuiteRow]) -> list[PerceptionCounts]:
 
 
 def metrics_of(rows: Iterable[SuiteRow]) -> list[Metrics]:
-    """The metrics of all that have any."""
+    """Return the metrics of the rows that have them."""
     return [row.report.metrics for row in rows if row.report.metrics is not None]
 
 
 def _bounded(value: float, bounds: ConfidenceBounds, count: int) -> BoundedEstimate:
-    if count == 1:  # one episode says nothing of how others vary
+    if count == 1:  # one episode does not show how episodes vary
         return BoundedEstimate(value, math.nan, math.nan, 1)
     return BoundedEstimate(value, bounds.low, bounds.high, count)
 

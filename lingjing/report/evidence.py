@@ -1,4 +1,4 @@
-"""What a report is made of: rows of episodes by study, traces that can be opened, what other verbs measured."""
+"""The evidence of a report: rows of episodes by study, traces, and measurements of other commands."""
 
 from __future__ import annotations
 
@@ -17,31 +17,36 @@ KeyT = TypeVar("KeyT", bound=Hashable)
 
 
 class ReportStudy(msgspec.Struct, frozen=True, kw_only=True):
-    """The episodes of one suite, or of all traces that are no suite's; `name` and `title` are empty for these.
-
-    `rows` are the counted ones by column in the paper's order, then as the suite lists who played and under what;
-    `all_rows` are those of every standing.
-    """
+    """The episodes of one suite, or those of all single traces."""
 
     name: str
+    """Name of the suite; empty for single traces."""
+
     title: str
+    """Title of the suite; empty for single traces."""
+
     rows: tuple[SuiteRow, ...]
+    """The counted rows: by column in the paper's order, then by entrant, condition and seed as the suite lists them."""
+
     all_rows: tuple[SuiteRow, ...]
+    """The rows of every standing, lost and aborted episodes among them."""
 
     def by(self, key: Callable[[SuiteRow], KeyT]) -> dict[KeyT, list[SuiteRow]]:
-        """The counted rows by what a function says of each."""
+        """Return the counted rows grouped by the values of a function."""
         return grouped(self.rows, key)
 
     def numbers(self) -> Callable[[SuiteRow], int]:
-        """What gives the place of a row's entrant, with its condition where that is no baseline, among the plain rows:
-        by it all charts of the study tell it apart."""
-        places = {_key(one): (one.entrant_place, one.condition_place) for one in self.plain}
+        """Return a function that numbers the series of plain rows, the same in all charts of the study.
+
+        A series is an entrant, together with its condition if that is no baseline.
+        """
+        places = {_key(row): (row.entrant_place, row.condition_place) for row in self.plain}
         order = {key: at for at, key in enumerate(sorted(places, key=lambda key: (places[key], key)))}
         return lambda row: order[_key(row)]
 
     @property
     def plain(self) -> tuple[SuiteRow, ...]:
-        """The counted rows without a condition and those of baselines; all where there are neither."""
+        """The counted rows without a condition and those of baselines; all counted rows if there are neither."""
         return tuple(row for row in self.rows if row.baseline or not row.condition) or self.rows
 
 
@@ -50,50 +55,73 @@ def _key(row: SuiteRow) -> tuple[str, str]:
 
 
 class TracedEpisode(NamedTuple):
-    """A row whose trace can be opened."""
+    """An episode with a trace."""
 
     path: Path
+    """Path of the trace."""
+
     row: SuiteRow
+    """Row of the episode."""
 
 
 class PromptTrial(NamedTuple):
-    """A search for a better prompt: its folder's name, and its candidates in order."""
+    """A search for a better prompt."""
 
     name: str
+    """Name of its folder."""
+
     candidates: tuple[PromptCandidate, ...]
+    """Its candidates, in the order in which they were tried."""
 
 
 class FrameProbe(NamedTuple):
-    """What detectors said of frames and of their twins: the folder's name, and the counts."""
+    """The answers of detectors on frames and on their twins."""
 
     name: str
+    """Name of the probe's folder."""
+
     cells: tuple[ProbeCell, ...]
+    """Counts of each class and detector."""
 
 
 class TwinFolders(NamedTuple):
-    """A set of frames, and a folder of their twins."""
+    """A set of frames together with their twins."""
 
     frames: Path
+    """Folder of the frames."""
+
     twins: Path
+    """Folder of the twins."""
 
 
 class ReportEvidence(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything that figures may show. `left_out` says, a line each, what was found and is in none of them."""
+    """Everything that figures may show."""
 
     studies: tuple[ReportStudy, ...] = ()
+    """Suites in the order of their folders, then the study of single traces."""
+
     traced: tuple[TracedEpisode, ...] = ()
+    """Counted episodes with a trace."""
+
     searches: tuple[PromptTrial, ...] = ()
+    """Searches for a prompt."""
+
     probes: tuple[FrameProbe, ...] = ()
+    """Probes of detectors."""
+
     twins: tuple[TwinFolders, ...] = ()
+    """Sets of frames with twins."""
+
     left_out: tuple[str, ...] = ()
+    """One line for each kind of trace that is in no figure, with the reason."""
 
     def played(self) -> Iterator[ReportStudy]:
-        """The studies in which an episode counts."""
+        """Return the studies with counted episodes."""
         return (study for study in self.studies if study.rows)
 
     @property
     def episodes(self) -> int:
-        """How many count."""
+        """The number of counted episodes."""
         return sum(len(study.rows) for study in self.studies)
 
 

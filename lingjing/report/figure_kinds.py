@@ -1,4 +1,4 @@
-"""Every figure, in the order of a report, and how one is found by its name."""
+"""The list of all figures in the order of a report, and the look-up of a figure by its name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FIGURES: tuple[FigureKind, ...] = (
 
 
 def figure_named(name: str) -> FigureKind:
-    """The figure of that name. Raises `UsageError` for a name that none has."""
+    """Return the figure of that name. Raises `UsageError` if no figure has it."""
     for kind in FIGURES:
         if kind.name == name:
             return kind

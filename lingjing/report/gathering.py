@@ -1,5 +1,8 @@
-"""From places to evidence. Traces are read one at a time in each of `jobs` processes and only their rows are kept, so
-that a thousand of them are never in memory at once."""
+"""Reads places into evidence.
+
+Traces are read one at a time in each of `jobs` processes, and only their rows are kept: a thousand traces are never in
+memory together.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ from lingjing.report.evidence import (
     TracedEpisode,
     TwinFolders,
 )
-from lingjing.report.places import FoundPlaces, find_places
+from lingjing.report.places import PlaceContents, find_places
 from lingjing.report.trace_rows import row_of, with_conditions
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import CUT_SHORT
@@ -38,16 +41,23 @@ from lingjing.trace.records import CUT_SHORT
 DecodedT = TypeVar("DecodedT")
 
 NAMED = 3
-"""So many of what is left out are named."""
+"""Number of omitted traces that a note names; the others are counted."""
 
 
 class TraceReading(NamedTuple):
-    """What became of reading one trace: a row, or why there is none."""
+    """The outcome of reading one trace."""
 
     path: Path
+    """Path of the trace."""
+
     row: SuiteRow | None
-    fault: str = ""
+    """Row of its episode; None if it cannot be read."""
+
+    error: str = ""
+    """The message of the error that prevented reading."""
+
     hint: str = ""
+    """The hint of that error."""
 
 
 def gather(
@@ -57,20 +67,20 @@ def gather(
     other_code: bool = False,
     tell: Callable[[int, int], None] = lambda done, whole: None,
 ) -> ReportEvidence:
-    """Everything that lies at the places. `tell` is given how many of how many traces have been read.
+    """Read everything at the places. `tell` receives the number of traces that are read, and the number of all.
 
-    A trace that was named itself and cannot be read raises `UsageError`; one that was found in a folder is left out,
-    and said to be. Raises `UsageError` as well where nothing is left, or where results do not fit together.
+    A trace in a folder that cannot be read is left out, and a note reports it. Raises `UsageError` if a place cannot be
+    read that was named itself, if no episode is left, or if results do not fit together.
     """
-    found = find_places(places)
-    suites, traced = _suites(found.results, other_code)
-    loose, more, left_out = _loose(found, jobs, tell)
+    contents = find_places(places)
+    suites, traced = _suites(contents.results, other_code)
+    loose, more, left_out = _loose(contents, jobs, tell)
     evidence = ReportEvidence(
         studies=tuple(suites + loose),
         traced=tuple(traced + more),
-        searches=tuple(_search(folder) for folder in found.searches),
-        probes=tuple(FrameProbe(folder.name, _probe(folder)) for folder in found.probes),
-        twins=tuple(_paired(found.frames, found.twins)),
+        searches=tuple(_search(folder) for folder in contents.searches),
+        probes=tuple(FrameProbe(folder.name, _probe(folder)) for folder in contents.probes),
+        twins=tuple(_paired(contents.frames, contents.twins)),
         left_out=tuple(left_out),
     )
     if not (evidence.episodes or evidence.searches or evidence.probes or evidence.twins):
@@ -114,48 +124,48 @@ def _title(folders: Sequence[Path], name: str) -> str:
 
 
 def _kept(row: SuiteRow, folders: Sequence[Path]) -> Path | None:
-    """The trace of a row, if it was kept."""
+    """Return the path of a row's trace; None if the trace was not kept."""
     if not row.report.trace:
         return None
     return next((path for folder in folders if (path := folder / row.report.trace).is_file()), None)
 
 
-# -- traces that are no suite's
+# -- single traces
 
 
 def _loose(
-    found: FoundPlaces, jobs: int, tell: Callable[[int, int], None]
+    contents: PlaceContents, jobs: int, tell: Callable[[int, int], None]
 ) -> tuple[list[ReportStudy], list[TracedEpisode], list[str]]:
     read: list[tuple[TraceReading, SuiteRow]] = []
-    cut, faults, again = list[Path](), list[str](), list[Path]()
-    for done, one in enumerate(_readings(found.traces, jobs), 1):
-        if one.row is None and one.path in found.named:
-            raise UsageError(one.fault, hint=one.hint or "leave it out")
-        if one.row is None:
-            faults.append(one.fault)
-        elif one.row.report.reason in CUT_SHORT:
-            cut.append(one.path)
+    cut, errors, again = list[Path](), list[str](), list[Path]()
+    for done, reading in enumerate(_readings(contents.traces, jobs), 1):
+        if reading.row is None and reading.path in contents.named:
+            raise UsageError(reading.error, hint=reading.hint or "leave it out")
+        if reading.row is None:
+            errors.append(reading.error)
+        elif reading.row.report.reason in CUT_SHORT:
+            cut.append(reading.path)
         else:
-            read.append((one, one.row))
-        tell(done, len(found.traces))
+            read.append((reading, reading.row))
+        tell(done, len(contents.traces))
     rows = with_conditions(row for _, row in read)
     kept: dict[object, tuple[TraceReading, SuiteRow]] = {}
     by_path = {row.report.trace: row for row in rows}
-    for one, first in read:
+    for reading, first in read:
         row = by_path[first.report.trace]
         if row.key in kept:
-            again.append(one.path)
+            again.append(reading.path)
         else:
-            kept[row.key] = one, row
+            kept[row.key] = reading, row
     notes = [
         *_noted(
             cut, "cut short (interrupted, aborted by the infrastructure, killed, or the file is damaged), so in no rate"
         ),
         *_noted(again, "of an episode that is counted already (entrant, column, condition and seed)"),
-        *_noted(faults, "cannot be read"),
+        *_noted(errors, "cannot be read"),
     ]
     rows = [row for _, row in kept.values()]
-    traced = [TracedEpisode(one.path, row) for one, row in kept.values()]
+    traced = [TracedEpisode(reading.path, row) for reading, row in kept.values()]
     return [_study("", "", rows)] if rows else [], traced, notes
 
 
@@ -175,17 +185,17 @@ def _reading(path: Path) -> TraceReading:
             row = row_of(read_trace(path))
             return TraceReading(path, msgspec.structs.replace(row, attention_iou=attention_beside(path)))
     except LingjingError as error:
-        return TraceReading(path, None, fault=str(error), hint=error.hint)
+        return TraceReading(path, None, error=str(error), hint=error.hint)
 
 
-def _noted(what: Sequence[object], said: str) -> Iterator[str]:
-    if what:
-        named = "; ".join(str(one) for one in what[:NAMED])
-        more = f" and {len(what) - NAMED} more" if len(what) > NAMED else ""
-        yield f"{said}: {len(what)} trace{'s' * (len(what) > 1)}: {named}{more}"
+def _noted(traces: Sequence[object], reason: str) -> Iterator[str]:
+    if traces:
+        named = "; ".join(str(trace) for trace in traces[:NAMED])
+        more = f" and {len(traces) - NAMED} more" if len(traces) > NAMED else ""
+        yield f"{reason}: {len(traces)} trace{'s' * (len(traces) > 1)}: {named}{more}"
 
 
-# -- what other verbs have measured
+# -- measurements of other commands
 
 
 def _search(folder: Path) -> PromptTrial:
@@ -206,15 +216,16 @@ def _decoded(file: Path, kind: type[DecodedT]) -> DecodedT:
 
 
 def _paired(sets: Sequence[Path], twins: Sequence[Path]) -> Iterator[TwinFolders]:
-    """Each folder of twins with the set that has most of its frames."""
+    """Yield each folder of twins with the set that has most of its frames."""
     names = {
-        folder: {one.frame.name for cls in set_classes(folder) for one in read_class(folder, cls)} for folder in sets
+        folder: {frame.frame.name for cls in set_classes(folder) for frame in read_class(folder, cls)}
+        for folder in sets
     }
     for folder in twins:
-        taken = {one.name for one in read_twins(folder).taken}
-        shared = {one: len(taken & known) for one, known in names.items()}
+        edited = {twin.name for twin in read_twins(folder).taken}
+        shared = {frames: len(edited & known) for frames, known in names.items()}
         if any(shared.values()):
-            yield TwinFolders(max(shared, key=lambda one: shared[one]), folder)
+            yield TwinFolders(max(shared, key=lambda frames: shared[frames]), folder)
 
 
 __all__ = ["gather"]

@@ -1,4 +1,4 @@
-"""What lies at the places that a reader names: results of suites, traces, searches for prompts, probes, frame sets."""
+"""The contents of places, by kind: results of suites, traces, searches for prompts, probes, frames and twins."""
 
 from __future__ import annotations
 
@@ -14,82 +14,95 @@ from lingjing.bench.prompt_search import RESULTS as SEARCH
 from lingjing.errors import UsageError
 
 ANSWERS = "answers.jsonl"
-"""What a probe's folder holds."""
+"""File by which the folder of a probe is recognised."""
 
 _TRACES = (".mcap", ".mcap.part")
 
 
 @dataclass(slots=True)
-class FoundPlaces:
-    """Folders and files by what they hold; `named` are traces that were named themselves, not found in a folder."""
+class PlaceContents:
+    """Folders and files by kind, each once and in the order of their paths."""
 
     results: list[Path] = field(default_factory=list)
+    """Folders of suites, and single Parquet files of rows."""
+
     traces: list[Path] = field(default_factory=list)
+    """Traces outside of suites."""
+
     named: set[Path] = field(default_factory=set)
+    """Those traces that are places themselves, not found in a folder."""
+
     searches: list[Path] = field(default_factory=list)
+    """Folders of searches for a prompt."""
+
     probes: list[Path] = field(default_factory=list)
+    """Folders of probes."""
+
     twins: list[Path] = field(default_factory=list)
+    """Folders of twins."""
+
     frames: list[Path] = field(default_factory=list)
+    """Folders of sets of frames."""
 
     def count(self) -> int:
-        """How many of all kinds."""
+        """Return the number of entries of all kinds."""
         return sum(map(len, (self.results, self.traces, self.searches, self.probes, self.twins, self.frames)))
 
 
-def find_places(places: Iterable[Path]) -> FoundPlaces:
-    """Look through places; folders are gone through, but not what lies inside of results and searches.
+def find_places(places: Iterable[Path]) -> PlaceContents:
+    """Search places, folders with all their subfolders except those of results and searches.
 
-    Raises `UsageError` for a place that is not there or holds nothing of use.
+    Raises `UsageError` for a place that does not exist or holds nothing of use.
     """
-    found = FoundPlaces()
+    contents = PlaceContents()
     for place in places:
-        before = found.count()
+        before = contents.count()
         if place.is_dir():
-            _walk(place, found)
+            _walk(place, contents)
         elif not place.exists():
             raise UsageError(f"there is no `{place}`", hint="name traces, folders of runs, or results of suites")
         elif place.suffix == ".parquet":
-            found.results.append(place)
+            contents.results.append(place)
         else:
-            found.traces.append(place)
-            found.named.add(place)
-        if found.count() == before:
+            contents.traces.append(place)
+            contents.named.add(place)
+        if contents.count() == before:
             raise UsageError(
                 f"`{place}` holds no trace and no results",
                 hint="`lingjing run` writes traces, `lingjing bench` results; name their folders",
             )
     for name in ("results", "traces", "searches", "probes", "twins", "frames"):
-        setattr(found, name, _each_once(getattr(found, name)))
-    return found
+        setattr(contents, name, _each_once(getattr(contents, name)))
+    return contents
 
 
-def _walk(top: Path, found: FoundPlaces) -> None:
+def _walk(top: Path, contents: PlaceContents) -> None:
     for root, folders, files in os.walk(top):
         here = Path(root)
         folders.sort()
         if RESULTS in files or any(here.joinpath(PARTS).glob("*.parquet")):
-            found.results.append(here)
-            folders.clear()  # what lies there is told by its rows
+            contents.results.append(here)
+            folders.clear()  # its rows count, and its traces are those of rows
             continue
         if SEARCH in files and any(here.glob("candidate-*.txt")):
-            found.searches.append(here)
+            contents.searches.append(here)
             folders.clear()
             continue
         if ANSWERS in files:
-            found.probes.append(here)
+            contents.probes.append(here)
         if TWINS in files:
-            found.twins.append(here)
+            contents.twins.append(here)
         if any(here.glob(f"*/{FRAMES}")):
-            found.frames.append(here)
-        found.traces += (here / name for name in sorted(files) if name.endswith(_TRACES))
+            contents.frames.append(here)
+        contents.traces += (here / name for name in sorted(files) if name.endswith(_TRACES))
 
 
 def _each_once(paths: Iterable[Path]) -> list[Path]:
-    """Each file or folder once, whatever it is called, in order of names."""
+    """Return each file or folder once, though it was reached by several paths, in the order of names."""
     once: dict[Path, Path] = {}
     for path in paths:
         once.setdefault(path.resolve(), path)
     return sorted(once.values())
 
 
-__all__ = ["ANSWERS", "FoundPlaces", "find_places"]
+__all__ = ["ANSWERS", "PlaceContents", "find_places"]

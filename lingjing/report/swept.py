@@ -1,4 +1,4 @@
-"""Which parameters of missions a study sweeps, and what each of them is: how many there are, or something else."""
+"""Sweeps: episodes of a study that differ in one parameter of the mission alone."""
 
 from __future__ import annotations
 
@@ -15,31 +15,39 @@ from lingjing.report.evidence import ReportStudy
 
 
 class ParameterSweep(NamedTuple):
-    """Episodes of a mission in a mode that differ in one parameter alone, by its values (SI units) in order.
-
-    `counts` is whether the parameter is how many assets or targets there are; `unit` is that of its words.
-    """
+    """Episodes of a mission in a mode that differ in one parameter alone."""
 
     mission: str
+    """Name of the mission."""
+
     mode: str
+    """The communication mode."""
+
     parameter: str
+    """Name of the parameter."""
+
     counts: bool
+    """True if the parameter is a number of assets or targets."""
+
     unit: str
+    """Unit in which the mission writes the parameter; empty if it has none."""
+
     points: Mapping[float, tuple[SuiteRow, ...]]
+    """Rows by the value of the parameter (SI units or degrees), rising."""
 
     def words(self, value: float) -> str:
-        """A value as people write it: `60 m`, `20 %`."""
+        """Return a value in the mission's unit, such as `60 m` or `20 %`."""
         known = unit_of(self.unit) if self.unit else None
         return f"{value / known.factor:.4g} {self.unit}" if known is not None else f"{value:.4g}"
 
 
 def sweeps_of(study: ReportStudy) -> Iterator[ParameterSweep]:
-    """Every parameter that has two values or more while the others stay as they are."""
+    """Yield the sweep of every parameter that has at least two values while the others keep theirs."""
     for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
         usual = parameters_of(mission, mode)
         settings = {row.key: {**usual, **row.options.settings} for row in rows}
-        names = sorted({name for each in settings.values() for name in each})
-        varied = [name for name in names if len({each.get(name) for each in settings.values()}) > 1]
+        names = sorted({name for values in settings.values() for name in values})
+        varied = [name for name in names if len({values.get(name) for values in settings.values()}) > 1]
         basis = _basis(rows, settings, varied)
         for name in varied:
             alike = [
@@ -57,12 +65,12 @@ def sweeps_of(study: ReportStudy) -> Iterator[ParameterSweep]:
 
 
 def parameters_of(mission: str, mode: str) -> Mapping[str, float]:
-    """The values that a shipped mission's parameters have by themselves; nothing for any other."""
+    """Return the default values of a shipped mission's parameters; nothing for any other mission."""
     from lingjing.mission.instantiate import parameters
 
-    found = _shipped(mission)
+    model = _shipped(mission)
     try:
-        return parameters(found, mode, {}) if found is not None else {}
+        return parameters(model, mode, {}) if model is not None else {}
     except LingjingError:
         return {}
 
@@ -70,22 +78,22 @@ def parameters_of(mission: str, mode: str) -> Mapping[str, float]:
 def _basis(
     rows: Sequence[SuiteRow], settings: Mapping[RowKey, Mapping[str, float]], varied: Sequence[str]
 ) -> Mapping[str, float | None]:
-    """The values around which the sweeps are: those of baselines, else the most frequent ones."""
+    """Return the values that the other parameters of a sweep keep: those of baselines, else the most frequent ones."""
     own = [row for row in rows if row.baseline] or rows
-    found: dict[str, float | None] = {}
+    basis: dict[str, float | None] = {}
     for name in varied:
         values = [settings[row.key].get(name) for row in own]
-        found[name] = max(dict.fromkeys(values), key=values.count)
-    return found
+        basis[name] = max(dict.fromkeys(values), key=values.count)
+    return basis
 
 
 def _meaning(mission: str, parameter: str) -> tuple[bool, str]:
-    """Whether a parameter counts entities, and its unit as the mission has it."""
-    found = _shipped(mission)
-    if found is None:
+    """Return if a parameter counts entities, and its unit in the mission."""
+    model = _shipped(mission)
+    if model is None:
         return False, ""
-    counts = any(isinstance(group.count, Ref) and group.count.name == parameter for group in found.groups)
-    default = next((one.default for one in found.parameters if one.name == parameter), None)
+    counts = any(isinstance(group.count, Ref) and group.count.name == parameter for group in model.groups)
+    default = next((declared.default for declared in model.parameters if declared.name == parameter), None)
     return counts, default.unit if isinstance(default, Number) else ""
 
 

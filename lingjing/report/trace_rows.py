@@ -1,7 +1,7 @@
-"""Traces that are no suite's as rows: who played, and under what, told from the traces alone.
+"""Rows of single traces, with entrants and conditions as the traces record them.
 
-What differs among the traces of one mission and mode are the conditions: parameters of the mission, and options of the
-policies. A condition is the baseline where it is the mission's own values without options.
+The conditions are the differences among the traces of one mission and mode: parameters of the mission, and options of
+the policies. The mission's own values without options are the baseline.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lingjing.trace.reader import Trace
 
 
 def row_of(trace: Trace) -> SuiteRow:
-    """The row of one trace; its condition is not known yet."""
+    """Return the row of one trace, without its condition, which depends on the other traces."""
     header = trace.header
     instance, arguments = header.instance, dict[str, GivenOption]()
     for binding in header.bindings:
@@ -43,24 +43,25 @@ def row_of(trace: Trace) -> SuiteRow:
             mission=instance.mission, policy=policy, policy_args=arguments, mode=instance.mode, seed=instance.seed,
             settings=dict(instance.settings),
         ),
-        report=msgspec.structs.replace(report, happened=(), incidents=()),  # of a thousand traces, what is needed
+        report=msgspec.structs.replace(report, happened=(), incidents=()),  # long, and in no figure
     )  # fmt: skip
 
 
 def with_conditions(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
-    """The rows with their conditions, and with the places of entrants and conditions in tables."""
+    """Return the rows with their conditions, and with the places of entrants and conditions in tables."""
     named: list[SuiteRow] = []
     for (mission, mode), own in grouped(rows, lambda row: (row.mission, row.mode)).items():
         settings = _differing([row.options.settings for row in own])
         usual = parameters_of(mission, mode)
-        for some in grouped(own, lambda row: row.entrant).values():
-            options = _differing([row.options.policy_args for row in some])
-            for row in some:
-                given = {name: row.options.policy_args[name] for name in options if name in row.options.policy_args}
-                chosen = {name: row.options.settings.get(name) for name in settings}
-                words = [f"{name} = {value:g}" for name, value in chosen.items() if value is not None]
-                words += [f"{name} = {value}" for name, value in given.items()]
-                plain = not given and all(value == usual.get(name) for name, value in chosen.items())
+        for of_entrant in grouped(own, lambda row: row.entrant).values():
+            options = _differing([row.options.policy_args for row in of_entrant])
+            for row in of_entrant:
+                arguments = row.options.policy_args
+                changed = {name: arguments[name] for name in options if name in arguments}
+                values = {name: row.options.settings.get(name) for name in settings}
+                words = [f"{name} = {value:g}" for name, value in values.items() if value is not None]
+                words += [f"{name} = {value}" for name, value in changed.items()]
+                plain = not changed and all(value == usual.get(name) for name, value in values.items())
                 named.append(
                     msgspec.structs.replace(
                         row, condition=", ".join(words), baseline=bool(settings or options) and plain
@@ -81,15 +82,15 @@ def _placed(rows: Sequence[SuiteRow]) -> list[SuiteRow]:
 
 
 def _values(row: SuiteRow) -> tuple[float, ...]:
-    """So that `uavs = 10` comes after `uavs = 9`."""
+    """Return the numbers in a row's condition, by which `uavs = 10` sorts after `uavs = 9`."""
     words = (part.rpartition(" = ")[2] for part in row.condition.split(", "))
     return tuple(float(word) if word.replace(".", "", 1).isdecimal() else 0.0 for word in words)
 
 
-def _differing(each: Sequence[Mapping[str, GivenOption]] | Sequence[Mapping[str, float]]) -> list[str]:
-    """The names that do not have one value in all of them."""
-    names = sorted({name for one in each for name in one})
-    return [name for name in names if len({repr(one.get(name)) for one in each}) > 1]
+def _differing(settings: Sequence[Mapping[str, GivenOption]] | Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the names that do not have the same value in all of them."""
+    names = sorted({name for values in settings for name in values})
+    return [name for name in names if len({repr(values.get(name)) for values in settings}) > 1]
 
 
 __all__ = ["row_of", "with_conditions"]

@@ -1,4 +1,4 @@
-"""What is found where, what is counted once, what is left out and said to be."""
+"""Places and evidence: which runs are found, which count once, and which are left out with a note."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from tests.play.report_kit import made_report
 
 
 def copied(runs: Path, place: Path, *, keep: float = 1.0) -> Path:
-    """The star episode's trace elsewhere, or the first part of its bytes as one that was cut."""
+    """A copy of the star episode's trace, or of the first part of its bytes, as of a killed run."""
     place.parent.mkdir(parents=True, exist_ok=True)
     data = (runs / "star" / "trace.mcap").read_bytes()
     place.write_bytes(data[: int(keep * len(data))])
     return place
 
 
-def of_tomorrow(runs: Path, place: Path) -> Path:
-    """A trace whose header names a format that nobody reads yet."""
+def trace_of_a_later_version(runs: Path, place: Path) -> Path:
+    """A trace whose header names a format of a later version."""
     trace = read_trace(runs / "star" / "trace.mcap")
     place.parent.mkdir(parents=True, exist_ok=True)
     writer = TraceWriter(place, msgspec.structs.replace(trace.header, format="lingjing-trace/999"))
@@ -64,7 +64,7 @@ def test_a_trace_that_is_found_twice_counts_once(runs: Path, tmp_path: Path) -> 
     assert "counted already" in found.left_out[0]
 
 
-def test_what_was_cut_short_is_in_no_rate_and_said(runs: Path, tmp_path: Path) -> None:
+def test_episodes_that_were_cut_short_are_in_no_rate_and_in_a_note(runs: Path, tmp_path: Path) -> None:
     cut = copied(runs, tmp_path / "cut" / "trace.mcap.part", keep=0.6)
     found = gather([runs, tmp_path])
     assert found.episodes == 2
@@ -74,18 +74,16 @@ def test_what_was_cut_short_is_in_no_rate_and_said(runs: Path, tmp_path: Path) -
     assert str(cut) in error.value.hint
 
 
-def test_a_trace_of_another_version_is_an_error_where_it_was_named_and_a_note_where_it_was_found(
-    runs: Path, tmp_path: Path
-) -> None:
-    strange = of_tomorrow(runs, tmp_path / "new" / "trace.mcap")
+def test_a_trace_of_another_version_is_an_error_if_named_and_a_note_if_found(runs: Path, tmp_path: Path) -> None:
+    later = trace_of_a_later_version(runs, tmp_path / "new" / "trace.mcap")
     with pytest.raises(UsageError, match="lingjing-trace/999"):
-        gather([runs, strange])
+        gather([runs, later])
     found = gather([runs, tmp_path])
     assert found.episodes == 2
     assert "cannot be read" in found.left_out[0] and "lingjing-trace/999" in found.left_out[0]
 
 
-def test_nothing_where_something_was_named_is_an_error(tmp_path: Path) -> None:
+def test_a_place_without_runs_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(UsageError, match="holds no trace and no results"):
         gather([tmp_path / "empty"])
@@ -96,14 +94,14 @@ def test_nothing_where_something_was_named_is_an_error(tmp_path: Path) -> None:
         gather([tmp_path / "text.mcap"])
 
 
-def test_the_traces_of_a_suite_are_told_by_its_rows(runs: Path, results: Callable[..., Path]) -> None:
+def test_the_rows_of_a_suite_count_and_its_traces_do_not(runs: Path, results: Callable[..., Path]) -> None:
     folder = results([made_row(seed=1, report=None)])
     shutil.copytree(runs / "star", folder / "runs" / "one")
     assert gather([folder]).episodes == 1, "a trace inside of results is no further episode"
     row = made_row(seed=1)
     kept = msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace="runs/one/trace.mcap"))
     found = gather([results([kept])])
-    assert [one.path for one in found.traced] == [folder / "runs" / "one" / "trace.mcap"]
+    assert [episode.path for episode in found.traced] == [folder / "runs" / "one" / "trace.mcap"]
 
 
 def test_one_trace_at_a_time_is_in_memory(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,7 +109,7 @@ def test_one_trace_at_a_time_is_in_memory(runs: Path, tmp_path: Path, monkeypatc
         copied(runs, tmp_path / str(number) / "trace.mcap")
     alive = most = 0
 
-    def gone() -> None:
+    def freed() -> None:
         nonlocal alive
         alive -= 1
 
@@ -121,31 +119,35 @@ def test_one_trace_at_a_time_is_in_memory(runs: Path, tmp_path: Path, monkeypatc
         trace = read_trace(path)
         alive += 1
         most = max(most, alive)
-        weakref.finalize(trace, gone)
+        weakref.finalize(trace, freed)
         return trace
 
     monkeypatch.setattr(gathering, "read_trace", reading)
-    told: list[tuple[int, int]] = []
-    gather([tmp_path], tell=lambda done, whole: told.append((done, whole)))
-    assert most == 1 and told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    progress: list[tuple[int, int]] = []
+    gather([tmp_path], tell=lambda done, whole: progress.append((done, whole)))
+    assert most == 1 and progress == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
-def test_attention_maps_beside_a_trace_are_taken_in(runs: Path, tmp_path: Path) -> None:
+def test_attention_maps_beside_a_trace_are_read(runs: Path, tmp_path: Path) -> None:
     trace = read_trace(copied(runs, tmp_path / "trace.mcap"))
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    frame = next(one for one in trace.frames.values() if any(box.entity in targets and box.pixels for box in one.boxes))
+    frame = next(
+        frame for frame in trace.frames.values() if any(box.entity in targets and box.pixels for box in frame.boxes)
+    )
     np.savez(tmp_path / "attention.npz", **{frame.id: np.eye(8)})
     (row,) = gather([tmp_path]).studies[0].rows
     assert row.attention_iou is not None and 0.0 <= row.attention_iou < 1.0
     (tmp_path / "attention.npz").write_text("none")
-    assert "attention.npz" in gather([runs, tmp_path]).left_out[0], "what is wrong beside a trace leaves it out"
+    assert "attention.npz" in gather([runs, tmp_path]).left_out[0], "a faulty file beside a trace leaves the trace out"
 
 
-def test_attention_maps_of_a_suite_are_in_its_tables_and_go_along_when_merged(runs: Path, tmp_path: Path) -> None:
+def test_attention_maps_of_a_suite_are_in_its_tables_and_stay_when_merged(runs: Path, tmp_path: Path) -> None:
     suite = tmp_path / "suite"
     trace = read_trace(copied(runs, suite / "runs" / "one" / "trace.mcap"))
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    frame = next(one for one in trace.frames.values() if any(box.entity in targets and box.pixels for box in one.boxes))
+    frame = next(
+        frame for frame in trace.frames.values() if any(box.entity in targets and box.pixels for box in frame.boxes)
+    )
     report = made_report(trace="runs/one/trace.mcap")
     (suite / "results.parquet").write_bytes(encode_rows([made_row(report=report), made_row(seed=1)]))
 
@@ -164,11 +166,11 @@ def test_attention_maps_of_a_suite_are_in_its_tables_and_go_along_when_merged(ru
     assert merge_results([submitted, suite]) == merge_results([suite, submitted]) == [played, other]
 
 
-def test_processes_give_the_same(runs: Path, evidence: ReportEvidence) -> None:
+def test_several_processes_give_the_same_evidence(runs: Path, evidence: ReportEvidence) -> None:
     assert gather([runs], jobs=2) == evidence
 
 
-def test_what_differs_among_traces_are_the_conditions() -> None:
+def test_the_differences_among_traces_are_the_conditions() -> None:
     def played(seed: int, uavs: float, **args: object) -> object:
         options = PlayOptions(mission="ssr", policy="react", settings={"uavs": uavs, "victims": 3.0}, policy_args=args)
         return made_row(seed=seed, mode="broadcast", entrant="m", options=options)

@@ -1,19 +1,19 @@
-"""One module for each figure of the paper; each has a `FigureKind`, which the page asks for its parts.
+"""One module for each figure of the paper. Each has a `FigureKind`; its `make` gives the parts.
 
 - `main_table`     task success of every entrant in every column
 - `communication`  star and broadcast on the same seeds
-- `conversations`  who told whom what, in one episode of each mission
+- `conversations`  messages between agents, in one episode of each mission
 - `provenance`     cumulative stage success
-- `perception`     detection, location and calibration errors
+- `perception`     errors of detection, location and calibration
 - `sweeps`         scaling and robustness
-- `failures`       why episodes were lost
-- `drift`          actions by tercile
-- `signatures`     how searches went
+- `failures`       families of failures of lost episodes
+- `drift`          actions by third of an episode
+- `signatures`     coverage, speed and redundancy of searches
 - `ablations`      components of an agent
 - `cost`           tokens and dollars
 - `prompts`        prompts, and the search for one
 - `appearance`     frames and their twins
 - `last_mile`      the five stages of last-mile delivery
 - `maps`           trails on the city's map
-- `frames`         what agents saw
+- `frames`         frames of the agents' cameras
 """

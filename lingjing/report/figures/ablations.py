@@ -1,8 +1,7 @@
-"""What each component of an agent is good for: the paper's two tables of ablations."""
+"""Ablations: the effect of each component of an agent, as in the paper's two tables of ablations."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 from lingjing.bench.rows import SuiteRow
@@ -14,7 +13,7 @@ from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
 DECIDER = "decider"
-"""The option of a policy that puts a sweep in the place of its model."""
+"""Option of a policy that replaces its model by a sweep of the search area."""
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -26,12 +25,12 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             title = column_words(column.mission, column.mode)
             groups, lines = [], []
             conditions = column.conditions()
-            played: dict[str, set[str]] = {}
+            variants: dict[str, set[str]] = {}
             for (entrant, _), rows in conditions.items():
-                given = rows[0].options.policy_args
-                played.setdefault(entrant, set()).add(repr([given.get(name) for name in components]))
+                arguments = rows[0].options.policy_args
+                variants.setdefault(entrant, set()).add(repr([arguments.get(name) for name in components]))
             for (entrant, condition), rows in conditions.items():
-                if len(played[entrant]) < 2:  # it is there for the decision layer alone
+                if len(variants[entrant]) < 2:  # it is compared in the table of the decision layer alone
                     continue
                 name = condition or "default"
                 bars = (ChartBar("success (SR)", 0, tsr(rows)), ChartBar("subtasks (SCR)", 1, scr(rows)))
@@ -41,7 +40,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                          location_error_m(rows).cell(".1f"), plain(cost, ".2f"))  # fmt: skip
                 lines.append(ResultLine(called(rows[0]), (name,), cells))
             heads = ("n", "SR %", "SCR %", "LocErr m", "Cost x")
-            note = "brackets are 95 % intervals; Cost x are tokens beside those of the baseline of the same entrant"
+            note = "brackets are 95 % intervals; Cost x is tokens over those of the same entrant's baseline"
             compared = marked(lines, lower=(3,), only=(1, 2, 3))
             table = ResultTable("ablation", f"{title}: components", ("Variant",), heads, compared, (note,))
             yield FigurePart(
@@ -52,7 +51,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _decision_layer(column: VariedColumn) -> Iterator[ResultTable]:
-    """What the model adds to the sweep without one, on the seeds that both have played."""
+    """Yield the table of the gain of the model over the sweep without it, on the seeds that both have played."""
     swept = [row for row in column.rows if row.options.policy_args.get(DECIDER) == "sweep"]
     full = [rows for rows in column.conditions().values() if rows[0].baseline]
     if not swept or not full:
@@ -71,9 +70,11 @@ def _line(name: str, rows: Sequence[SuiteRow], gain: BoundedEstimate) -> ResultL
 
 
 def _gain(rows: Sequence[SuiteRow], base: Sequence[SuiteRow]) -> BoundedEstimate:
-    there = {row.seed: row.report.success for row in base}
-    pairs = [float(row.report.success) - float(there[row.seed]) for row in rows if row.seed in there]
-    return mean(pairs).times(100.0) if pairs else BoundedEstimate(math.nan, math.nan, math.nan, 0)
+    """Return the mean difference of success on common seeds, in percentage points."""
+    successes = {row.seed: row.report.success for row in base}
+    return mean(float(row.report.success) - float(successes[row.seed]) for row in rows if row.seed in successes).times(
+        100.0
+    )
 
 
 KIND = FigureKind(

@@ -1,4 +1,4 @@
-"""Star and broadcast on the same instances: the paper's table of communication, and the bars of its process figures."""
+"""Communication modes: star and broadcast on the same instances, as in the paper's table and process figures."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, heading_of
 
 MODES = ("star", "broadcast")
+"""The compared modes."""
 
 MEASURES: tuple[tuple[str, str, RowMeasure, str, bool], ...] = (
     ("TSR", "success, %", tsr, ".0f", False),
@@ -23,7 +24,7 @@ MEASURES: tuple[tuple[str, str, RowMeasure, str, bool], ...] = (
     ("Gap", "assignment gap, %", metric("gap"), ".0f", True),
     ("Rep", "repeated targets, %", weighted("rep", "target_events", 100.0), ".0f", True),
 )
-"""The paper's columns: name, words, value, how it is written, and whether less is better."""
+"""The paper's columns: short name, name in words, measure, format, and True if lower is better."""
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -52,7 +53,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _matched(rows: Sequence[SuiteRow]) -> tuple[list[SuiteRow], list[SuiteRow]] | None:
-    """The rows of the seeds that were played in both modes."""
+    """Return the rows of each mode on the seeds that were played in both; None if there is no such seed."""
     by_mode = [{row.seed: row for row in rows if row.mode == mode} for mode in MODES]
     seeds = sorted(by_mode[0].keys() & by_mode[1].keys())
     return ([by_mode[0][seed] for seed in seeds], [by_mode[1][seed] for seed in seeds]) if seeds else None
@@ -85,8 +86,8 @@ KIND = FigureKind(
     name="communication",
     title="Communication modes and cost",
     source="Table 4, tab:comm; fig:logistics-process (b), fig:sea-process (b)",
-    about="What star and broadcast achieve and cost on the same seeds. All but success are better when lower. Msg "
-    "counts a broadcast once for each recipient; Gap is what stayed undone, Rep what was assigned or visited again.",
+    about="Success and cost of star and broadcast on the same seeds. All but success are better when lower. Msg "
+    "counts a broadcast once for each recipient; Gap is the undone share of tasks, Rep the share of repeated targets.",
     needs="lingjing bench modes (or: lingjing bench reference --missions ufr ssr cd --policy heuristic --limit 5)",
     make=_parts,
 )

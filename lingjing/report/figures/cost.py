@@ -1,4 +1,4 @@
-"""What calls of models cost: tokens, dollars, and beside the baseline."""
+"""The cost of model calls: tokens, dollars, and the ratio to the baseline."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TOKENS = metric("tokens", 1e-3)
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
-        if not any(one.calls for one in metrics_of(study.rows)):
+        if not any(metrics.calls for metrics in metrics_of(study.rows)):
             continue
         drawings, lines = [], []
         for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
@@ -26,7 +26,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
                 factor, tokens = cost_factor(own, rows), Played.of(own).mean("tokens")
                 name = called(own[0], condition)
                 groups.append(BarGroup(name, (ChartBar("thousand tokens an episode", 0, _TOKENS(own)),), ".1f"))
-                dollars = sum(one.cost_usd for one in metrics_of(own))
+                dollars = sum(metrics.cost_usd for metrics in metrics_of(own))
                 cells = (
                     ResultCell(str(len(own)), len(own)), metric("calls")(own).cell(".1f"), _TOKENS(own).cell(".1f"),
                     plain(factor, ".2f"), metric("cost_usd")(own).cell(".4f"), plain(dollars, ".2f"),

@@ -1,4 +1,4 @@
-"""How actions change along an episode: the paper's table of behaviour by trajectory tercile."""
+"""Drift: rates of actions by third of an episode, as in the paper's table of behaviour by trajectory tercile."""
 
 from __future__ import annotations
 
@@ -19,23 +19,27 @@ RATES: tuple[tuple[str, str, Callable[[ActionCounts], tuple[int, int]]], ...] = 
     ("OOB", "Out of bounds", lambda counts: (counts.out_of_bounds, counts.actions)),
     ("Forgot", "Forgotten subgoals", lambda counts: (counts.forgotten, counts.actions)),
 )
+"""Rates: short name, title, and a function that returns the counted actions and the number they are a share of."""
+
+_NOTE = "each agent's actions of an episode in three equal parts, pooled; intervals are over episodes"
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
-        told = {
-            key: some
+        entrants = {
+            key: counted
             for key, rows in grouped(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items()
-            if (some := [row for row in rows if row.report.terciles])
+            if (counted := [row for row in rows if row.report.terciles])
         }
-        if not told:
+        if not entrants:
             continue
         number_of = study.numbers()
-        rates = {key: [_thirds(rows, counted) for *_, counted in RATES] for key, rows in told.items()}
+        rates = {key: [_thirds(rows, counted) for *_, counted in RATES] for key, rows in entrants.items()}
         drawings = []
         for at, (_, title, _) in enumerate(RATES):
             series = [
-                ChartSeries(called(rows[0], key[1]), rates[key][at], number_of(rows[0])) for key, rows in told.items()
+                ChartSeries(called(rows[0], key[1]), rates[key][at], number_of(rows[0]))
+                for key, rows in entrants.items()
             ]
             drawings.append(line_chart(title, TERCILES, series, unit="%", most=100.0, below="third of the actions"))
         lines = [
@@ -43,18 +47,15 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             for name, rows in _tiers(as_listed(study.plain)).items()
             for line in _lines("", name, rows, [_thirds(rows, counted) for *_, counted in RATES])
         ]
-        for key, rows in told.items():
+        for key, rows in entrants.items():
             lines += _lines(rows[0].group, called(rows[0], key[1]), rows, rates[key])
         heads = ("n", "Actions", *(short for short, *_ in RATES))
         table = ResultTable("drift", "Actions by tercile (%)", ("", "Ctx."), heads, tuple(lines), (_NOTE,))
         yield FigurePart(heading=heading_of(study, evidence), drawings=tuple(drawings), tables=(table,))
 
 
-_NOTE = "each agent's actions of an episode in three equal parts, pooled; intervals are over episodes"
-
-
 def _tiers(rows: Sequence[SuiteRow]) -> dict[str, list[SuiteRow]]:
-    """The rows of each heading of entrants, where there are headings; those that were shown the truth are in none."""
+    """Return the rows of each tier, which is a heading of entrants; entrants with access to the truth are in none."""
     return grouped(
         (row for row in rows if row.group and not row.privileged and row.report.terciles), lambda row: row.group
     )

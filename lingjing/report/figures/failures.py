@@ -1,4 +1,4 @@
-"""Why episodes were lost: the paper's table of failure families."""
+"""Failure families of lost episodes, as in the paper's table."""
 
 from __future__ import annotations
 

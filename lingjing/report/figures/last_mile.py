@@ -1,4 +1,4 @@
-"""Where last-mile delivery breaks, and which help mends it: the paper's chain of five stages and its interventions."""
+"""Last-mile delivery: the chain of five stages, and the effect of interventions on it, as in the paper."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ REPORTED = (
     "S2 and S3 are read from typed reports of the route, which no policy but react sends: others stay at S1, even if "
     "they deliver"
 )
+"""Note below tables with episodes that were won without such reports."""
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -24,7 +25,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         for (mission, mode), rows in study.by(lambda row: (row.mission, row.mode)).items():
             series, lines, groups = list[ChartSeries](), list[ResultLine](), list[BarGroup]()
             for (_, condition), own in grouped(rows, lambda row: (row.entrant, row.condition)).items():
-                done = [one.last_mile for one in metrics_of(own) if one.last_mile is not None]
+                done = [metrics.last_mile for metrics in metrics_of(own) if metrics.last_mile is not None]
                 if not done:
                     continue
                 values = tuple(share(count > stage for count in done) for stage in range(len(STAGES)))
@@ -46,7 +47,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             heads = ("n", *(f"{stage} %" for stage in STAGES), "S4")
             note = (
                 "S1 aerial inspection, S2 ends of the route, S3 places of the way, S4 legal-edge arrival, S5 target "
-                "house; cumulative, with Wilson intervals; what an intervention gives counts as done"
+                "house; cumulative, with Wilson intervals; stages that an intervention does count as done"
             )
             notes = (note, REPORTED) if _won_unreported(rows) else (note,)
             table = ResultTable("last-mile", f"{title}: cumulative stages", ("Condition",), heads, tuple(lines), notes)
@@ -54,7 +55,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _won_unreported(rows: Sequence[SuiteRow]) -> bool:
-    """Whether an episode was won whose chain is broken, because nobody reported the route."""
+    """Return True if an episode with a broken chain was won: its route was not reported."""
     return any(row.report.success and (row.report.metrics.last_mile or 0) < len(STAGES) for row in rows
                if row.report.metrics is not None and row.report.metrics.last_mile is not None)  # fmt: skip
 

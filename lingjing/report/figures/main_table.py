@@ -1,4 +1,4 @@
-"""Task success of every entrant in every column: the paper's main table."""
+"""Main results: the task success of every entrant in every column, as in the paper's main table."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ KIND = FigureKind(
     title="Main results",
     source="Table 3, tab:main",
     about="Engine-adjudicated task success rate (TSR), percent. Small s and b are star and broadcast. Avg is over the "
-    "modes of a mission first, then over missions; it is there where every column was played.",
+    "modes of a mission first, then over missions; an entrant has it if it played every column.",
     needs="lingjing bench main (or: lingjing bench reference --policy heuristic random --limit 5)",
     make=_parts,
 )

@@ -1,4 +1,4 @@
-"""How well the calls behind the stages saw: the paper's panel (b) of subtask provenance and its table of perception."""
+"""Perception: errors of detection reports, as in panel (b) of the paper's subtask provenance and its table."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from lingjing.report.evidence import ReportEvidence, ReportStudy
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
 MEASURES = ("1 - F1", "miss rate", "location error, as a share of the largest", "calibration error (ECE)")
+"""Names of the four measures, each between 0 and 1."""
 
 _MISS = perceived("missing")
 _RATES = perceived("missing", 100.0), perceived("hallucinating", 100.0), perceived("confusing", 100.0)
@@ -51,7 +52,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _measured(rows: Sequence[SuiteRow], farthest: float) -> tuple[BoundedEstimate, ...]:
-    """The four measures, each from 0 to 1, higher being worse."""
+    """Return the four measures, each from 0 to 1; higher is worse."""
     normal = location_error_m(rows).times(1 / farthest) if farthest > 0 else UNKNOWN
     return unmatched(rows), _MISS(rows), normal, calibration(rows)
 
@@ -61,9 +62,12 @@ def _drawn(number_of: Callable[[SuiteRow], int], title: str, rows: Sequence[Suit
     measured = [(own[0], called(own[0], key[1]), _measured(own, farthest)) for key, own in each.items()]
     groups = [
         BarGroup(
-            name, tuple(ChartBar(who, number_of(row), values[number]) for row, who, values in measured), ".2f", 1.0
+            measure,
+            tuple(ChartBar(name, number_of(row), values[number]) for row, name, values in measured),
+            ".2f",
+            1.0,
         )
-        for number, name in enumerate(MEASURES)
+        for number, measure in enumerate(MEASURES)
     ]
     return bar_chart(title, groups, lone=True)
 
@@ -72,7 +76,7 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
     lines = []
     for (mission, mode, _, condition), rows in cells.items():
         wrong, missed, normal, calibrated = _measured(rows, farthest)
-        frames = sum(one.frames for one in metrics_of(rows))
+        frames = sum(metrics.frames for metrics in metrics_of(rows))
         entries = (
             ResultCell(str(len(rows)), len(rows)), ResultCell(f"{frames:,}", frames), wrong.cell(".2f"),
             missed.cell(".2f"), calibrated.cell(".2f"), location_error_m(rows).cell(".1f"), normal.cell(".2f"),
@@ -87,18 +91,18 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
 
 
 def _backbones(study: ReportStudy) -> ResultTable:
-    """The paper's table by backbone; attention is of models whose maps lie beside their traces."""
+    """Return the paper's table by backbone. Attention is defined for models with maps beside their traces."""
     lines = []
     for rows in grouped(as_listed(study.plain), lambda row: row.entrant).values():
-        looked = [row.attention_iou for row in rows if row.attention_iou is not None]
+        attention = [row.attention_iou for row in rows if row.attention_iou is not None]
         cells = (
             ResultCell(str(len(rows)), len(rows)),
             *(rate(rows).cell() for rate in _RATES),
-            mean(looked).cell(".2f"),
+            mean(attention).cell(".2f"),
         )
         lines.append(ResultLine(rows[0].group, (called(rows[0]),), cells))
     heads = ("n", "Miss", "Halluc.", "Confus.", "Attn-IoU")
-    note = "percent of frames, but for Attn-IoU: N/A without attention.npz beside a trace (docs/metrics.md)"
+    note = "percent of frames; Attn-IoU is from 0 to 1, and N/A without attention.npz beside a trace (docs/metrics.md)"
     compared = marked(lines, lower=(1, 2, 3), only=(1, 2, 3, 4))
     return ResultTable("perception", "Perception by entrant", ("Entrant",), heads, compared, (note,))
 

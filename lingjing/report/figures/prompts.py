@@ -1,4 +1,4 @@
-"""How much the prompt decides: the paper's figure of prompts, evaluation and development."""
+"""Prompts: their evaluation on held-out seeds, and the search for one, as in the paper's figure of prompts."""
 
 from __future__ import annotations
 
@@ -46,19 +46,22 @@ def _evaluated(evidence: ReportEvidence) -> Iterator[FigurePart]:
 
 
 def _developed(trial: PromptTrial) -> FigurePart:
-    """The trajectory of a search on its development episodes."""
-    played = [one for one in trial.candidates if not one.fault]
-    lost = [f"{one.number}" for one in trial.candidates if one.fault]
-    steps = [f"{one.number}" for one in played]
-    wins = tuple(share(each.success for each in one.episodes) for one in played)
-    kept = tuple(pooled((each.valid, each.answers) for each in one.episodes).times(100.0) for one in played)
-    done = tuple(mean(each.scr for each in one.episodes).times(100.0) for one in played)
-    series = [ChartSeries("TSR", wins, 0), ChartSeries("SCR", done, 1), ChartSeries("JSON", kept, 2)]
+    """Return the trajectory of a search on its development episodes."""
+    played = [candidate for candidate in trial.candidates if not candidate.fault]
+    lost = [f"{candidate.number}" for candidate in trial.candidates if candidate.fault]
+    steps = [f"{candidate.number}" for candidate in played]
+    wins, done, valid = [], [], []
     lines = []
-    for at, one in enumerate(played):
-        values = (cells[at].cell() for cells in (wins, done, kept))
-        entries = (ResultCell(str(len(one.episodes)), len(one.episodes)), *values, ResultCell(one.sha256[:12]))
-        lines.append(ResultLine("", (f"revision {one.number}" if one.number else "start",), entries))
+    for candidate in played:
+        episodes = candidate.episodes
+        wins.append(share(each.success for each in episodes))
+        done.append(mean(each.scr for each in episodes).times(100.0))
+        valid.append(pooled((each.valid, each.answers) for each in episodes).times(100.0))
+        values = (wins[-1].cell(), done[-1].cell(), valid[-1].cell())
+        entries = (ResultCell(str(len(episodes)), len(episodes)), *values, ResultCell(candidate.sha256[:12]))
+        lines.append(ResultLine("", (f"revision {candidate.number}" if candidate.number else "start",), entries))
+    measured = (("TSR", wins), ("SCR", done), ("JSON", valid))
+    series = [ChartSeries(name, tuple(values), number) for number, (name, values) in enumerate(measured)]
     heads = ("n", "TSR %", "SCR %", "JSON %", "SHA-256")
     title = f"{trial.name}: development episodes"
     return FigurePart(
@@ -66,7 +69,7 @@ def _developed(trial: PromptTrial) -> FigurePart:
         drawings=(line_chart(title, steps, series, unit="%", most=100.0, below="revision"),),
         tables=(ResultTable("trajectory", title, ("Prompt",), heads, tuple(lines)),),
         notes=(
-            "the best one so far is revised, so that a revision may be worse than the one before",
+            "each revision starts from the best prompt so far, so it may be worse than the one before",
             *([f"no prompt was given in round {', '.join(lost)}"] if lost else []),
         ),
     )

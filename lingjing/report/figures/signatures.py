@@ -1,4 +1,4 @@
-"""How searches went: the paper's table of behavioural signatures."""
+"""Search signatures: coverage, speed and redundancy of searches, as in the paper's table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIGNATURES: tuple[tuple[str, RowMeasure, str, float | None, bool], ...] = (
     ("idle-agent fraction", metric("idle_fraction"), ".2f", 1.0, True),
     ("messages at discovery, %", metric("discovery_messages", 100.0), ".0f", 100.0, False),
 )
-"""Name, value, how it is written, the end of its scale, and whether less is better."""
+"""Signatures: name, measure, format, end of the scale (None for the largest value), and True if lower is better."""
 
 
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -27,7 +27,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         drawings, tables, number_of = [], [], study.numbers()
         columns = grouped(study.plain, lambda row: (row.mission, row.mode, row.condition))
         for (mission, mode, condition), rows in columns.items():
-            if all(one.coverage is None for one in metrics_of(rows)):
+            if all(metrics.coverage is None for metrics in metrics_of(rows)):
                 continue
             title = ", ".join(filter(None, (column_words(mission, mode), condition)))
             entrants = grouped(rows, lambda row: row.entrant)
@@ -61,7 +61,7 @@ KIND = FigureKind(
     name="signatures",
     title="Search signatures",
     source="tab:viz",
-    about="How completely, how quickly and how evenly the cells were searched. Coverage and messages at discovery are "
+    about="Coverage, speed and redundancy of the search of cells. Coverage and messages at discovery are "
     "better when higher.",
     needs="lingjing bench behaviour (or: lingjing run ssr --seeds 0-9; a mission whose agents observe cells)",
     make=_parts,

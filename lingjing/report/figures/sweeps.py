@@ -1,26 +1,30 @@
-"""What becomes of success with more to do, more hands, other sensing and other budgets: the paper's figure of scaling
-and robustness."""
+"""Scaling and robustness: success over parameters of a mission, as in the paper's figure.
+
+Scaling has parameters that are numbers of assets or targets, robustness all others, such as sensing and budgets.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import msgspec
 
 from lingjing.bench.played import grouped
+from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
-from lingjing.report.estimates import RowMeasure, location_error_m, metric, metrics_of, scr, share, tsr
+from lingjing.report.estimates import BoundedEstimate, RowMeasure, location_error_m, metric, metrics_of, scr, share, tsr
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 from lingjing.report.swept import ParameterSweep, sweeps_of
 
 ARRIVAL = "Arrival (S4)"
+"""Title of the measure of last-mile delivery."""
 _S4 = (
     "S4 is cumulative: it needs the route's ends and places as typed reports (S2, S3), which no policy but react sends"
 )
 _ARRIVED = 4
-"""Last-mile delivery is read at S4, the legal-edge arrival, as in the paper."""
+"""The stage at which last-mile delivery is measured: S4, the legal-edge arrival, as in the paper."""
 
 
 def _scaling(evidence: ReportEvidence) -> Iterator[FigurePart]:
@@ -41,20 +45,23 @@ def _parts(evidence: ReportEvidence, *, counts: bool) -> Iterator[FigurePart]:
 
 
 def _measures(sweep: ParameterSweep) -> list[tuple[str, str, float | None, RowMeasure]]:
-    """What is shown of a sweep: title, unit, the end of its scale, value."""
-    rows = [row for some in sweep.points.values() for row in some]
-    found: list[tuple[str, str, float | None, RowMeasure]] = [("Success (TSR)", "%", 100.0, tsr)]
-    if any(one.last_mile is not None for one in metrics_of(rows)):
-        found.append((ARRIVAL, "%", 100.0, lambda rows: share(
-            one.last_mile >= _ARRIVED for one in metrics_of(rows) if one.last_mile is not None)))  # fmt: skip
-    found.append(("Subtasks (SCR)", "%", 100.0, scr))
+    """Return the measures that are shown of a sweep: title, unit, end of the scale (None if open), function."""
+    metrics = metrics_of(row for rows in sweep.points.values() for row in rows)
+    measures: list[tuple[str, str, float | None, RowMeasure]] = [("Success (TSR)", "%", 100.0, tsr)]
+    if any(each.last_mile is not None for each in metrics):
+        measures.append((ARRIVAL, "%", 100.0, _arrival))
+    measures.append(("Subtasks (SCR)", "%", 100.0, scr))
     if sweep.counts:
-        return found
-    if any(one.coverage is not None for one in metrics_of(rows)):
-        found.append(("Search coverage", "%", 100.0, metric("coverage", 100.0)))
-    if any(one.localisation_error_m is not None for one in metrics_of(rows)):
-        found.append(("Location error", "m", None, location_error_m))
-    return found
+        return measures
+    if any(each.coverage is not None for each in metrics):
+        measures.append(("Search coverage", "%", 100.0, metric("coverage", 100.0)))
+    if any(each.localisation_error_m is not None for each in metrics):
+        measures.append(("Location error", "m", None, location_error_m))
+    return measures
+
+
+def _arrival(rows: Sequence[SuiteRow]) -> BoundedEstimate:
+    return share(each.last_mile >= _ARRIVED for each in metrics_of(rows) if each.last_mile is not None)
 
 
 def _part(sweep: ParameterSweep, measures: list[tuple[str, str, float | None, RowMeasure]]) -> FigurePart:
@@ -72,9 +79,9 @@ def _part(sweep: ParameterSweep, measures: list[tuple[str, str, float | None, Ro
     lines = []
     for entrant, own in entrants.items():
         for value, step in zip(values, steps, strict=True):
-            few = [row for row in sweep.points[value] if row.entrant == entrant]
-            if few:
-                cells = (ResultCell(str(len(few)), len(few)), *(measure(few).cell() for *_, measure in measures))
+            rows = [row for row in sweep.points[value] if row.entrant == entrant]
+            if rows:
+                cells = (ResultCell(str(len(rows)), len(rows)), *(measure(rows).cell() for *_, measure in measures))
                 lines.append(ResultLine(called(own[0]), (step,), cells))
     notes = (_S4,) if any(title == ARRIVAL for title, *_ in measures) else ()
     heads = ("n", *(f"{title} {unit}" for title, unit, *_ in measures))
@@ -87,7 +94,7 @@ SCALING = FigureKind(
     name="scaling",
     title="Scaling",
     source="fig:scale-robust (a)",
-    about="Team size and workload: parameters that say how many assets or targets there are, one changed at a time.",
+    about="Team size and workload: parameters that are numbers of assets or targets, one changed at a time.",
     needs="lingjing bench scaling (or: lingjing bench scaling --policy heuristic --limit 5)",
     make=_scaling,
 )
@@ -96,7 +103,7 @@ ROBUSTNESS = FigureKind(
     name="robustness",
     title="Robustness",
     source="fig:scale-robust (b)",
-    about="Sensing and control budgets: parameters that say how, one changed at a time. Arrival is cumulative.",
+    about="Sensing and control budgets: all other parameters, one changed at a time. Arrival is cumulative.",
     needs="lingjing bench robustness (or: lingjing bench robustness --policy heuristic --limit 5)",
     make=_robustness,
 )
