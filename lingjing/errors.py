@@ -37,18 +37,28 @@ class Fault(NamedTuple):
 class LingjingError(Exception):
     """Root of everything this project raises on purpose.
 
-    `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note;
-    `faults` are those of a document or of options, if that is what is wrong.
+    `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note: where an
+    error has none of its own, that of the system's error that it was raised for. `faults` are those of a document or
+    of options, if that is what is wrong.
     """
 
     exit_code = ExitCode.BUG
 
     def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = ()) -> None:
         super().__init__(message)
-        self.hint = hint
+        self._hint = hint
         self.faults = faults
         if hint:
             self.add_note(f"hint: {hint}")
+
+    @property
+    def hint(self) -> str:
+        """The way out in a line, "" if there is none."""
+        if self._hint or self.__context__ is None:
+            return self._hint
+        from lingjing.refusals import hint_of  # not above: it imports this module
+
+        return hint_of(self.__cause__ or self.__context__)
 
 
 class UsageError(LingjingError):

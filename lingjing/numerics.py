@@ -22,6 +22,7 @@ from pathlib import Path
 from types import ModuleType
 
 from lingjing import installation
+from lingjing.errors import UsageError
 
 PACKAGES = (
     "numpy", "scipy", "jsbsim", "mujoco", "libsumo", "sgp4", "shapely", "moderngl",
@@ -243,6 +244,14 @@ def _numpy_version() -> tuple[int, ...]:
 
 def _version(name: str) -> str:
     try:
-        return importlib.metadata.version(name)
+        found = importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
         return "absent"
+    except KeyError:  # what Python from 3.12 on makes of a file that may not be read
+        found = ""
+    if not found:  # and Python 3.11
+        raise UsageError(
+            f"the metadata of the package `{name}` cannot be read",
+            hint=f"see who may read it (`pip show -f {name}`), or install it again",
+        )
+    return found

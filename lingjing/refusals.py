@@ -28,6 +28,24 @@ _LACKING = {
 }
 
 
+_ACCESS = "see who may use it: `ls -ld` shows that"
+_ROOM = "choose another place, or make room"
+
+_HINTS = {
+    **dict.fromkeys(_UNWRITABLE, _ROOM),
+    errno.EACCES: _ACCESS,
+    errno.EPERM: _ACCESS,
+    **_LACKING,
+}
+
+
+def hint_of(error: BaseException | None) -> str:
+    """The way out of what the system refuses; "" where it refuses nothing."""
+    if isinstance(error, MemoryError):
+        return _MEMORY
+    return _HINTS.get(error.errno or 0, "") if isinstance(error, OSError) else ""
+
+
 def refusal_of(error: BaseException) -> LingjingError | None:
     """The error to report in place of one that says what the system refuses; None for any other."""
     if isinstance(error, MemoryError):
@@ -46,4 +64,4 @@ def refusal_of(error: BaseException) -> LingjingError | None:
     return None
 
 
-__all__ = ["refusal_of"]
+__all__ = ["hint_of", "refusal_of"]

@@ -9,6 +9,7 @@ Shares are percentages. What nobody has played is a dash, what is not defined is
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from lingjing.analysis.behaviour import ActionCounts
@@ -75,6 +76,8 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
     failed = sorted(row.key for row in counted if row.report.reason == POLICY_FAILED)
     if failed:
         notes.append(f"{len(failed)} did not begin, because a policy failed, and count as failures: {_named(failed)}")
+    if replaced := _replaced_answers(counted):
+        notes.append(f"answers of policies replaced by doing nothing: {replaced}")
     codes = {row.code for row in rows}
     if len(codes) > 1:
         notes.append(f"the rows were played by {len(codes)} versions of the code")
@@ -92,6 +95,15 @@ def _named(keys: Sequence[RowKey]) -> str:
     """The first of some episodes, and the number of the others."""
     named = ", ".join(f"{key[0]} {key[1]}-{key[2]}{key[3] and f' ({key[3]})'} seed {key[4]}" for key in keys[:8])
     return f"{named} and {len(keys) - 8} more" if len(keys) > 8 else named
+
+
+def _replaced_answers(counted: Sequence[SuiteRow]) -> str:
+    """The entrants that have lost turns, with the number of these in all their counted episodes."""
+    numbers: Counter[str] = Counter()
+    for row in counted:
+        if row.report.metrics is not None:
+            numbers[row.entrant] += row.report.metrics.substitutions
+    return ", ".join(f"{entrant} {number}" for entrant, number in numbers.items() if number)
 
 
 # -- the kinds

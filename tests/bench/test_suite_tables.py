@@ -362,3 +362,10 @@ def test_last_mile_delivery_has_its_five_stages() -> None:
     assert [[cell.text for cell in line.cells[-5:]] for line in table.lines] == [
         ["100", "100", "100", "50", "50"], ["100", "100", "100", "100", "0"],
     ]  # fmt: skip
+
+
+def test_a_table_says_whose_answers_were_replaced() -> None:
+    rows = [made_row(metrics={"substitutions": 2}), made_row(seed=1, metrics={"substitutions": 1})]
+    rows += [made_row(entrant="f"), made_row(entrant="g", standing="aborted", metrics={"substitutions": 9})]
+    (table,) = make_tables(rows, ["success"])
+    assert table.notes[1:] == ("answers of policies replaced by doing nothing: e 3",)

@@ -8,7 +8,8 @@ import os
 import pytest
 
 from lingjing.cli import main as command
-from lingjing.errors import ExitCode
+from lingjing.dsl.source import text
+from lingjing.errors import ExitCode, UsageError
 from lingjing.refusals import refusal_of
 
 
@@ -47,3 +48,42 @@ def test_a_refusal_is_no_bug(
 @pytest.mark.parametrize("error", [refused(errno.ENOENT, "a"), refused(errno.EBADF), ValueError("a"), RuntimeError()])
 def test_anything_else_stays_what_it_is(error: Exception) -> None:
     assert refusal_of(error) is None
+
+
+@pytest.mark.parametrize(
+    ("number", "hint"),
+    [
+        (errno.EIO, "check the disk"),
+        (errno.EMFILE, "ulimit -n"),
+        (errno.EACCES, "ls -ld"),
+        (errno.ENOSPC, "make room"),
+        (errno.ENOENT, ""),
+    ],
+)
+def test_an_error_without_a_hint_has_that_of_the_refusal_behind_it(number: int, hint: str) -> None:
+    with pytest.raises(UsageError) as raised:
+        try:
+            raise refused(number, "a")
+        except OSError as error:
+            raise UsageError("`a` cannot be read") from (error if number == errno.EIO else None)
+    assert (hint in raised.value.hint) if hint else (raised.value.hint == "")
+
+
+def test_an_error_keeps_its_own_hint() -> None:
+    with pytest.raises(UsageError) as raised:
+        try:
+            raise refused(errno.EIO)
+        except OSError as error:
+            raise UsageError("`a` cannot be read", hint="name another") from error
+    assert raised.value.hint == "name another"
+
+
+def test_a_mission_that_the_disk_refuses_ends_with_a_hint(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuses(file: object, path: str) -> bytes:
+        raise refused(errno.EIO)
+
+    monkeypatch.setattr(text, "_bounded", refuses)
+    assert command.main(["validate", "scenarios/ssr.ljs"]) == ExitCode.USAGE
+    assert "`scenarios/ssr.ljs` cannot be read: Input/output error\nhint: check the disk" in capsys.readouterr().err

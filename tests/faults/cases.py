@@ -1,4 +1,4 @@
-"""A planted fault, and what is left of the command that met it."""
+"""A planted fault, and the state that a command leaves which met it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Injection:
-    """A case: what is played, and the call that fails. `number` 0: none does."""
+    """A case: the command that is played, and the call that fails there: the n-th of a kind at a place
+    (`injector`). Without a kind none does."""
 
     target: str
-    kind: str = "open"
+    kind: str = ""
+    place: str = ""
     number: int = 0
     error: str = "EIO"
     lasting: bool = False
@@ -19,17 +21,19 @@ class Injection:
     def line(self) -> str:
         """The command that plays it again."""
         lasting = " --lasting" if self.lasting else ""
-        return f"python -m tests.faults.again {self.target} {self.kind} {self.number} {self.error}{lasting}"
+        words = f"{self.target} {self.kind} {self.place} {self.number} {self.error}"
+        return f"python -m tests.faults.again {words}{lasting}"
 
 
 @dataclass
 class Aftermath:
-    """What a case has left: exit code, output, counted calls, processes and files, and what is wrong with all that."""
+    """What a case has left: exit code, output, processes and files, a line for each planted call that was met (for
+    each call where none was planted), and what is wrong with all that."""
 
     code: int
     output: str
     errors: str
-    counts: dict[str, int]
+    calls: list[str]
     orphans: list[str]
     left: list[str]
     faults: list[str] = field(default_factory=list)

@@ -9,27 +9,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
+import lingjing
+from lingjing.play.report import EpisodeReport
+from lingjing.trace.reader import read_trace
 from tests.faults.cases import Aftermath, Injection
-from tests.faults.verdict import faults_of
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.faults.planted import planted
+from tests.faults.targets import sample
+from tests.faults.verdict import Result, faults_of
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are watched through /proc")
-
-
-def planted(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """A run of the harness; what it prints names each wrong case with the line that plays it again."""
-    line = [sys.executable, "-m", "tests.faults.again", *arguments]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
-
-
-@pytest.mark.faults  # a sample depends on threads, and some still have a wrong case
-def test_a_hundred_planted_faults_end_as_they_should() -> None:
-    done = planted("--cases", "100", "--seed", "0")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.startswith("100 cases, 0 wrong; ")
 
 
 @pytest.mark.faults
@@ -38,9 +29,33 @@ def test_two_thousand_planted_faults_end_as_they_should() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("target", ["trip", "process"])
+def test_a_clock_in_2200_changes_nothing_but_the_date(tmp_path: Path, target: str) -> None:
+    done = planted(target, "wall", "-", "0", "leap", "--keep", str(tmp_path / "kept"))
+    assert done.returncode == 0 and "exit code 0; nothing is wrong" in done.stdout, done.stdout + done.stderr
+    trace = read_trace(tmp_path / "kept" / "work" / "out" / "trace.mcap")
+    assert trace.complete and trace.header.started_wall.startswith("2200-01-01")
+
+
+def test_a_case_is_played_again_by_its_line() -> None:
+    case = Injection("trip", "open", "command/trace.container:__init__", 1, "ENOSPC")
+    done = planted(*case.line.split()[3:])
+    assert done.returncode == 0, done.stdout + done.stderr
+    case_line, end, met, *_ = done.stdout.splitlines()
+    assert case_line == case.line and end == "  exit code 2; nothing is wrong"
+    assert met.startswith("  met: open command/trace.container:__init__ 1 ") and "trace.mcap.part" in met
+
+
+def test_a_sample_changes_little_when_a_place_is_added() -> None:
+    counts = {("open", f"command/a:{letter}"): 3 for letter in "bcdefghijklm"}
+    before = sample("trip", counts, 40, 1)
+    after = sample("trip", {**counts, ("open", "command/a:n"): 3}, 40, 1)
+    assert len(set(before)) == 40 and len(set(before) & set(after)) > 30
+
+
 def aftermath(**changes: object) -> Aftermath:
     """What a case leaves that ended as it should, with changes."""
-    good = {"code": 2, "output": "", "errors": "error: no\nhint: yes\n", "counts": {}, "orphans": [], "left": []}
+    good = {"code": 2, "output": "", "errors": "error: no\nhint: yes\n", "calls": [], "orphans": [], "left": []}
     return Aftermath(**{**good, **changes})  # type: ignore[arg-type]
 
 
@@ -58,16 +73,52 @@ def aftermath(**changes: object) -> Aftermath:
         ({"left": ["work/out/.report.json.7.partial"]}, "left behind: work/out/.report.json.7.partial"),
         ({"left": ["tmp/lingjing-x"]}, "left behind: tmp/lingjing-x"),
         ({"left": ["work/cut.mcap"]}, "cut.mcap cannot be read: "),
-        ({"code": 0, "output": '{"digest": "b"}'}, "another digest with exit code 0"),
         ({"code": 0, "output": ""}, "no result with exit code 0: "),
-        ({"code": 0, "output": '{"digest": "a"}'}, None),
     ],
 )
 def test_the_verdict_sees_each_fault(tmp_path: Path, changes: dict[str, object], fault: str | None) -> None:
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / "cut.mcap").write_bytes(b"\x89MCAP0\r\n")
-    found = faults_of(Injection("trip", "write", 1), aftermath(**changes), tmp_path, "a")
+    found = faults_of(Injection("trip", "write", "command/a:b", 1), aftermath(**changes), tmp_path, {})
     assert [one[: len(fault or "")] for one in found] == ([] if fault is None else [fault])
+
+
+RAISES = """
+class Raises:
+    async def reset(self, brief): ...
+    async def act(self, observation, inbox):
+        raise ValueError("no")
+"""
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> EpisodeReport:
+    """The report of an episode whose policy has lost its turns, with the trace of it."""
+    folder = tmp_path_factory.mktemp("lost")
+    (folder / "policy.py").write_text(RAISES)
+    mission = lingjing.compile(str(Path(__file__).parent / "trip.ljs"))
+    return lingjing.run(mission, seed=0, policy=f"{folder / 'policy.py'}:Raises", out=folder / "out", world="inline")
+
+
+WARNING = "warning: seed 0: 3 of 3 policy answers were replaced by doing nothing"
+
+
+@pytest.mark.parametrize(
+    ("changes", "errors", "fault"),
+    [
+        ({}, WARNING, None),
+        ({"warnings": ()}, WARNING, "another digest of the episode with exit code 0"),
+        ({"metrics": None}, WARNING, "another digest of the episode with exit code 0"),
+        ({}, "", "turns of the episode that were lost, which the output does not report"),
+        ({"digest": "wanted"}, "", None),
+    ],
+)
+def test_a_loss_counts_where_output_report_and_trace_have_it(
+    tmp_path: Path, lost: EpisodeReport, changes: dict[str, object], errors: str, fault: str | None
+) -> None:
+    output = msgspec.json.encode(msgspec.structs.replace(lost, **changes)).decode()
+    case, after = Injection("trip", "open", "policy2/a:b", 1), aftermath(code=0, errors=errors, output=output)
+    assert faults_of(case, after, tmp_path, {"the episode": Result("wanted")}) == ([] if fault is None else [fault])
 
 
 FULL_DISK = ("unshare", "--mount", "sh", "-c", 'mount -t tmpfs -o size=48k none "$PWD" && cd "$PWD" && exec "$@"', "sh")

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-from lingjing.errors import UsageError
+import msgspec
+
+from lingjing.bench.folder import read_results
+from lingjing.errors import LingjingError, UsageError
+from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import read_trace
 from tests.faults.cases import Aftermath, Injection
 
 CODES = {0, 1, 2, 3, 130}
+LOSS = "replaced by doing nothing"
+"""How output and reports speak of the turns that a policy has lost."""
+
 HALF_WRITTEN = (".partial", ".new-", ".tmp")
-ANOTHER_RESULT = ("wall", "steady", "service", "record")
-"""Kinds of faults that may change what a policy does: an answer is late, or is another one."""
 
 
-def faults_of(case: Injection, after: Aftermath, folder: Path, digest: str) -> list[str]:
-    """Each fault in one line; `digest` is that of the same command without a planted fault, "" if it has none."""
+def faults_of(case: Injection, after: Aftermath, folder: Path, wanted: Results) -> list[str]:
+    """Each fault in one line; `wanted` are the results of the same command without a planted fault."""
     return [
         *_exit_faults(after),
         *(f"left running: {line}" for line in after.orphans),
         *_file_faults(case, after, folder),
-        *_result_faults(case, after, digest),
+        *_result_faults(after, folder, wanted),
     ]
 
 
@@ -60,13 +65,58 @@ def _trace_faults(path: Path) -> Iterator[str]:
         yield f"{path.name} is not whole"
 
 
-def _result_faults(case: Injection, after: Aftermath, digest: str) -> Iterator[str]:
-    if after.code != 0 or not digest:
+@dataclass(frozen=True)
+class Result:
+    """An episode's result. `lost_turns` are those that its policies lost and that report, metrics and trace record."""
+
+    digest: str
+    lost_turns: int = 0
+
+
+Results = Mapping[str, Result]
+"""The results of a command by the name of the episode."""
+
+
+def results_of(after: Aftermath, folder: Path) -> Results:
+    """The results of a command that ended with exit code 0. Raises `ValueError` where there is none."""
+    out = folder / "work" / "out"
+    if (out / "results.parquet").is_file() or not after.output.startswith("{"):
+        rows = {f"seed {row.seed}": row.report for row in read_results(out) if row.standing == "counted"}
+        return {name: _result(report, out / report.trace if report.trace else None) for name, report in rows.items()}
+    report = msgspec.json.decode(after.output, type=EpisodeReport)
+    return {"the episode": _result(report, folder / "work" / report.trace)}
+
+
+def _result(report: EpisodeReport, trace: Path | None) -> Result:
+    counted = report.metrics.substitutions if report.metrics is not None else 0
+    recorded = counted
+    if trace is not None:
+        recorded = sum(bool(made.substituted) for record in read_trace(trace).boundaries for made in record.decisions)
+    is_warned = any(line.startswith(f"{counted} of ") and LOSS in line for line in report.warnings)
+    return Result(report.digest, counted if is_warned and recorded == counted else 0)
+
+
+def _result_faults(after: Aftermath, folder: Path, wanted: Results) -> Iterator[str]:
+    """With exit code 0 each result is that of the command without a fault, but for a loss that is reported in the
+    output of the command, in the report or row, and in the trace."""
+    if after.code != 0:
         return
     try:
-        found = json.loads(after.output)["digest"]
-    except (ValueError, KeyError, TypeError):
-        yield f"no result with exit code 0: {after.output[:200]!r}"
+        found = results_of(after, folder)
+    except (ValueError, LingjingError, OSError) as error:
+        yield f"no result with exit code 0: {error}"
         return
-    if case.kind not in ANOTHER_RESULT and found != digest:
-        yield "another digest with exit code 0"
+    if set(found) != set(wanted):
+        yield f"results of {', '.join(found) or 'nothing'} in place of {', '.join(wanted)} with exit code 0"
+    for name in set(found) & set(wanted):
+        if found[name].digest == wanted[name].digest:
+            continue
+        if not found[name].lost_turns:
+            yield f"another digest of {name} with exit code 0"
+        elif not any(LOSS in line for line in [*after.errors.splitlines(), *_notes(after.output)]):
+            yield f"turns of {name} that were lost, which the output does not report"
+
+
+def _notes(output: str) -> list[str]:
+    """The notes below a suite's tables. What a report repeats in JSON is not read by a person and does not count."""
+    return [line for line in output.splitlines() if line.startswith("- ")]

@@ -11,6 +11,7 @@ import msgspec
 import pytest
 
 from lingjing import numerics
+from lingjing.errors import UsageError
 from lingjing.play import selfcheck
 
 CHILD = Path(__file__).with_name("numerics_child.py")
@@ -93,6 +94,7 @@ def runs_here(settings: dict[str, str]) -> bool:
 _PRODUCTS = """
 import hashlib, sys
 from lingjing import numerics
+from lingjing.errors import UsageError
 if len(sys.argv) > 1:
     numerics.pin()
 import numpy as np
@@ -206,6 +208,21 @@ def test_pins_name_only_what_the_processor_has():
 def test_numpy_before_its_groups_were_renamed(monkeypatch):
     monkeypatch.setattr(numerics, "_version", lambda name: "1.26.4")
     assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "AVX512F AVX512CD AVX512_SKX"
+
+
+def test_metadata_that_may_not_be_read_is_named(monkeypatch):
+    """Python 3.11 returns None for it, Python from 3.12 on raises `KeyError`."""
+    monkeypatch.setattr(numerics.importlib.metadata, "version", lambda name: None)
+    with pytest.raises(UsageError, match="the metadata of the package `numpy` cannot be read"):
+        numerics.pins(AVX2)
+
+    def version(name):
+        raise KeyError("Version")
+
+    monkeypatch.setattr(numerics.importlib.metadata, "version", version)
+    with pytest.raises(UsageError, match="the metadata of the package `numpy` cannot be read") as raised:
+        numerics.pins(AVX2)
+    assert "pip show -f numpy" in raised.value.hint
 
 
 def test_nothing_of_a_users_setting_is_left_in_a_worker():
