@@ -55,6 +55,8 @@ def refusal_of(error: BaseException) -> LingjingError | None:
     if not isinstance(error, OSError):
         return None
     name = f"`{error.filename}`" if error.filename else ""
+    if name and error.errno in (errno.EACCES, errno.EPERM):  # which reading meets as well
+        return UsageError(f"the system refuses {name}: {error.strerror}", hint=_ACCESS)
     if error.errno in _UNWRITABLE:
         hint = "choose another place with -o, or make room"
         return UsageError(f"cannot write {name or 'the output'}: {error.strerror}", hint=hint)

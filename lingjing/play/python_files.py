@@ -19,9 +19,12 @@ from lingjing.plugins.loading import one_line
 def load_file(path: Path, what: str, start: str = "") -> ModuleType:
     """The module of a file that holds a `what`; `start` says where one that is not there could come from. Raises
     `UsageError`, `ForeignCodeError` if the code of the file fails."""
-    if not path.is_file():
+    try:
+        is_there, resolved = path.is_file(), path.resolve()
+    except OSError as error:
+        raise UsageError(f"cannot read the {what} file `{path}`: {error.strerror}") from error
+    if not is_there:
         raise UsageError(f"there is no {what} file `{path}`", hint=start)
-    resolved = path.resolve()
     unique = hashlib.sha256(str(resolved).encode()).hexdigest()[:12]
     spec = spec_from_file_location(f"lingjing_{what}_{path.stem}_{unique}", resolved)
     if spec is None or spec.loader is None:

@@ -16,12 +16,13 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-from lingjing.errors import ExitCode
+from lingjing.errors import ExitCode, LingjingError
 from lingjing.numerics import pins
 from lingjing.processes.fork_client import HASH_SEED
 from lingjing.processes.fork_requests import Function, RunModule, StartFunction, Surroundings
 from lingjing.processes.forks import close_all
 from lingjing.processes.linux import end_with_parent
+from lingjing.refusals import refusal_of
 
 _USUAL_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
 
@@ -55,13 +56,18 @@ def begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
 
 
 def end_after(work: Callable[[], object]) -> NoReturn:
-    """Do the work of this process and end it: with code 1 and a traceback if it raises."""
+    """Do the work of this process and end it. If it raises, the code is 1, after a line that says what the system
+    refuses, or a traceback."""
     code = 1
     try:
         work()
         code = 0
-    except Exception:  # noqa: BLE001 - as the interpreter does
-        traceback.print_exc()
+    except Exception as error:  # noqa: BLE001 - as the interpreter does
+        refusal = error if isinstance(error, LingjingError) else refusal_of(error)
+        if refusal is None:
+            traceback.print_exc()
+        else:
+            print(f"this process cannot go on: {refusal}", file=sys.stderr)  # noqa: T201
     finally:
         os._exit(code)
 

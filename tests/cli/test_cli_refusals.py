@@ -22,6 +22,7 @@ def refused(number: int, name: str | None = None) -> OSError:
     [
         (refused(errno.ENOSPC, "a"), ExitCode.USAGE, "cannot write `a`: No space left on device"),
         (refused(errno.EACCES), ExitCode.USAGE, "cannot write the output: Permission denied"),
+        (refused(errno.EACCES, "a"), ExitCode.USAGE, "the system refuses `a`: Permission denied"),
         (refused(errno.EMFILE, "a"), ExitCode.INFRASTRUCTURE, "the system refuses `a`: Too many open files"),
         (refused(errno.ENOMEM), ExitCode.INFRASTRUCTURE, "what is needed: Cannot allocate memory"),
         (refused(errno.EAGAIN), ExitCode.INFRASTRUCTURE, "what is needed: Resource temporarily unavailable"),

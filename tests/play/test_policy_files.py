@@ -214,3 +214,13 @@ def test_a_mistake_in_a_file_with_a_function_is_told_with_its_line(write, text: 
     with pytest.raises(UsageError) as caught:
         function_of(f"{write(text)}:lost", "predicate")
     assert said in str(caught.value)
+
+
+def test_a_file_that_may_not_be_looked_at_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_file", refuses)
+    with pytest.raises(UsageError, match=r"cannot read the policy file `.*`: Permission denied") as raised:
+        function_of(f"{tmp_path / 'a.py'}:f", "policy")
+    assert "ls -ld" in raised.value.hint

@@ -227,3 +227,28 @@ def test_the_signal_of_the_callers_end_breaks_off_no_ending() -> None:
         assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [
+        (
+            "OSError(5, 'Input/output error', 'a')",
+            "this process cannot go on: the system refuses `a`: Input/output error",
+        ),
+        ("UsageError('no')", "this process cannot go on: no"),
+        ("ValueError('no')", "ValueError: no"),
+    ],
+)
+def test_a_fork_that_cannot_begin_says_why(raised: str, said: str) -> None:
+    program = f"""
+from lingjing.errors import UsageError
+from lingjing.kernel.world.becoming import end_after
+def work():
+    raise {raised}
+end_after(work)
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == said
+    assert ("Traceback" in done.stderr) == raised.startswith("ValueError")
