@@ -38,7 +38,7 @@ class LingjingError(Exception):
     """Root of everything this project raises on purpose.
 
     `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note: where an
-    error has none of its own, that of the system's error that it was raised for. `faults` are those of a document or
+    error has none of its own, that of the error that it was raised for. `faults` are those of a document or
     of options, if that is what is wrong.
     """
 
@@ -58,7 +58,12 @@ class LingjingError(Exception):
             return self._hint
         from lingjing.refusals import hint_of  # not above: it imports this module
 
-        return hint_of(self.__cause__ or self.__context__)
+        behind: BaseException | None = self.__cause__ or self.__context__
+        while behind is not None:
+            if hint := behind._hint if isinstance(behind, LingjingError) else hint_of(behind):
+                return hint
+            behind = behind.__cause__ or behind.__context__
+        return ""
 
 
 class UsageError(LingjingError):

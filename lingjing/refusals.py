@@ -52,6 +52,8 @@ def refusal_of(error: BaseException) -> LingjingError | None:
         return InfrastructureError("the system has not enough memory", hint=_MEMORY)
     if isinstance(error, RuntimeError) and "start new thread" in str(error):
         return InfrastructureError("the system starts no more threads", hint=_PROCESSES)
+    if isinstance(error, FileNotFoundError) and "No usable temporary directory" in str(error):  # `tempfile`'s words
+        return UsageError("no folder for temporary files can be written", hint="set TMPDIR to a folder with room")
     if not isinstance(error, OSError):
         return None
     name = f"`{error.filename}`" if error.filename else ""

@@ -13,8 +13,8 @@ from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.parser import ArgumentParser
-from lingjing.cli.process import ending_at_second_interrupt, say
-from lingjing.errors import ExitCode, UsageError
+from lingjing.cli.process import ending_at_second_interrupt, say, say_error
+from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.vocabulary import MODES
 
 if TYPE_CHECKING:
@@ -187,7 +187,21 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
             f"tables.{SUFFIXES[name]}", html_page(suite.title or suite.name, text) if name == "html" else text
         )
     sys.stdout.write("\n".join(map(EXPORTS["markdown"], tables)))
-    return ExitCode.INFRASTRUCTURE if any(row.standing == "lost" for row in results.rows) else ExitCode.OK
+    return _report_lost([row for row in results.rows if row.standing == "lost"])
+
+
+def _report_lost(rows: Sequence[SuiteRow]) -> int:
+    """The exit code of a suite with these lost episodes, after a message where there are any."""
+    if not rows:
+        return ExitCode.OK
+    first, number = rows[0].report, f"{len(rows)} {'episode is' if len(rows) == 1 else 'episodes are'} lost"
+    say_error(
+        InfrastructureError(
+            f"{number}; the first, {first.mission}-{first.mode} seed {first.seed}: {first.detail}",
+            hint=first.hint or "`lingjing doctor` checks this machine",
+        )
+    )
+    return ExitCode.INFRASTRUCTURE
 
 
 def _table(args: argparse.Namespace) -> int:

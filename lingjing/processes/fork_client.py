@@ -245,7 +245,9 @@ def send_request(server: Channel, request: ForkRequest, descriptors: Sequence[in
     """Send a request with its descriptors. Raises `InfrastructureError` if the server has ended."""
     try:
         server.send_in_memory(msgspec.msgpack.encode(request), descriptors)
-    except (ChannelClosedError, NoMemoryError) as error:
+    except NoMemoryError as error:
+        raise InfrastructureError(f"the process that starts others cannot be asked: {error}") from error
+    except ChannelClosedError as error:
         raise InfrastructureError(f"the process that starts others is gone: {error}") from error
 
 

@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from lingjing.bench.folder import read_results
+from lingjing.cli.bench import _report_lost
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
-from tests.bench.suite_kit import SMALL
+from tests.bench.suite_kit import SMALL, made_row
+from tests.play.report_kit import made_report
 
 
 @pytest.mark.slow
@@ -105,3 +107,12 @@ def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.Captur
         assert f"14 columns, 2 seeds: part {part[0]} of 3, " in told
         counts.append(int(told.split()[-2]))
     assert sum(counts) == 28 and max(counts) < 28
+
+
+def test_a_suite_with_lost_episodes_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+    report = made_report(mission="ssr", mode="star", seed=7, detail="the camera died", hint="see `dmesg`")
+    rows = [made_row(standing="lost", report=report), made_row(standing="lost", report=made_report(seed=8))]
+    assert _report_lost(rows) == 3
+    told = capsys.readouterr().err
+    assert told == "error: 2 episodes are lost; the first, ssr-star seed 7: the camera died\nhint: see `dmesg`\n"
+    assert _report_lost([]) == 0

@@ -27,6 +27,11 @@ def refused(number: int, name: str | None = None) -> OSError:
         (refused(errno.ENOMEM), ExitCode.INFRASTRUCTURE, "what is needed: Cannot allocate memory"),
         (refused(errno.EAGAIN), ExitCode.INFRASTRUCTURE, "what is needed: Resource temporarily unavailable"),
         (refused(errno.EIO, "a"), ExitCode.INFRASTRUCTURE, "the system refuses `a`: Input/output error"),
+        (
+            FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']"),
+            ExitCode.USAGE,
+            "no folder for temporary files can be written",
+        ),
         (MemoryError(), ExitCode.INFRASTRUCTURE, "the system has not enough memory"),
         (RuntimeError("can't start new thread"), ExitCode.INFRASTRUCTURE, "the system starts no more threads"),
     ],
@@ -68,6 +73,18 @@ def test_an_error_without_a_hint_has_that_of_the_refusal_behind_it(number: int, 
         except OSError as error:
             raise UsageError("`a` cannot be read") from (error if number == errno.EIO else None)
     assert (hint in raised.value.hint) if hint else (raised.value.hint == "")
+
+
+def test_the_refusal_may_be_behind_other_errors() -> None:
+    with pytest.raises(UsageError) as raised:
+        try:
+            try:
+                raise refused(errno.EMFILE)
+            except OSError as error:
+                raise ValueError("no memory") from error
+        except ValueError as error:
+            raise UsageError("a request cannot be sent") from error
+    assert "ulimit -n" in raised.value.hint
 
 
 def test_an_error_keeps_its_own_hint() -> None:

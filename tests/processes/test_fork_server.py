@@ -243,7 +243,7 @@ def test_the_signal_of_the_callers_end_breaks_off_no_ending() -> None:
 def test_a_fork_that_cannot_begin_says_why(raised: str, said: str) -> None:
     program = f"""
 from lingjing.errors import UsageError
-from lingjing.kernel.world.becoming import end_after
+from lingjing.processes.becoming import end_after
 def work():
     raise {raised}
 end_after(work)

@@ -5,7 +5,7 @@ fault as JSON (`PlantedFault`), `LINGJING_FAULT_COUNT` a file with the number of
 map, and `LINGJING_FAULT_LOG` a file with a line for each call that failed. Without the first variable no call fails and
 the log has a line for each call. Nothing of this ships with the product.
 
-A place is a process and a function, such as `world1/kernel.world.worker:_next`: the process by what it is for and by
+A place is a process and a function, such as `world1/kernel.world.worker:_serve`: the process by what it is for and by
 the order in which its fork server started it, the function as the innermost one of the product on the stack. Threads
 and scheduling change the order of all calls of a run, but not the order of the calls of one place.
 """
@@ -51,7 +51,7 @@ real_fork = os.fork
 class Role:
     """The part of a run that this process is: `command`, `server`, `player1`, `world1`, `policy2` and so on."""
 
-    ASKING = {"run_module": "player", "start_function": "policy", "hold": "holder"}
+    FUNCTIONS = {"serve": "policy", "serve_as_world": "world", "serve_as_camera": "camera"}
 
     def __init__(self) -> None:
         self.name = self._at_start(sys.orig_argv)
@@ -63,20 +63,22 @@ class Role:
     def _at_start(line: list[str]) -> str:
         if "--place" in line:
             return line[line.index("--place") + 1] + "1"
-        return "server" if "lingjing.kernel.world.fork_server" in line else "command"
+        return "server" if "lingjing.processes.fork_server" in line else "command"
 
     def _before_fork(self) -> None:
         """A fork is named after what the fork server starts, with its number there."""
-        frame = sys._getframe(1)
-        name = "fork"
-        while frame is not None:
-            if frame.f_code.co_name == "start_worker":
-                name = frame.f_locals["request"].place
-                break
-            if frame.f_code.co_name in self.ASKING:
-                name = self.ASKING[frame.f_code.co_name]
-                break
+        frame, name = sys._getframe(1), ""
+        while frame is not None and not name:
+            request = frame.f_locals.get("request")
+            if frame.f_code.co_name == "_make":
+                name = "template"
+            elif hasattr(request, "function"):
+                function = request.function.rpartition(":")[2]
+                name = self.FUNCTIONS.get(function, function)
+            elif hasattr(request, "module"):
+                name = "player"
             frame = frame.f_back
+        name = name or "fork"
         self._started[name] += 1
         self._next = f"{name}{self._started[name]}"
 
