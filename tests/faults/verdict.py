@@ -10,11 +10,14 @@ import msgspec
 
 from lingjing.bench.folder import read_results
 from lingjing.errors import LingjingError, UsageError
-from lingjing.play.report import EpisodeReport
+from lingjing.play.report import POLICY_FAILED, EpisodeReport
 from lingjing.trace.reader import read_trace
 from tests.faults.cases import Aftermath, Injection
 
 CODES = {0, 1, 2, 3, 130}
+NOT_BEGUN = "did not begin, because a policy failed"
+"""How the tables of a suite speak of episodes whose policy could not be loaded."""
+
 LOSS = "replaced by doing nothing"
 """How output and reports speak of the turns that a policy has lost."""
 
@@ -68,11 +71,13 @@ def _trace_faults(path: Path) -> Iterator[str]:
 @dataclass(frozen=True)
 class Result:
     """An episode's result. `lost_turns` are those that its policies lost and that report, metrics and trace record;
-    `model_calls` are the requests to a chat model that its report counts."""
+    `model_calls` are the requests to a chat model that its report counts; it has not `begun` if a policy could not be
+    loaded."""
 
     digest: str
     lost_turns: int = 0
     model_calls: int = 0
+    begun: bool = True
 
 
 Results = Mapping[str, Result]
@@ -96,7 +101,9 @@ def _result(report: EpisodeReport, trace: Path | None) -> Result:
         recorded = sum(bool(made.substituted) for record in read_trace(trace).boundaries for made in record.decisions)
     is_warned = any(line.startswith(f"{counted} of ") and LOSS in line for line in report.warnings)
     calls = report.metrics.calls if report.metrics is not None else 0
-    return Result(report.digest, counted if is_warned and recorded == counted else 0, calls)
+    return Result(
+        report.digest, counted if is_warned and recorded == counted else 0, calls, report.reason != POLICY_FAILED
+    )
 
 
 def _result_faults(after: Aftermath, folder: Path, wanted: Results) -> Iterator[str]:
@@ -115,6 +122,8 @@ def _result_faults(after: Aftermath, folder: Path, wanted: Results) -> Iterator[
         if found[name].digest == wanted[name].digest:
             continue
         if found[name].model_calls > wanted[name].model_calls:  # a request made again, which each decision records
+            continue
+        if not found[name].begun and any(NOT_BEGUN in line for line in _notes(after.output)):
             continue
         if not found[name].lost_turns:
             yield f"another digest of {name} with exit code 0"
