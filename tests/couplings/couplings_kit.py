@@ -1,4 +1,4 @@
-"""Episodes of real engines, played tick by tick through the world host, and what was seen in them."""
+"""A kit that plays episodes of real engines tick by tick through the world host, and keeps their states."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def cities() -> CityBuilder:
 def staged(
     mission: Path, seed: int = 3, changed: Mapping[str, Mapping[str, Any]] | None = None, **settings: float
 ) -> tuple[Instance, City]:
-    """An instance of a mission file with everything put on its city, and the city.
+    """Return an instance of a mission file with every entity placed on its city, and the city.
 
-    `changed` are fields of entities by id that a test wants otherwise, `weather` and `scene` those of these; a
-    dictionary `properties` adds to what is declared.
+    `changed` replaces fields of entities by id, `weather` and `scene` those of the weather and the scene; a dictionary
+    `properties` adds to the declared ones.
     """
     instance = instantiate(load_mission(mission), seed=seed, settings=settings)
     return cities().place(_changed(instance, dict(changed or {})))
@@ -63,7 +63,7 @@ def _changed(instance: Instance, changes: dict[str, Mapping[str, Any]]) -> Insta
 
 
 class Play:
-    """An episode in a world, one tick after another; `boundaries` are all so far."""
+    """An episode in a world, tick by tick; `boundaries` holds all boundaries so far."""
 
     def __init__(self, world: World, instance: Instance, city: City) -> None:
         self.world, self.instance = world, instance
@@ -71,17 +71,17 @@ class Play:
         self._commands = 0
 
     def tick(self, *orders: Command, count: int = 1) -> WorldBoundary:
-        """So many ticks, the first with these commands; all of them must be admitted."""
+        """Play some ticks, the first with these commands, all of which must be admitted."""
         for number in range(count):
-            given = orders if number == 0 else ()
-            boundary = self.world.step(len(self.boundaries), given)
+            commands = orders if number == 0 else ()
+            boundary = self.world.step(len(self.boundaries), commands)
             refused = [receipt for receipt in boundary.admissions if receipt.status != "accepted"]
             assert not refused and not boundary.missing, (refused, boundary.missing)
             self.boundaries.append(boundary)
         return self.boundaries[-1]
 
     def order(self, resource: str, verb: str, **arguments: Datum) -> Command:
-        """A command for the next boundary, in the name of the agent that controls the resource."""
+        """Return a command for the next boundary in the name of the agent that controls the resource."""
         self._commands += 1
         sender = next((agent.id for agent in self.instance.agents if resource in agent.controls), "kernel")
         return Command(
@@ -95,7 +95,7 @@ class Play:
         )
 
     def look(self, entity: str, camera: str) -> StoredFrame:
-        """A picture of the present boundary."""
+        """Return a picture of the present boundary."""
         tick, last = len(self.boundaries) - 1, self.boundaries[-1].snapshots[-1]
         request = CaptureRequest(
             frame=f"f{tick}-{entity}-{camera}",
@@ -109,31 +109,34 @@ class Play:
         return frame
 
     def path(self, entity: str) -> list[BodyState]:
-        """The entity at every macro-step so far."""
+        """Return the states of the entity at every macro-step so far."""
         return list(path(self.boundaries, entity))
 
     def series(self, entity: str, resource: str) -> list[float]:
-        """One of its resources at every macro-step so far."""
+        """Return the values of one of its resources at every macro-step so far."""
         return [state.resources[resource] for state in self.path(entity)]
 
     def now(self, entity: str) -> BodyState:
-        """The entity at the last boundary."""
+        """Return the state of the entity at the last boundary."""
         return self.path(entity)[-1]
 
     def events(self, kind: str) -> list[TaskEvent]:
-        """All task events of a kind so far."""
+        """Return all task events of a kind so far."""
         return [event for boundary in self.boundaries for event in boundary.events if event.kind == kind]
 
 
 def path(boundaries: Iterable[WorldBoundary], entity: str) -> Iterator[BodyState]:
-    """An entity at every macro-step of these boundaries."""
+    """Return the states of an entity at every macro-step of these boundaries."""
     for boundary in boundaries:
         for snapshot in boundary.snapshots:
             yield from (state for state in snapshot.states if state.id == entity)
 
 
 def everybody(instance: Instance, tick: int) -> tuple[DecisionRecord, ...]:
-    """A busy episode: at the first boundary all set off, later some look around; the same for every world."""
+    """Return the commands of a busy episode: every body sets off at the first boundary, and some look around later.
+
+    They are the same for every world.
+    """
     actions = _departures(instance) if tick == 0 else _looks(instance) if tick % 3 == 1 else {}
     return tuple(
         DecisionRecord(agent=agent.id, decision=Decision(command=actions[agent.controls[0]]))
@@ -155,8 +158,8 @@ def _departures(instance: Instance) -> Mapping[str, Action]:
             "plane": ("setDestination", {"x": -300.0, "y": 600.0, "z": 250.0}),
         }
         if entity.engine in arguments:
-            verb, given = arguments[entity.engine]
-            actions[entity.id] = Action(verb=verb, arguments=given)
+            verb, values = arguments[entity.engine]
+            actions[entity.id] = Action(verb=verb, arguments=values)
     return actions
 
 
@@ -166,21 +169,21 @@ def _looks(instance: Instance) -> Mapping[str, Action]:
 
 
 def digests(kernel: Kernel, ticks: Iterable[int]) -> list[str]:
-    """What each of these boundaries of a busy episode comes to: everything but the pixels, and the pixels."""
-    found = []
+    """Return two digests of each boundary of a busy episode: one of everything but the pixels, one of the pixels."""
+    digests_of_boundaries = []
     for tick in ticks:
         record = kernel.step(everybody(kernel.instance, tick)).record
-        found.append(f"{record.digest} {kernel.state.frames_digest}")
-    return found
+        digests_of_boundaries.append(f"{record.digest} {kernel.state.frames_digest}")
+    return digests_of_boundaries
 
 
 def moved(states: Sequence[BodyState]) -> float:
-    """Metres along a path in the plane."""
+    """Return the length of a path in the plane, metres."""
     pairs = itertools.pairwise(states)
     return sum(((b.position[0] - a.position[0]) ** 2 + (b.position[1] - a.position[1]) ** 2) ** 0.5 for a, b in pairs)
 
 
-if __name__ == "__main__":  # python couplings_kit.py inline|process TICKS: one digest a boundary
+if __name__ == "__main__":  # python couplings_kit.py inline|process TICKS: prints the digests of each boundary
     played = open_world("inline" if sys.argv[1] == "inline" else "process", host=host())
     episode = Kernel(*staged(MIXED), played)
     episode.reset()

@@ -1,10 +1,10 @@
-"""A policy for the mixed world: every body goes on a little whenever it is free, and looks around now and then."""
+"""A policy for the mixed world: every free body moves a little further, and sometimes looks around."""
 
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 
 
 class Restless:
-    """Moves by what its body can do; the same for the same observations."""
+    """Moves each body with a verb that it has; decisions depend only on the observations."""
 
     async def reset(self, brief: Brief) -> None:
         self.body = brief.resources[0]

@@ -1,4 +1,4 @@
-"""Engines that meet: what one of them does to the bodies of another, with all of them real and in one world."""
+"""Couplings: the effects of one engine on the bodies of another, with all engines real and in one world."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -39,7 +39,7 @@ def play(world: World) -> Start:
 
 
 def driven(play: Start, *, crossing: bool) -> Play:
-    """A van drives down the street; a dog may cross in front of it, and stand in its lane for a while."""
+    """Play a van that drives down the street; a dog may cross in front of it and stand in its lane for a while."""
     played = play()
     played.tick(played.order("van", "setDestination", x=-20.0, y=-201.6), count=5)
     for metres, seconds in ((5.4, 9), (8.6, 14)):
@@ -74,7 +74,7 @@ def test_a_parked_truck_stops_a_dog(play: Start) -> None:
 
 
 def test_a_car_of_the_background_stops_a_dog_too(play: Start) -> None:
-    """One that waits at a red light, found where it stands; the dog is sent to its side."""
+    """Return a car that waits at a red light, and a dog beside it."""
     scout = play({"cars": 60})
     scout.tick(count=25)
     before, after = ({m.id: m for m in b.snapshots[-1].ambient} for b in scout.boundaries[-6:][::5])
@@ -91,12 +91,12 @@ def test_a_car_of_the_background_stops_a_dog_too(play: Start) -> None:
     assert kit.moved(played.path("dog")[-51:]) < 3.0
 
 
-def _apart(one, other) -> float:
-    return float(np.hypot(one.position[0] - other.position[0], one.position[1] - other.position[1]))
+def _apart(first, second) -> float:
+    return float(np.hypot(first.position[0] - second.position[0], first.position[1] - second.position[1]))
 
 
 def _side(heading_deg: float) -> tuple[float, float]:
-    """To the right of a heading: east, north."""
+    """Return the unit vector to the right of a heading: east, north."""
     angle = np.radians(heading_deg)
     return float(np.cos(angle)), float(-np.sin(angle))
 
@@ -111,7 +111,7 @@ def test_a_dog_climbs_the_kerb(play: Start) -> None:
 
 
 def flown(world: World, *gusts: EventSpec) -> Play:
-    """A UAV at 60 m flies 250 m east in still air, but for the gusts."""
+    """Play a UAV at 60 m that flies 250 m east in still air, except for the gusts."""
     still = {"wind_mps": 0.0, "turbulence": 0.0}
     start = {"position": (-200.0, 60.0, 60.0)}
     instance, city = kit.staged(STREET, changed={"weather": still, "uav": start})
@@ -133,7 +133,7 @@ def test_wind_moves_a_uav_and_a_gust_costs_it_energy(world: World) -> None:
 
 
 def seen(play: Start, **weather: float) -> tuple[np.ndarray, np.ndarray]:
-    """What a UAV sees ahead of it: brightness 0..1 and depth in metres."""
+    """Return a UAV's picture ahead: brightness 0..1 and depth in metres."""
     played = play(weather=weather, uav={"position": (-60.0, -60.0, 40.0), "heading_deg": 225.0})
     frame = played.look("uav", "ahead")
     assert frame.depth is not None
@@ -183,7 +183,7 @@ def test_goods_taken_on_at_the_warehouse_make_a_van_slower(play: Start) -> None:
 
 
 def test_what_one_engine_is_told_shows_to_the_agents_of_another(world: World) -> None:
-    """The dog's walker says go or does not; the van's driver, who sees the van alone, has it before its eyes."""
+    """The dog's agent tells the van's driver to drive on or not. The driver observes only the van and this message."""
     inputs = []
     for walk in (True, False):
         kernel = Kernel(*kit.staged(STREET), world)

@@ -1,5 +1,7 @@
-"""A hundred vehicles, three dogs, five UAVs, a boat, a plane and a satellite with cameras, in one world: the same to
-the last bit in every process, under every hash seed and in both worlds, and forked in the middle."""
+"""A hundred vehicles, three dogs, five UAVs, a boat, a plane and a satellite with cameras in one world.
+
+Its digests are equal in every process, under every hash seed, in both worlds, and after a fork.
+"""
 
 import os
 import subprocess
@@ -19,7 +21,7 @@ SCRIPT = str(Path(kit.__file__))
 
 @pytest.fixture(scope="module")
 def episode():
-    """A busy episode in a process world, and its digests boundary by boundary."""
+    """Return a busy episode in a process world with the digests of its boundaries."""
     world = open_world("process", host=kit.host())
     kernel = Kernel(*kit.staged(kit.MIXED), world)
     kernel.reset()
@@ -28,12 +30,12 @@ def episode():
 
 
 @pytest.fixture(scope="module")
-def told(episode):
-    """The digests of its first boundaries; the episode stands there afterwards."""
+def first_digests(episode):
+    """Return the digests of its first boundaries."""
     return kit.digests(episode, range(TICKS))
 
 
-def test_everybody_is_there_and_looks(episode, told):
+def test_everybody_is_there_and_looks(episode, first_digests):
     record = episode.step(()).record
     last = record.snapshots[-1]
     engines = {entity.engine for entity in episode.instance.entities}
@@ -41,11 +43,11 @@ def test_everybody_is_there_and_looks(episode, told):
     vans = sum(entity.engine == "road" for entity in episode.instance.entities)
     assert vans + sum(mover.id.startswith("traffic/") for mover in last.ambient) == 100
     assert [sum(e.engine == name for e in episode.instance.entities) for name in ("quadruped", "multirotor")] == [3, 5]
-    assert len(set(told)) == TICKS
-    assert len({line.partition(" ")[2] for line in told}) > 2  # pictures were taken
+    assert len(set(first_digests)) == TICKS
+    assert len({line.partition(" ")[2] for line in first_digests}) > 2  # pictures were taken
 
 
-def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode, told):
+def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode, first_digests):
     twin, other = episode.fork(), episode.fork()
     try:
         here = episode.state.registry.tick
@@ -63,7 +65,7 @@ def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode,
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "hash_seed"), [("process", "1"), ("inline", "2")])
-def test_another_process_hash_seed_and_world_mode_tell_the_same(told, tmp_path, kind, hash_seed):
+def test_another_process_hash_seed_and_world_mode_tell_the_same(first_digests, tmp_path, kind, hash_seed):
     run = subprocess.run(
         [sys.executable, SCRIPT, kind, str(TICKS)],
         cwd=tmp_path,
@@ -73,7 +75,7 @@ def test_another_process_hash_seed_and_world_mode_tell_the_same(told, tmp_path, 
         check=True,
         timeout=1500,
     )
-    assert run.stdout.split("\n")[:-1] == told
+    assert run.stdout.split("\n")[:-1] == first_digests
 
 
 RESETS = """
@@ -100,7 +102,7 @@ print(*held)
 
 @pytest.mark.slow
 def test_many_resets_leave_memory_flat():
-    """The benchmark `world.py --only resets` does it five hundred times."""
+    """Play some resets; the benchmark `world.py --only resets` plays five hundred."""
     run = subprocess.run(
         [sys.executable, "-c", RESETS, str(kit.HERE.parents[1])],
         capture_output=True,

@@ -1,4 +1,4 @@
-"""Real engines that are killed or hang in the middle of an episode of the command line: what is left of it."""
+"""Engines that are killed or hang during an episode of the command line, and the state that they leave behind."""
 
 import os
 import signal
@@ -19,16 +19,16 @@ WORKER = "lingjing.kernel.world.worker"
 
 
 def places(pids: set[int]) -> dict[str, int]:
-    """The worker processes among these by their place: `world`, `camera`."""
-    found = {}
+    """Return the worker processes among these by their place: `world`, `camera`."""
+    workers = {}
     for pid in filter(runs, pids):
         try:
             words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
         except OSError:
             continue
         if WORKER in words:
-            found[next(place for place in ("world", "camera") if place in words)] = pid
-    return found
+            workers[next(place for place in ("world", "camera") if place in words)] = pid
+    return workers
 
 
 def runs(pid: int) -> bool:
@@ -41,14 +41,13 @@ def runs(pid: int) -> bool:
 def boundaries(part: Path):
     try:
         return read_trace(part).boundaries
-    except LingjingError:  # its header is being written
+    except LingjingError:  # the header is not complete yet
         return ()
 
 
 @pytest.fixture
 def episode(tmp_path, descendants):
-    """The mixed mission, without an end, on the command line with engines that have ten seconds a boundary, some ticks
-    old."""
+    """Start the mixed mission without an end on the command line, with ten seconds a boundary, and play some ticks."""
     mission, text = tmp_path / "mixed.ljs", kit.MIXED.read_text("utf-8")
     text = text.replace("ticks <= 400,", "ticks <= 1000000,").replace("engine <= 120 s", "engine <= 10 s")
     mission.write_text(text, "utf-8")

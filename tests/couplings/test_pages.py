@@ -1,4 +1,4 @@
-"""`docs/engines.md` and `docs/scenes.md` are true: what they list is what there is."""
+"""`docs/engines.md` and `docs/scenes.md` list exactly the engines, refusals and scenes that exist."""
 
 import re
 from pathlib import Path
@@ -17,7 +17,7 @@ NAMES = [plugin.name for plugin in builtin.lingjing_engines()]
 
 
 def rows(name: str) -> str:
-    """All rows of the page's tables that begin with an engine."""
+    """Return all rows of the page's tables that begin with an engine."""
     return "\n".join(line for line in ENGINES.splitlines() if line.startswith(f"| `{name}` |"))
 
 
@@ -25,10 +25,10 @@ def rows(name: str) -> str:
 def test_every_reason_for_a_refusal_is_on_the_page(name):
     folder = ROOT / "lingjing" / "engines" / PACKAGES.get(name, name)
     code = "\n".join(path.read_text("utf-8") for path in sorted(folder.glob("*.py")))
-    given = {*re.findall(r'Refusal\("(\w+)"', code), *re.findall(r'\.fail\([^"]*?"(\w+)"', code)}
+    reasons = {*re.findall(r'Refusal\("(\w+)"', code), *re.findall(r'\.fail\([^"]*?"(\w+)"', code)}
     common = {"unknown_resource", "unknown_verb", "bad_argument"}
-    assert given
-    assert {reason for reason in given - common if f"`{reason}`" not in rows(name)} == set()
+    assert reasons
+    assert {reason for reason in reasons - common if f"`{reason}`" not in rows(name)} == set()
     assert all(f"`{reason}`" in ENGINES for reason in common)
 
 

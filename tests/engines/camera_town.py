@@ -1,4 +1,4 @@
-"""A small town for tests of the camera: fifty buildings by a river, and what it takes to photograph them."""
+"""A small town for tests of the camera: fifty buildings by a river, with helpers that take pictures of it."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from tests.declared import declared
 
 
 def missing() -> str:
-    """Why no picture can be drawn here, or nothing."""
+    """Return the reason that no picture can be drawn here, or an empty string."""
     try:
         context.open_context().release()
     except InfrastructureError as error:
@@ -43,7 +43,7 @@ def lane(name: str, *shape: tuple[float, float, float]) -> Lane:
 
 
 def pieces() -> Pieces:
-    """Fifty buildings on both banks of a river, a street along it, a bridge over it, trees."""
+    """Return a city: fifty buildings on both banks of a river, with a street, a bridge and trees."""
     looks = ("punched", "ribbon", "curtain", "industrial", "blank")
     roofs = ("flat", "gabled", "hipped", "pyramidal", "dome")
     buildings = tuple(
@@ -91,8 +91,8 @@ def instance(*others: Entity, weather: Weather | None = None, events: tuple[Even
     return bare_instance((uav, *others), seed=3, scene=scene, weather=weather, events=events)
 
 
-def ready(engine: CameraEngine, given: Instance | None = None, city: City | None = None) -> None:
-    engine.reset(EngineSpec(engine="camera", instance=given or instance(), owns=()), city or town(), 3)
+def ready(engine: CameraEngine, episode: Instance | None = None, city: City | None = None) -> None:
+    engine.reset(EngineSpec(engine="camera", instance=episode or instance(), owns=()), city or town(), 3)
 
 
 def look(
@@ -111,7 +111,7 @@ def look(
 
 
 def seen_at(frame: Frame, east: float, north: float, up: float) -> tuple[int, float, np.ndarray]:
-    """(class, depth, colour) of the pixel that shows a point, for a camera that looks straight down, north up."""
+    """Return (class, depth, colour) of the pixel of a point, for a camera that looks straight down, north up."""
     x, y, z = frame.info.pose.position
     focal = SIZE[0] / 2 / np.tan(np.radians(42.0))
     column = int(SIZE[0] / 2 + focal * (east - x) / (z - up))

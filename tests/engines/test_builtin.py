@@ -1,4 +1,4 @@
-"""The built-in engines and scenes: each is there, and what an extra brings is named where it is missing."""
+"""The built-in engines and scenes: each can be made, and a missing extra is named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lies far off keeps its place and its look: ground before water, lands under their map, props, rivers."""
+"""Distant things keep their place and look: ground before water, lands below their map, props, rivers."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ COAST = Land(polygon=box(-3000, -3000, 0, 3000), top_m=0.0, surface="grass")
 
 
 def shore() -> City:
-    """Land in the west with a field of asphalt on it, the sea in the east."""
+    """Return a city with land in the west, a field of asphalt on it, and the sea in the east."""
     field = PaintedArea(polygon=box(-900, -100, -700, 100), surface="asphalt")
     return City(id="shore", origin=(31.0, 121.5), bounds=(-3000.0, -3000.0, 3000.0, 3000.0), lands=(COAST,),
                 waters=(EVERYWHERE,), areas=(field,))  # fmt: skip

@@ -1,4 +1,4 @@
-"""The camera in a city: what is drawn where, by which id, how far away; dress, mounts, repeatability."""
+"""The camera in a city: classes, ids and distances of drawn things, mounts, repeatability."""
 
 from collections.abc import Iterator
 from math import atan2, degrees
@@ -37,8 +37,8 @@ def test_everything_is_where_it_is_and_as_far_away(engine: CameraEngine) -> None
         (frame, 80.0, -5.0, 0.0, "concrete"),
         (inland, -45.0, 55.0, 36.0, "building"),
     ):
-        found, depth, _ = seen_at(picture, east, north, up)
-        assert found == CLASSES[cls], (east, north, found)
+        drawn, depth, _ = seen_at(picture, east, north, up)
+        assert drawn == CLASSES[cls], (east, north, drawn)
         assert abs(depth - (119.9 - up)) < (4.0 if cls == "building" else 0.06), (cls, depth)  # a roof has a lift house
     aside = look(engine, (170.0, 5.0, 60.0))
     assert seen_at(aside, 120.0, 0.0, 0.0)[0] == CLASSES["grass"]
@@ -60,8 +60,8 @@ def test_walls_have_windows_and_face_the_camera(engine: CameraEngine) -> None:
 
 @pytest.mark.parametrize("roof", ["flat", "gabled", "hipped", "pyramidal", "dome"])
 def test_roofs_keep_their_height(engine: CameraEngine, roof: str) -> None:
-    one = Building(id="b", polygon=box(-20, -10, 20, 10), base_m=0.0, top_m=20.0, roof=roof, roof_m=6.0, levels=4)
-    ready(engine, city=town(buildings=(one,), props=(), roads=(), junctions=(), bridges=()))
+    house = Building(id="b", polygon=box(-20, -10, 20, 10), base_m=0.0, top_m=20.0, roof=roof, roof_m=6.0, levels=4)
+    ready(engine, city=town(buildings=(house,), props=(), roads=(), junctions=(), bridges=()))
     frame = look(engine, (0.0, 0.3, 80.0))
     assert frame.depth is not None
     nearest = 79.9 - float(frame.depth.min())
@@ -69,8 +69,8 @@ def test_roofs_keep_their_height(engine: CameraEngine, roof: str) -> None:
 
 
 def test_a_building_with_a_courtyard_shows_its_ground(engine: CameraEngine) -> None:
-    one = Building(id="b", polygon=box(-30, -30, 30, 30), holes=(box(-12, -12, 12, 12),), base_m=0.0, top_m=15.0)
-    ready(engine, city=town(buildings=(one,), props=(), roads=(), junctions=(), bridges=()))
+    house = Building(id="b", polygon=box(-30, -30, 30, 30), holes=(box(-12, -12, 12, 12),), base_m=0.0, top_m=15.0)
+    ready(engine, city=town(buildings=(house,), props=(), roads=(), junctions=(), bridges=()))
     frame = look(engine, (0.0, 0.0, 90.0))
     assert abs(seen_at(frame, 0.0, 0.0, 0.0)[1] - 89.9) < 0.05
     assert seen_at(frame, 20.0, 0.0, 15.0)[0] == CLASSES["building"]
@@ -136,14 +136,14 @@ def test_traffic_is_drawn_by_its_kind_and_leaves_with_its_boundary(engine: Camer
     frame = look(engine, (-60.0, 0.0, 40.0), mirrors=(car,))
     cls = CLASSES.get("car", CLASSES["entity"])
     assert seen_at(frame, -60.0, 0.0, 1.2)[0] == cls and frame.info.boxes == ()
-    gone = look(engine, (-60.0, 0.0, 40.0))
-    assert gone.semantic is not None and not (gone.semantic == cls).any()
+    empty = look(engine, (-60.0, 0.0, 40.0))
+    assert empty.semantic is not None and not (empty.semantic == cls).any()
 
 
 def test_who_has_not_come_yet_is_not_drawn(engine: CameraEngine) -> None:
     car = entity("car", "car", (-60.0, 0.0, 0.0), dormant=True)
-    given = instance(car, events=(EventSpec(name="e", tick=2, appear=("car",)),))
-    ready(engine, given)
+    episode = instance(car, events=(EventSpec(name="e", tick=2, appear=("car",)),))
+    ready(engine, episode)
     at = BodyState(id="car", position=car.position)
     assert look(engine, (-60.0, 0.0, 40.0), mirrors=(at,), time_s=10.0).info.boxes == ()
     assert [b.entity for b in look(engine, (-60.0, 0.0, 40.0), mirrors=(at,), time_s=20.0).info.boxes] == ["car"]

@@ -81,10 +81,10 @@ def instance(weather: Weather | None = None) -> Instance:
     return bare_instance(entities, seed=3, scene=scene, weather=weather)
 
 
-def states(given: Instance, **changes: dict[str, object]) -> list[BodyState]:
-    """All entities where the instance puts them; `changes` by id with brackets left out (uav1)."""
+def states(episode: Instance, **changes: dict[str, object]) -> list[BodyState]:
+    """Return all entities at their declared places; `changes` by id without brackets (uav1)."""
     out = []
-    for e in given.entities:
+    for e in episode.entities:
         state = BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg)
         out.append(msgspec.structs.replace(state, **changes.get(e.id.replace("[", "").replace("]", ""), {})))
     return out
@@ -97,9 +97,9 @@ def take(engine: CameraEngine, camera: str = "nadir", viewer: str = "uav[1]", ti
     return frame
 
 
-def ready(engine: CameraEngine, given: Instance, city: City | None = None) -> None:
-    engine.reset(EngineSpec(engine="camera", instance=given, owns=()), city or build(given.scene), 3)
-    engine.advance(10.0, states(given))
+def ready(engine: CameraEngine, episode: Instance, city: City | None = None) -> None:
+    engine.reset(EngineSpec(engine="camera", instance=episode, owns=()), city or build(episode.scene), 3)
+    engine.advance(10.0, states(episode))
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_frame_has_the_declared_channels_and_shapes(engine: CameraEngine) -> Non
 def test_a_reset_draws_a_small_picture_once_for_each_kind_of_weather(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[int] = []
     render = Renderer._render
-    monkeypatch.setattr(Renderer, "_render", lambda *given: drawn.append(1) or render(*given))
+    monkeypatch.setattr(Renderer, "_render", lambda *arguments: drawn.append(1) or render(*arguments))
     new = CameraEngine()
     try:
         for weather, times in (({}, 2), ({"wind_mps": 9.0}, 2), ({"rain": 0.5}, 4), ({"rain": 0.9}, 4), ({}, 4)):
@@ -144,17 +144,17 @@ def test_a_reset_draws_a_small_picture_once_for_each_kind_of_weather(monkeypatch
 
 def test_boxes_enclose_the_drawn_pixels_exactly(engine: CameraEngine) -> None:
     frame = take(engine)
-    found = {box.entity: box for box in frame.info.boxes}
-    assert set(found) == {"boat", "victim[1]", "victim[2]", "gizmo"}
-    assert {found[name].cls for name in ("boat", "victim[1]", "gizmo")} == {
+    boxes_by_entity = {box.entity: box for box in frame.info.boxes}
+    assert set(boxes_by_entity) == {"boat", "victim[1]", "victim[2]", "gizmo"}
+    assert {boxes_by_entity[name].cls for name in ("boat", "victim[1]", "gizmo")} == {
         "lifeboat", "person_in_water", "weather_vane"
     }  # fmt: skip
     assert frame.semantic is not None
     for name, cls in (("boat", "lifeboat"), ("gizmo", "entity")):
         rows, columns = np.nonzero(frame.semantic == CLASSES[cls])
         tight = columns.min() / 960, rows.min() / 540, (columns.max() + 1) / 960, (rows.max() + 1) / 540
-        assert found[name].box == tight and found[name].pixels == len(rows)
-    people = found["victim[1]"].pixels + found["victim[2]"].pixels
+        assert boxes_by_entity[name].box == tight and boxes_by_entity[name].pixels == len(rows)
+    people = boxes_by_entity["victim[1]"].pixels + boxes_by_entity["victim[2]"].pixels
     assert people == int((frame.semantic == CLASSES["person_in_water"]).sum())
 
 
@@ -162,12 +162,12 @@ def test_projected_entity_lies_in_its_box(engine: CameraEngine) -> None:
     for camera, north, expected in (("nadir", -905.0, 4), ("front", -985.0, 4)):
         engine.advance(10.0, states(instance(), uav1={"position": (100.0, north, 50.0)}))
         frame = take(engine, camera)
-        found = boxes(frame)
-        assert len(found) == expected
+        boxes_by_id = boxes(frame)
+        assert len(boxes_by_id) == expected
         for state in states(instance()):
             seen = world_to_pixel(frame.info.pose, (*state.position[:2], state.position[2] + 0.1))
-            if state.id in found and seen is not None:
-                x0, y0, x1, y1 = found[state.id]
+            if state.id in boxes_by_id and seen is not None:
+                x0, y0, x1, y1 = boxes_by_id[state.id]
                 assert x0 - 2 / 960 <= seen[0] / 960 <= x1 + 2 / 960
                 assert y0 - 2 / 540 <= seen[1] / 540 <= y1 + 2 / 540
 
@@ -185,11 +185,11 @@ def test_depth_of_the_sea_is_the_geometry_of_its_plane(engine: CameraEngine) -> 
 
 
 def test_sky_has_no_depth() -> None:
-    given = instance()
-    first = msgspec.structs.replace(given.entities[0], cameras=tuple(
+    episode = instance()
+    first = msgspec.structs.replace(episode.entities[0], cameras=tuple(
         msgspec.structs.replace(c, channels=("rgb", "depth", "semantic")) for c in mounts((320, 180))))  # fmt: skip
     engine = CameraEngine()
-    ready(engine, msgspec.structs.replace(given, entities=(first, *given.entities[1:])))
+    ready(engine, msgspec.structs.replace(episode, entities=(first, *episode.entities[1:])))
     frame = take(engine, "front")
     engine.close()
     assert frame.depth is not None and frame.semantic is not None
@@ -198,39 +198,39 @@ def test_sky_has_no_depth() -> None:
 
 
 def test_what_is_out_of_sight_or_aboard_has_no_box(engine: CameraEngine) -> None:
-    given = instance()
-    engine.advance(10.0, states(given, victim1={"position": (900.0, -900.0, LEVEL)}, victim2={"status": "safe"}))
+    episode = instance()
+    engine.advance(10.0, states(episode, victim1={"position": (900.0, -900.0, LEVEL)}, victim2={"status": "safe"}))
     frame = take(engine)
     assert set(boxes(frame)) == {"boat", "gizmo"}
     assert frame.semantic is not None and not (frame.semantic == CLASSES["person_in_water"]).any()
 
 
 def test_a_solid_hides_what_is_under_it(warm: CameraEngine) -> None:
-    given = instance()
+    episode = instance()
     roof = Solid(id="roof", polygon=((105, -895), (115, -895), (115, -885), (105, -885)), base_m=0.0, top_m=0.5)
     open_water = City(id="w", origin=(0.0, 0.0), bounds=(-3000, -3000, 3000, 3000), datum_m=LEVEL,
                       waters=(Water(polygon=((-3000, -3000), (3000, -3000), (3000, 3000), (-3000, 3000)),
                                     level_m=LEVEL),))  # fmt: skip
-    ready(warm, given, open_water)
+    ready(warm, episode, open_water)
     assert "victim[1]" in boxes(take(warm))
-    ready(warm, given, msgspec.structs.replace(open_water, solids=(roof,)))
+    ready(warm, episode, msgspec.structs.replace(open_water, solids=(roof,)))
     assert set(boxes(take(warm))) == {"boat", "victim[2]", "gizmo"}
 
 
 def test_partly_hidden_by_a_closer_entity(engine: CameraEngine) -> None:
-    given = instance()
+    episode = instance()
     alone = {b.entity: b.pixels for b in take(engine).info.boxes}["victim[1]"]
-    engine.advance(10.0, states(given, boat={"position": (110.0, -891.0, LEVEL), "heading_deg": 0.0}))
+    engine.advance(10.0, states(episode, boat={"position": (110.0, -891.0, LEVEL), "heading_deg": 0.0}))
     under = {b.entity: b.pixels for b in take(engine).info.boxes}.get("victim[1]", 0)
     assert under < alone
 
 
 def test_a_camera_does_not_see_its_own_body_but_that_of_others(engine: CameraEngine) -> None:
-    given = instance()
+    episode = instance()
     near = {"position": (100.0, -890.0, 96.4)}
-    engine.advance(10.0, states(given, uav2=near))
+    engine.advance(10.0, states(episode, uav2=near))
     assert set(boxes(take(engine, "front"))) == {"uav[2]"}
-    engine.advance(10.0, states(given))
+    engine.advance(10.0, states(episode))
     assert "uav[1]" not in boxes(take(engine))
     assert "uav[2]" not in boxes(take(engine, viewer="uav[2]"))
 
@@ -249,14 +249,14 @@ def test_gimbal_ignores_pitch_and_roll(engine: CameraEngine) -> None:
 
 
 def test_pictures_do_not_depend_on_earlier_ones(engine: CameraEngine) -> None:
-    given = instance()
+    episode = instance()
     first = take(engine)
     take(engine, "front")
-    engine.advance(400.0, states(given, uav1={"position": (300.0, -640.0, 80.0)}, boat={"position": (0, 0, LEVEL)}))
+    engine.advance(400.0, states(episode, uav1={"position": (300.0, -640.0, 80.0)}, boat={"position": (0, 0, LEVEL)}))
     other = take(engine)
     ready(engine, instance(Weather(wind_mps=12, wave_height_m=2.0)))
     rough = take(engine)
-    ready(engine, given)
+    ready(engine, episode)
     again = take(engine)
     assert first.rgb.tobytes() == again.rgb.tobytes() and first.info == again.info
     assert first.depth is not None and again.depth is not None and first.depth.tobytes() == again.depth.tobytes()
@@ -264,14 +264,14 @@ def test_pictures_do_not_depend_on_earlier_ones(engine: CameraEngine) -> None:
 
 
 def test_a_sea_with_other_things_afloat_is_that_of_a_fresh_camera(engine: CameraEngine) -> None:
-    given = instance()
-    other = build(msgspec.structs.replace(given.scene, seed=4))
-    assert other.props != build(given.scene).props
+    episode = instance()
+    other = build(msgspec.structs.replace(episode.scene, seed=4))
+    assert other.props != build(episode.scene).props
     poses = {"uav1": {"position": (300.0, -640.0, 80.0)}, "uav2": {"position": (60.0, -1300.0, 30.0)}}
     seen = []
     for camera in (engine, CameraEngine()):
-        ready(camera, given, other)
-        camera.advance(10.0, states(given, **poses))
+        ready(camera, episode, other)
+        camera.advance(10.0, states(episode, **poses))
         seen.append([take(camera, "front", viewer).rgb.tobytes() for viewer in ("uav[1]", "uav[2]")])
     camera.close()
     assert seen[0] == seen[1]
@@ -348,8 +348,8 @@ def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("check", ENGINE_CHECKS, ids=lambda check: check.__name__)
 def test_conformance(check: Callable[[EngineCase], None]) -> None:
     plugin = EnginePlugin(name="camera", factory=CameraEngine, place="camera", sensor=True)
-    given = instance()
-    check(EngineCase(plugin, given, build(given.scene), mirrors=tuple(states(given))))
+    episode = instance()
+    check(EngineCase(plugin, episode, build(episode.scene), mirrors=tuple(states(episode))))
 
 
 def test_semantic_table() -> None:

@@ -1,4 +1,4 @@
-"""Meshes kept on disk: the same pictures, never a damaged mesh, bounded room, and no harm where nothing can be kept."""
+"""The mesh cache: equal pictures, no damaged mesh, bounded size, and no failure where nothing can be written."""
 
 import hashlib
 import os
@@ -46,9 +46,9 @@ def counted() -> tuple[Callable[[], TileMesh], list[int]]:
     return make, made
 
 
-def bytes_of(given: TileMesh) -> tuple[object, ...]:
-    parts = tuple((name, p.vertices.tobytes(), p.index.tobytes()) for name, p in given.parts.items())
-    return parts, given.coarse, given.boxes.tobytes(), given.low.tobytes(), given.high.tobytes()
+def bytes_of(mesh: TileMesh) -> tuple[object, ...]:
+    parts = tuple((name, p.vertices.tobytes(), p.index.tobytes()) for name, p in mesh.parts.items())
+    return parts, mesh.coarse, mesh.boxes.tobytes(), mesh.low.tobytes(), mesh.high.tobytes()
 
 
 def test_a_tile_that_is_made_again_is_made_of_the_meshes_that_the_process_holds() -> None:
@@ -80,7 +80,7 @@ def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: 
 
 def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.write_bytes(b"no folder")
-    # A name of its own: the temporary folder is the process's, and other tests keep textures there.
+    # The name is unique to this test: the temporary folder belongs to the process, and other tests keep textures there.
     assert kept_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
     monkeypatch.setenv(CACHE_OFF, "1")
     assert kept_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
@@ -111,7 +111,7 @@ def signed(data: bytes) -> bytes:
 
 
 def out_of_bounds(data: bytes) -> bytes:
-    """A file with a good hash whose first index names a vertex that is not there."""
+    """Return a file with a valid hash whose first index names a vertex that does not exist."""
     parts, *rest = msgspec.msgpack.decode(data[32:])
     parts["plain"] = (parts["plain"][0], np.uint32(1 << 30).tobytes() + parts["plain"][1][4:])
     return signed(msgspec.msgpack.encode([parts, *rest]))
@@ -231,7 +231,7 @@ def test_pictures_of_a_kept_city_are_those_of_a_made_one(folder: Path, monkeypat
     made = pictures()
     assert len(list(folder.glob("*.mesh"))) > 1
 
-    def must_not_mesh(*given: object) -> TileMesh:
+    def must_not_mesh(*arguments: object) -> TileMesh:
         raise AssertionError("a kept tile was meshed again")
 
     monkeypatch.setattr(cityscape, "mesh_tile", must_not_mesh)

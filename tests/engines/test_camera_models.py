@@ -1,4 +1,4 @@
-"""Models, effects and what targets do to a city: without a picture."""
+"""Models, effects and changes of a city by targets, without pictures."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_every_type_of_the_library_has_a_look_and_a_class(name: str) -> None:
     entity = thing(name)
     kind = look_of(entity)
     parts, effects = entity_parts(entity, state(entity), 3.0), looks(entity)
-    if kind == "none":  # a place in the air, which is nothing to see
+    if kind == "none":  # a place in the air has no look
         assert parts == () and not len(effects.billboards) and not effects.solids
         return
     assert kind in MODELS and "unknown" not in {part.key for part in parts}
@@ -76,9 +76,15 @@ def test_a_type_of_its_own_has_the_look_it_declares() -> None:
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "cone"])
 def test_a_type_without_a_look_is_the_shape_size_and_colour_it_declares(shape: str) -> None:
-    said: dict[str, object] = {"length_m": 6.0, "width_m": 4.0, "height_m": 3.0, "shape": shape, "colour": "red"}
+    declared_body: dict[str, object] = {
+        "length_m": 6.0,
+        "width_m": 4.0,
+        "height_m": 3.0,
+        "shape": shape,
+        "colour": "red",
+    }
     for origin, low in (("base", 0.0), ("middle", -1.5)):
-        balloon = thing("balloon", properties={**said, "origin": origin})
+        balloon = thing("balloon", properties={**declared_body, "origin": origin})
         (part,) = entity_parts(balloon, state(balloon), 0.0)
         mesh = turned(part.mesh, part.rows)
         assert np.ptp(mesh[:, :3], axis=0) == pytest.approx([4.0, 6.0, 3.0], abs=0.08)
@@ -161,8 +167,8 @@ def test_traffic_is_as_large_as_engines_take_it_for(kind: str) -> None:
 
 def test_background_traffic_comes_in_many_colours_and_keeps_them() -> None:
     states = [BodyState(id=f"traffic/{n}", kind="car", position=(0.0, 0.0, 0.0)) for n in range(40)]
-    keys = [ambient_parts(one, 0.0)[0].key for one in states]
-    assert len(set(keys)) > 8 and keys == [ambient_parts(one, 50.0)[0].key for one in states]
+    keys = [ambient_parts(body, 0.0)[0].key for body in states]
+    assert len(set(keys)) > 8 and keys == [ambient_parts(body, 50.0)[0].key for body in states]
 
 
 def test_a_dogs_feet_follow_its_joints() -> None:

@@ -1,4 +1,4 @@
-"""Targets through the real renderer: ground-truth boxes that are there and tight from the missions' distances."""
+"""Targets through the real renderer: tight ground-truth boxes from the distances of the missions."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def engine() -> Iterator[CameraEngine]:
 
 
 def take(engine: CameraEngine, kind: str, above_m: float = 0.0, away_m: float = 0.0, status: str = "") -> Frame:
-    """A nadir picture from above, or a dog's from the south at a distance."""
+    """Return a nadir picture from above, or a dog's picture from the south at a distance."""
     x, y, z = TARGETS[kind]
     view = "eye" if away_m else "nadir"
     place = (x, y - away_m, 0.3) if away_m else (x, y, z + above_m)
@@ -93,8 +93,8 @@ def take(engine: CameraEngine, kind: str, above_m: float = 0.0, away_m: float = 
             cameras=(CAMERAS[view],),
         )
     )
-    given = instance(kind, viewer)
-    engine.reset(EngineSpec(engine="camera", instance=given, owns=()), CITY, 3)
+    episode = instance(kind, viewer)
+    engine.reset(EngineSpec(engine="camera", instance=episode, owns=()), CITY, 3)
     engine.advance(20.0, [BodyState(id="target", position=TARGETS[kind], status=status)])
     (frame,) = engine.capture([CaptureRequest(frame="f", entity="viewer", camera=view, tick=1, time_s=20.0)])
     return frame
@@ -106,7 +106,7 @@ def box_of(frame: Frame) -> Box:
 
 
 def extent_m(frame: Frame, box: Box, away_m: float) -> tuple[float, float]:
-    """Width and height of a box in metres at a distance."""
+    """Return width and height of a box in metres at a distance."""
     scale = away_m / focal_px(frame.info.pose)
     return (box.box[2] - box.box[0]) * frame.info.pose.width * scale, (
         box.box[3] - box.box[1]
@@ -194,9 +194,9 @@ def test_a_fire_lights_the_ground_about_it_at_night_and_not_by_day(engine: Camer
     beside = {}
     for up in (DAY, NIGHT):
         weather = Weather(wind_mps=4, wind_from_deg=220, sun_elevation_deg=up)
-        given = msgspec.structs.replace(instance("fire_source", viewer), weather=weather)
+        episode = msgspec.structs.replace(instance("fire_source", viewer), weather=weather)
         for status in ("", "out"):
-            engine.reset(EngineSpec(engine="camera", instance=given, owns=()), CITY, 3)
+            engine.reset(EngineSpec(engine="camera", instance=episode, owns=()), CITY, 3)
             engine.advance(20.0, [BodyState(id="target", position=TARGETS["fire_source"], status=status)])
             (frame,) = engine.capture([CaptureRequest(frame="f", entity="viewer", camera="nadir", tick=1, time_s=20.0)])
             ground = frame.rgb[590:630, 930:990].astype(float)

@@ -1,4 +1,4 @@
-"""What shines after dark, and where a queue of people has room."""
+"""Lights after dark, and queues of people that face free space."""
 
 from __future__ import annotations
 

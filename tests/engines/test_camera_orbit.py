@@ -1,4 +1,4 @@
-"""From orbit: a city by the sea as a wide-area frame, whose country and sea go on as far as the picture does."""
+"""Pictures from orbit: a city by the sea in a wide-area frame, whose country and sea reach as far as the picture."""
 
 from collections.abc import Iterator
 
@@ -71,7 +71,7 @@ def photo(engine: CameraEngine, city: City, camera: CameraSpec, at: tuple[float,
 
 
 def rays(frame: Frame) -> npt.NDArray[np.float64]:
-    """(rows, columns, 3) of the rays through the pixels, one metre along the axis."""
+    """Return the rays through the pixels, (rows, columns, 3), one metre along the axis."""
     pose = frame.info.pose
     right, down, axis = (np.asarray(a) for a in camera_axes(pose))
     x, y = np.meshgrid(np.arange(pose.width) + 0.5 - pose.width / 2, np.arange(pose.height) + 0.5 - pose.height / 2)
@@ -165,10 +165,10 @@ def test_a_land_goes_on_the_way_its_borders_run_out() -> None:
     pier = Land(polygon=box(150, -50, 450, 50), top_m=0.0, surface="concrete")
     city = City(id="c", origin=(31.0, 121.5), bounds=(-500.0, -500.0, 500.0, 500.0), waters=(sea,),
                 lands=(Land(polygon=coast, top_m=0.0, surface="grass"), pier))  # fmt: skip
-    found = build_surroundings(city, build_town_ground(city))
-    assert found.waters == ()
-    points = found.lands.vertices["position"].astype(float)
-    assert set(found.lands.vertices["id"].tolist()) == {CLASSES["grass"]} and np.ptp(points[:, 2]) == 0.0
+    country = build_surroundings(city, build_town_ground(city))
+    assert country.waters == ()
+    points = country.lands.vertices["position"].astype(float)
+    assert set(country.lands.vertices["id"].tolist()) == {CLASSES["grass"]} and np.ptp(points[:, 2]) == 0.0
     south = points[points[:, 1] < -0.9 * SPAN_M]
     east = south[np.argmax(south[:, 0] / -south[:, 1])]
     assert east[0] / east[1] == pytest.approx(100.0 / 4600.0, rel=0.01)

@@ -1,4 +1,4 @@
-"""What the camera leaves out or reorders to be quick changes no picture: uniforms, walls, sky, ids."""
+"""Culling and reordering change no picture: uniforms, walls, sky, ids."""
 
 from __future__ import annotations
 
@@ -76,11 +76,11 @@ def test_the_sky_is_drawn_wherever_a_ray_rises(tilt: float, roll: float) -> None
     right, down, axis = (np.asarray(a) for a in camera_axes(pose))
     x, y = np.meshgrid(np.arange(192) + 0.5 - 96.0, np.arange(108) + 0.5 - 54.0)
     rising = axis[2] + (x * right[2] + y * down[2]) / focal_px(pose) > 0.0
-    found = sky_bounds(pose, 0.0)
-    if found is None:
+    shown = sky_bounds(pose, 0.0)
+    if shown is None:
         assert not rising.any()
         return
-    left, top, width, height = found
+    left, top, width, height = shown
     inside = np.zeros_like(rising)
     inside[top : top + height, left : left + width] = True
     assert not (rising & ~inside).any()

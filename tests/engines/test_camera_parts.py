@@ -1,4 +1,4 @@
-"""The camera's parts that need no GL: the sea, the ground, the id buffer, the models."""
+"""The parts of the camera that need no GL: the sea, the ground, the id buffer, the models."""
 
 import numpy as np
 import pytest
@@ -24,8 +24,8 @@ BAY = build(SceneSpec(kind="bay", datum_m=-3.5, seed=7))
 @pytest.mark.parametrize("height", [0.0, 0.2, 0.8, 2.0])
 def test_significant_wave_height_is_the_weathers(height: float) -> None:
     ocean = Ocean(Weather(wind_mps=5, wave_height_m=height, wave_period_s=5), 1)
-    found = np.mean([4.0 * ocean.surfaces(10.0 * k)[0].height.std() for k in range(6)])
-    assert abs(found - height) < 0.06 * height + 1e-9
+    height_of_sea = np.mean([4.0 * ocean.surfaces(10.0 * k)[0].height.std() for k in range(6)])
+    assert abs(height_of_sea - height) < 0.06 * height + 1e-9
 
 
 def test_slopes_are_the_gradient_of_the_height() -> None:
@@ -132,12 +132,12 @@ def test_boxes_equal_brute_force(spots: list[tuple[int, int, int]]) -> None:
     ids = np.ones((30, 40), np.uint16)
     for x, y, k in spots:
         ids[y, x] = 256 + k
-    found = {box.entity: box for box in entity_boxes(ids, entities)}
+    boxes_by_id = {box.entity: box for box in entity_boxes(ids, entities)}
     for k in range(4):
         where = [(x, y) for y in range(30) for x in range(40) if ids[y, x] == 256 + k]
-        assert (f"e{k}" in found) == bool(where)
+        assert (f"e{k}" in boxes_by_id) == bool(where)
         if where:
             xs, ys = [w[0] for w in where], [w[1] for w in where]
-            box = found[f"e{k}"]
+            box = boxes_by_id[f"e{k}"]
             assert box.box == (min(xs) / 40, min(ys) / 30, (max(xs) + 1) / 40, (max(ys) + 1) / 30)
             assert box.pixels == len(where)

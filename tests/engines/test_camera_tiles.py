@@ -1,4 +1,4 @@
-"""Which tiles a picture needs: never fewer than it shows, and no more than are near, however large the city is."""
+"""The tiles of a picture: all that it shows, and only nearby ones, for a city of any size."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -68,7 +68,7 @@ def test_the_shadow_window_holds_the_ground_in_sight(
 
 
 def town_of_squares(tallest_m: float) -> tuple[SimpleNamespace, SimpleNamespace]:
-    """What `choose` asks of a skyline and a ground: squares of 250 m over 3 km, one of them with a tower."""
+    """Return the inputs of `choose`: a skyline and a ground of squares of 250 m over 3 km, one with a tower."""
     keys = [(column, row) for column in range(-6, 6) for row in range(-6, 6)]
     boxes = np.array([(250.0 * c, 250.0 * r, 0.0, 250.0 * c + 250.0, 250.0 * r + 250.0, 12.0 + (7 * c + 5 * r) % 40)
                       for c, r in keys])  # fmt: skip
@@ -81,7 +81,7 @@ def town_of_squares(tallest_m: float) -> tuple[SimpleNamespace, SimpleNamespace]
 @pytest.mark.parametrize("tallest_m", [60.0, 240.0])
 @pytest.mark.parametrize("up", [60.0, 150.0, 260.0, 280.0, 300.0, 405.0, 430.0, 520.0, 545.0, 570.0, 700.0, 1400.0])
 def test_a_picture_from_straight_above_has_one_level_of_detail(up: float, tallest_m: float) -> None:
-    """No edge between a street drawn in full and one painted, in grain or in details, stands in it."""
+    """A picture from above has no edge between full and painted streets, or between levels of grain or details."""
     sky, town_ground = town_of_squares(tallest_m)
     light = light_of(Weather(), up)
     pose = CameraPose(position=(100.0, 60.0, up), heading_deg=20.0, tilt_deg=90.0)
@@ -187,7 +187,7 @@ def test_only_two_way_streets_have_a_yellow_middle() -> None:
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 def test_a_city_with_other_props_is_drawn_as_by_a_new_camera(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Boats and buoys of a harbour differ from episode to episode: nothing is meshed again for them."""
+    """Boats and buoys of a harbour differ from episode to episode; no mesh is built again for them."""
 
     def boat(name: str, east: float, north: float, cls: str = "moored_boat", model: str = "sailboat") -> Prop:
         return Prop(id=name, cls=cls, model=model, position=(east, north, -1.5), floating=True)

@@ -1,4 +1,4 @@
-"""Weather in pictures of a city: fog, rain, dusk, night; what it never touches: ids and depth."""
+"""Weather in pictures of a city: fog, rain, dusk and night change colours, never ids and depth."""
 
 from collections.abc import Iterator
 

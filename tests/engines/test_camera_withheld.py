@@ -1,4 +1,4 @@
-"""What pictures keep back: names of what is hidden, and boxes of what nobody could see."""
+"""Redaction of pictures: no class of a hidden entity, and no box of an invisible one."""
 
 from collections.abc import Iterator
 
@@ -45,7 +45,7 @@ def engine() -> Iterator[CameraEngine]:
 
 
 def city() -> City:
-    """The town with a pipe along its bank and railings on its bridge."""
+    """Return the town with a pipe along its bank and railings on its bridge."""
     railing = tuple(
         Solid(id=f"rail{side}", polygon=box(4.2 * side - 0.1, -170, 4.2 * side + 0.1, -8), base_m=8.0, top_m=9.0)
         for side in (-1, 1)
@@ -60,20 +60,20 @@ def target(kind: str, at: tuple[float, float, float], **more: object) -> Entity:
     return msgspec.structs.replace(made, role="target", **more)
 
 
-def shots(engine: CameraEngine, given: Instance) -> list[Frame]:
-    ready(engine, given, city())
+def shots(engine: CameraEngine, episode: Instance) -> list[Frame]:
+    ready(engine, episode, city())
     return [look(engine, at, view, heading) for view, at, heading in VIEWS]
 
 
 @pytest.fixture(scope="module")
 def bare(engine: CameraEngine) -> list[Frame]:
-    """The pictures without any target."""
+    """Return the pictures without any target."""
     return shots(engine, instance())
 
 
 @pytest.mark.parametrize(("kind", "place"), [(kind, k) for kind in PLACES for k in range(2)])
 def test_classes_do_not_name_what_is_hidden(kind: str, place: int, engine: CameraEngine, bare: list[Frame]) -> None:
-    """Instances that differ in a hidden target alone have the same class pictures, which is that without it."""
+    """Instances that differ only in a hidden target have the same class pictures: those without it."""
     with_it = shots(engine, instance(target(kind, PLACES[kind][place])))
     assert any(frame.info.boxes for frame in with_it), "the target is in none of the pictures"
     for mine, other in zip(with_it, bare, strict=True):
@@ -83,7 +83,7 @@ def test_classes_do_not_name_what_is_hidden(kind: str, place: int, engine: Camer
 
 
 def test_what_is_public_is_named(engine: CameraEngine) -> None:
-    """A hidden target in front of a public one shows the public one's class; depth shows what is there."""
+    """A hidden target in front of a public one shows the public one's class; depth shows the hidden one."""
     parcels = msgspec.structs.replace(entity("shop", "delivery_point", (20.0, 20.0, 0.0)), role="target")
     person = target("fire_source", (22.4, 20.0, 2.1))
     frames = {}
@@ -99,7 +99,7 @@ def test_what_is_public_is_named(engine: CameraEngine) -> None:
 
 
 def test_a_number_that_is_hidden_is_not_outlined(engine: CameraEngine, bare: list[Frame]) -> None:
-    """A queue whose place is known and whose length is not."""
+    """A queue with a public place and a hidden length."""
     for people in (3, 17):
         queue = target("queue_of_people", (40.0, 30.0, 0.0), hidden=("people",), properties={"people": people})
         (frame, *_) = shots(engine, instance(queue))
@@ -107,7 +107,7 @@ def test_a_number_that_is_hidden_is_not_outlined(engine: CameraEngine, bare: lis
 
 
 def test_a_hidden_target_at_the_lens_changes_no_class(engine: CameraEngine) -> None:
-    """What is nearest decides how finely layers of the ground are told apart: not where that is hidden."""
+    """The nearest thing decides how finely layers of the ground are separated, but not if it is hidden."""
     at = (0.0, 0.0, 30.0)
     ready(engine, instance(), city())
     bare = look(engine, at)
@@ -130,13 +130,13 @@ def test_open_country_keeps_it_back_too(engine: CameraEngine) -> None:
 
 @pytest.mark.parametrize("view", ["nadir", "front"])
 def test_a_part_is_drawn_again_as_the_whole_was(engine: CameraEngine, view: str) -> None:
-    """Pixel for pixel, in rain and after dark too."""
+    """The parts agree pixel by pixel, also in rain and after dark."""
     weather = Weather(sun_azimuth_deg=180.0, sun_elevation_deg=-10.0, rain=0.6, wind_mps=4.0)
     people = [target("fire_source", (12.0 * k, 20.0, 0.0), id=f"f{k}") for k in range(3)]
-    given = instance(*people, weather=weather)
-    ready(engine, given, city())
+    episode = instance(*people, weather=weather)
+    ready(engine, episode, city())
     whole = look(engine, (10.0, -60.0, 25.0), view)
-    renderer, scenery = engine._renderer, engine._scenery(given.entities[0])
+    renderer, scenery = engine._renderer, engine._scenery(episode.entities[0])
     assert renderer is not None
     near_m = renderer.near_plane(whole.info.pose, scenery)
     for place in ((0, 0, 480, 270), (100, 37, 211, 101), (479, 269, 1, 1)):
@@ -156,14 +156,14 @@ def test_a_picture_does_not_depend_on_what_was_drawn_again(engine: CameraEngine)
 @pytest.mark.parametrize(("visibility", "seen"), [(4000.0, True), (150.0, True), (55.0, False)])
 @pytest.mark.parametrize("kind", ["person_in_water", "reference_building", "delivery_door"])
 def test_fog_takes_targets_out_of_the_truth(kind: str, visibility: float, seen: bool, engine: CameraEngine) -> None:
-    """Below the least contrast a target has no visible pixels; that it was drawn is recorded."""
+    """Below the least contrast a target has no visible pixels; its box is recorded as faint."""
     place = PLACES[kind][0]
     weather = Weather(sun_azimuth_deg=180.0, visibility_m=visibility)
     ready(engine, instance(target(kind, place), weather=weather), city())
     frame = look(engine, (place[0], place[1] - 20.0, 95.0))
-    (told,) = (*frame.info.boxes, *frame.info.faint)
-    assert bool(frame.info.boxes) == seen and told.pixels > 0
-    assert told.contrast is not None and (told.contrast >= LEAST_CONTRAST) == seen
+    (shown,) = (*frame.info.boxes, *frame.info.faint)
+    assert bool(frame.info.boxes) == seen and shown.pixels > 0
+    assert shown.contrast is not None and (shown.contrast >= LEAST_CONTRAST) == seen
 
 
 def test_contrast_is_a_root_mean_square_of_the_largest_difference() -> None:

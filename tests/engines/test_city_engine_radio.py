@@ -1,4 +1,4 @@
-"""Who hears whom: range, knife edges, weather; reported by the city engine at decision boundaries."""
+"""Radio links: range, knife edges and weather; the city engine reports missing links at decision boundaries."""
 
 import msgspec
 import pytest
@@ -46,7 +46,7 @@ def commanded(instance_of, entities, range_m=400.0, weather=CLEAR, **changes):
 
 @pytest.fixture
 def silent(instance_of):
-    """Whether two dogs at the ends of a way do not hear each other."""
+    """Return whether two dogs at the ends of a way have no radio link."""
 
     def measure(metres, city=DRY, weather=CLEAR, z=0.0, range_m=400.0):
         entities = [dog(1, 0.0, z), dog(2, metres, z)]
@@ -66,7 +66,7 @@ def test_without_a_range_everybody_hears_everybody(silent):
 
 
 def test_a_tower_between_two_dogs_shortens_the_range(silent):
-    """60 m over the way, 200 m from both ends: the parameter is 24, the loss 13 + 20 log 24 = 40.6 dB."""
+    """An edge 60 m above the line, 200 m from both ends: the parameter is 24, the loss 13 + 20 log 24 = 40.6 dB."""
     assert edge_loss_db(60.0, 200.0, 200.0) == approx(40.6, abs=0.2)
     assert silent(399.0, msgspec.structs.replace(DRY, buildings=(block(60.0),)))
     assert not silent(399.0, msgspec.structs.replace(DRY, buildings=(block(60.0, base=20.0),)))  # it stands on stilts
@@ -80,7 +80,7 @@ def test_who_flies_over_the_roofs_is_heard(silent):
 
 
 def test_a_near_miss_of_the_line_of_sight_costs_something(silent):
-    """Grazing costs 6 dB: half the range is left."""
+    """A grazing edge costs 6 dB, which halves the range."""
     assert edge_loss_db(0.0, 100.0, 100.0) == approx(6.0, abs=0.1)
     city = msgspec.structs.replace(DRY, buildings=(block(0.9, x=150.0),))  # as high as a dog's antenna
     assert silent(300.0, city)
@@ -126,7 +126,7 @@ def test_weather_that_turns_cuts_the_radio(player, instance_of):
 
 
 def test_a_way_around_a_corner_costs_less_than_one_over_the_roof(silent):
-    """A high tower that the way just clips costs what its near side costs."""
+    """An edge that just touches a high tower costs the loss at its near side."""
     outline = ((190.0, -1.0), (210.0, -1.0), (210.0, 300.0), (190.0, 300.0))
     assert around_m(outline, (0.0, 0.0, 0.0), (400.0, 0.0, 0.0)) == approx(1.0)
     clipped = Building(id="clipped", polygon=outline, base_m=0.0, top_m=200.0)

@@ -1,4 +1,4 @@
-"""What targets are by themselves and what is done to them: fires, leaks, goods, queues, jams, late comers, seas."""
+"""Targets alone and with interactions: fires, leaks, goods, queues, jams, late targets, weather."""
 
 import msgspec
 import pytest
@@ -94,8 +94,8 @@ def play(player, instance_of):
         instance = msgspec.structs.replace(instance_of(entities, weather, sync_s), **changes)
         played = player(CityEngine(), instance, city, "city", seed)
         for entity in entities:
-            for one in entity.interactions:
-                assert played.command(entity.id, f"unlock.{one.name}", origin="kernel").status == "accepted"
+            for interaction in entity.interactions:
+                assert played.command(entity.id, f"unlock.{interaction.name}", origin="kernel").status == "accepted"
         return played
 
     return start
@@ -114,7 +114,7 @@ def test_a_fire_goes_out_while_the_truck_stays_within_reach(play, x, reached):
     played = play(fire(), TRUCK)
     assert (played.state.status, played.state.resources) == ("burning", {"heat": 1.0})
     played.step((at("truck", x),))
-    assert played.state.resources["heat"] == 1.0  # it may have come at the interval's very end
+    assert played.state.resources["heat"] == 1.0  # the truck may arrive exactly at the interval's end
     played.run(5.0, (at("truck", x),))
     assert played.state.resources["heat"] == (approx(0.5) if reached else 1.0)
     played.run(20.0, (at("truck", x),))
@@ -166,7 +166,7 @@ def test_a_leak_flows_until_it_is_sealed_and_keeps_what_was_done(play):
 def test_lasting_counts_for_one_actor_at_a_time(play):
     door = target("door", act("receive", "road", 15.0, lasting_s=4.0, status="served"))
     played = play(door, van(1), van(2))
-    for number in range(20):  # the two take turns of two seconds
+    for number in range(20):  # the actors alternate every two seconds
         played.step((at(f"van[{1 + number // 4 % 2}]", 5.0),))
     assert played.events == []
     played.run(5.0, (at("van[2]", 5.0),))
@@ -183,7 +183,7 @@ def test_an_order_that_no_van_holds_is_split_and_served_when_nothing_is_wanted(p
     order = states(played)["point[1]"]
     assert (order.status, order.resources) == ("waiting", {"demand": 50.0, "load@van[1]": -200.0})
     played.run(5.0, (at("van[1]", 0.0),))
-    assert len(played.events) == 1  # an empty van has nothing to give
+    assert len(played.events) == 1  # an empty van delivers nothing
     played.step((at("van[2]", 30.0),))
     order = states(played)["point[1]"]
     assert played.events[-1].values["amount_kg"] == 50.0
@@ -325,7 +325,7 @@ def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):
 
 
 def test_a_state_lives_until_something_declared_changes_it(play):
-    """Neither a name nor a unit does: people that nobody comes to and goes from are a stock, in numbers or by mass."""
+    """Neither a name nor a unit matters: people without arrivals and departures are a stock, in numbers or by mass."""
     for state, up_to in (
         ("people", "seats"),
         ("people_kg", "seats_kg"),

@@ -1,4 +1,4 @@
-"""The plane engine on the real JSBSim: it arrives, circles, pays for fuel, climbs, crashes, and repeats itself."""
+"""The plane engine on the real JSBSim: arrival, circling, fuel, climbs, crashes and repeatability."""
 
 import math
 

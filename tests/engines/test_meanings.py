@@ -1,4 +1,4 @@
-"""No property and no status word means anything to an engine that the language's page does not say."""
+"""Engines read only properties and status words that the page of the language documents."""
 
 import re
 from pathlib import Path
@@ -20,19 +20,19 @@ READ = re.compile(
 )
 UNITS = re.compile(r"(_low|_high)?_(m|mps2|mps|s|kg|hz|deg)$")
 THE_SCENES_OWN = {"building"}
-"""Written by the scene where it anchors something, and by nobody else."""
+"""Properties that only the scene writes, where it anchors an entity."""
 
 
 def test_every_property_that_an_engine_reads_is_on_the_page():
     page = (ROOT / "docs" / "language.md").read_text("utf-8")
     rows = re.findall(r"^\| ((?:state )?`.*?) \|", page, re.MULTILINE)
-    said = {word for row in rows for word in re.findall(r"`(\w+)`", row)} | {"radius", "arrivals", "departures"}
-    assert all(f"`{word}`" in page for word in said)
+    documented = {word for row in rows for word in re.findall(r"`(\w+)`", row)} | {"radius", "arrivals", "departures"}
+    assert all(f"`{word}`" in page for word in documented)
     packages = [ROOT / "lingjing" / name for name in ("engines", "plugins", "kernel", "scene", "mission", "analysis")]
-    code = "\n".join(path.read_text("utf-8") for one in packages for path in sorted(one.rglob("*.py")))
+    code = "\n".join(path.read_text("utf-8") for package in packages for path in sorted(package.rglob("*.py")))
     read = {next(filter(None, groups)) for groups in READ.findall(code)}
     assert len(read) > 12
-    assert {UNITS.sub("", name) for name in read} - THE_SCENES_OWN - said == set()
+    assert {UNITS.sub("", name) for name in read} - THE_SCENES_OWN - documented == set()
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_every_property_that_an_engine_reads_is_on_the_page():
         ("rescue", "", False, "cleared", True),
     ],
 )
-def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard, word, gone):
+def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard, word, absent):
     done = InteractionSpec(name=name, by="vessel", within_m=50.0, status=status, aboard=aboard)
     target = Entity(
         id="v",
@@ -58,11 +58,11 @@ def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard
         position=(0.0, 0.0, 0.0),
         interactions=(done,),
     )
-    assert is_absent(BodyState(id="v", position=(0.0, 0.0, 0.0), status=word), target) is gone
+    assert is_absent(BodyState(id="v", position=(0.0, 0.0, 0.0), status=word), target) is absent
 
 
 def test_what_only_gives_is_never_served():
-    """An open warehouse is not a warehouse that somebody has served."""
+    """An open warehouse is not a served warehouse."""
     restock = InteractionSpec(name="restock", by="road", within_m=50.0, gives="load", up_to="payload", status="open")
     deliver = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load", status="settled")
     kind = {"group": "d", "index": 1, "role": "target", "type": "t", "engine": "city", "position": (0.0, 0.0, 0.0)}

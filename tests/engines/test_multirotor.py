@@ -1,4 +1,4 @@
-"""The multirotor engine on the real JSBSim: it arrives, holds, pays for wind, runs out, crashes, and repeats itself."""
+"""The multirotor engine on the real JSBSim: arrival, hovering, wind, battery, crashes and repeatability."""
 
 import hashlib
 import math
@@ -271,7 +271,7 @@ print(module.flight())
 
 
 def flight():
-    """Digest of two turbulent flights: what two processes must agree on."""
+    """Return a digest of two turbulent flights, on which two processes must agree."""
     sys.path.insert(0, str(HERE.parents[2]))
     from lingjing.scene.city import City, Water
     from tests.conftest import Player, build_instance, build_uav, square
@@ -359,7 +359,7 @@ def test_it_starts_from_a_roof_and_comes_down_on_one_softly(fly, street):
     [(0.2, "grounded"), (1.1, "grounded"), (1.3, "hovering"), (5.0, "hovering"), (7.0, "hovering")],
 )
 def test_what_begins_off_a_surface_hovers(fly, street, height_m, status):
-    """The bug: at 5 m over bare ground it was grounded in the air for the whole episode."""
+    """Regression: at 5 m over bare ground it was grounded in the air for the whole episode."""
     for x, surface_m in ((0.0, 0.9), (100.0, 60.0)):
         play = fly(city=street, position=(x, 0.0, surface_m + height_m))
         play.run(20.0)
@@ -435,9 +435,9 @@ def test_two_of_a_fleet_meet_as_large_as_they_are(player, instance_of, uav, open
     play = player(MultirotorEngine(), instance_of([blimp, small]), open_sea, "multirotor", 5)
     play.command("uav[2]", "setDestination", x=40.0, y=0.0, z=60.0 + above_m)
     play.run(20.0)
-    told = [(event.kind, event.entities) for event in play.events]
+    events = [(event.kind, event.entities) for event in play.events]
     crash = [("collided", ("uav[1]", "uav[2]")), ("collided", ("uav[2]", "uav[1]"))]
-    assert told == (crash if hit else [("arrived", ("uav[2]",))])
+    assert events == (crash if hit else [("arrived", ("uav[2]",))])
 
 
 def test_one_that_is_parked_is_hit_by_one_that_flies(player, instance_of, uav, quay):
@@ -476,7 +476,7 @@ def energy(player, instance_of, uav, city, weather, events=(), **more):
 
 
 def test_gusts_cost_energy(player, instance_of, uav, open_sea):
-    def mean(weather):  # a gust is now with a vehicle and now against it: it takes several to see what they cost
+    def mean(weather):  # a gust helps or hinders by chance, so several flights show its mean cost
         fleet = [uav(index=number, position=(0.0, 100.0 * number, 100.0)) for number in range(1, 6)]
         play = player(MultirotorEngine(), instance_of(fleet, weather), open_sea, "multirotor", 5)
         full = sum(state.resources["battery_wh"] for state in play.boundary.states)

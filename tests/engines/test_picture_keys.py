@@ -1,4 +1,4 @@
-"""What a picture depends on: equal keys mean equal pictures, and what moves out of sight is no part of one."""
+"""Keys of pictures: equal keys mean equal pictures, and moving things out of sight are no part of a key."""
 
 import math
 import random
@@ -41,24 +41,24 @@ def state(name: str, east: float, north: float, up: float = 0.0, **more: object)
     return BodyState(id=name, position=(east, north, up), **{"heading_deg": 0.0, **more})
 
 
-def asked(engine: CameraEngine, view: str, states: States, time_s: float = 10.0) -> CaptureRequest:
-    """The request for a picture of the uav, after the engine has been told the states."""
+def request(engine: CameraEngine, view: str, states: States, time_s: float = 10.0) -> CaptureRequest:
+    """Return the request for a picture of the uav, after the engine has received the states."""
     engine.advance(time_s, list(states.values()))
     return CaptureRequest(frame="f", entity="uav", camera=view, tick=1, time_s=time_s)
 
 
 def key(engine: CameraEngine, view: str, states: States, time_s: float = 10.0) -> bytes:
-    return engine.picture_key(asked(engine, view, states, time_s))
+    return engine.picture_key(request(engine, view, states, time_s))
 
 
 def picture(engine: CameraEngine, view: str, states: States) -> Frame:
-    (frame,) = engine.capture([asked(engine, view, states)])
+    (frame,) = engine.capture([request(engine, view, states)])
     return frame
 
 
-def alike(one: Frame, other: Frame) -> bool:
-    layers = ((one.rgb, other.rgb), (one.depth, other.depth), (one.semantic, other.semantic))
-    return one.info == other.info and all(np.array_equal(a, b) for a, b in layers if a is not None and b is not None)
+def alike(first: Frame, second: Frame) -> bool:
+    layers = ((first.rgb, second.rgb), (first.depth, second.depth), (first.semantic, second.semantic))
+    return first.info == second.info and all(np.array_equal(a, b) for a, b in layers if a is not None and b is not None)
 
 
 @pytest.mark.parametrize("weather", WEATHERS)

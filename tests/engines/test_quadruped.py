@@ -130,7 +130,7 @@ def slope(angle_deg: float) -> City:
 KERB = city_of(solids=(Solid(id="kerb", polygon=rectangle(3.0, -6.0, 30.0, 6.0), base_m=-0.2, top_m=0.12),))
 
 APPROACHES = [(heading, back) for heading in (80.0, 89.5, 90.0, 95.0) for back in (0.0, 0.37)]
-"""Compass headings and how much farther back the walk begins: the feet meet the edge in other phases of the gait."""
+"""Compass headings, and the extra distance of the start: the feet meet the edge in other phases of the gait."""
 
 
 @pytest.mark.parametrize(("heading", "back"), APPROACHES)
@@ -153,21 +153,21 @@ def test_climbs_from_every_approach(play, city, top, heading, back):
 
 
 def turned(city: City, angle_deg: float) -> City:
-    """The city turned clockwise about its origin: nothing may depend on where east is."""
+    """Return the city turned clockwise about its origin, to show that no result depends on the direction."""
     east, north = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
 
     def there(x: float, y: float, *z: float) -> tuple[float, ...]:
         return (x * east + y * north, y * east - x * north, *z)
 
-    solids = (msgspec.structs.replace(one, polygon=tuple(there(*at) for at in one.polygon)) for one in city.solids)
-    slopes = (msgspec.structs.replace(one, top=tuple(there(*at) for at in one.top)) for one in city.slopes)
+    solids = (msgspec.structs.replace(part, polygon=tuple(there(*at) for at in part.polygon)) for part in city.solids)
+    slopes = (msgspec.structs.replace(part, top=tuple(there(*at) for at in part.top)) for part in city.slopes)
     return msgspec.structs.replace(city, solids=tuple(solids), slopes=tuple(slopes))
 
 
 @pytest.mark.parametrize(("heading", "turn"), [(80.0, 0.0), (90.0, 0.0), (95.0, 0.0), (89.5, 134.5), (90.0, 269.5)])
 @pytest.mark.parametrize(("city", "top"), [(stairs(0.14), 0.7), (slope(20.0), 4.0 * math.tan(math.radians(20.0)))])
 def test_climbs_more_than_it_has_to(play, city, top, heading, turn):
-    """The margin: higher steps and steeper slopes than the documented 12 cm and 15 degrees, whatever they face."""
+    """The margin: steps and slopes above the documented 12 cm and 15 degrees, in every direction."""
     aside, angle = -3.0 * math.tan(math.radians(90.0 - heading)), math.radians(turn)
     start = dog(x=aside * math.sin(angle), y=aside * math.cos(angle), heading=(heading + turn) % 360.0)
     session = play(turned(city, turn), start)
@@ -178,7 +178,7 @@ def test_climbs_more_than_it_has_to(play, city, top, heading, turn):
 
 @pytest.mark.parametrize("start", [0.0, 0.04, 0.08, 0.12])
 def test_no_edge_is_stepped_over_between_two_looks(play, start):
-    """A rib narrower than the way between two looks slows the dog before it, wherever the looks fall."""
+    """A rib narrower than the distance between two samples slows the dog before it, wherever the samples are."""
     rib = Solid(id="rib", polygon=rectangle(6.0, -6.0, 6.08, 6.0), base_m=-0.2, top_m=0.1)
     session = play(city_of(solids=(rib,)), dog(x=start, heading=90.0))
     receipt = session.command("dog[1]", "forward", distance=10.0)
@@ -272,7 +272,7 @@ def test_three_dogs_share_a_world(play):
 
 
 def test_the_world_follows_a_long_walk(play):
-    """Models are made anew on the way: the wall 150 m off is not there at the start and holds at the end."""
+    """New models are built on the way: the wall 150 m away is not in the first one, and stops the dog at the end."""
     wall = Solid(id="wall", polygon=rectangle(-5.0, 150.0, 5.0, 151.0), base_m=0.0, top_m=3.0)
     kerbs = tuple(
         Solid(id=f"post-{k}", polygon=rectangle(2.0, 3.0 * k, 2.5, 3.0 * k + 0.5), base_m=0.0, top_m=1.0)

@@ -1,4 +1,4 @@
-"""Robot dogs do the same again: in a fork, in another process, however an episode is cut into intervals."""
+"""Robot dogs repeat exactly: in a fork, in another process, and for every division of an episode into intervals."""
 
 import hashlib
 import os
@@ -82,11 +82,11 @@ def mirrors(time_s: float) -> tuple[BodyState, ...]:
 
 
 def digest(engine: QuadrupedEngine, start_s: float, end_s: float, step_s: float = 0.5) -> str:
-    said = []
+    boundaries = []
     for k in range(round((end_s - start_s) / step_s)):
         time_s = start_s + k * step_s
-        said.append(engine.advance(time_s + step_s, mirrors(time_s)))
-    return hashlib.sha256(msgspec.msgpack.encode(said)).hexdigest()
+        boundaries.append(engine.advance(time_s + step_s, mirrors(time_s)))
+    return hashlib.sha256(msgspec.msgpack.encode(boundaries)).hexdigest()
 
 
 def test_a_fork_goes_on_bit_for_bit(instance_of):

@@ -1,4 +1,4 @@
-"""The road engine on a small grid of streets: what the mission's vehicles do, and whom they meet."""
+"""The road engine on a small grid of streets: vehicles of the mission, traffic, queues and foreign bodies."""
 
 import hashlib
 import itertools
@@ -42,7 +42,7 @@ Mirrors = Callable[[float], Sequence[BodyState]]
 
 
 def grid(lanes: int = 1, control: str = "priority") -> City:
-    """Streets every 200 m from (0, 0) to (800, 800), both ways."""
+    """Return streets every 200 m from (0, 0) to (800, 800), in both directions."""
     nodes = [
         StreetNode(id=f"{column}{row}", east=column * SPAN_M, north=row * SPAN_M, control=control)
         for column in range(SIDE)
@@ -105,7 +105,7 @@ def jam(name: str = "jam", position: tuple[float, float] = (500.0, 0.0), dormant
 
 
 def other(name: str, kind: str, engine: str) -> Entity:
-    """An entity of another engine; where it is its mirrors say."""
+    """Return an entity of another engine; its mirrors give its position."""
     return declared(
         Entity(id=name, group=name, index=1, role="asset", type=kind, engine=engine, position=(0.0, 0.0, 0.0))
     )
@@ -123,7 +123,7 @@ def nobody(time_s: float) -> Sequence[BodyState]:
 
 
 class Play:
-    """Drives one engine by macro-steps and keeps what it said."""
+    """Drives one engine by macro-steps and keeps its boundaries."""
 
     def __init__(self, instance: Instance, city: City, seed: int = 1) -> None:
         self.engine = RoadEngine()
@@ -357,7 +357,7 @@ def test_commands_that_cannot_be_are_refused(
 
 @pytest.mark.parametrize("distance", [0.1, 0.5, 3.0])
 def test_a_short_forward_covers_its_distance_and_keeps_its_lane(play: Start, distance: float) -> None:
-    """The bug: 0.1 m counted as covered at once, and the car slid 3.3 m sideways into another lane meanwhile."""
+    """Regression: 0.1 m counted as covered at once, and the car slid 3.3 m sideways into another lane meanwhile."""
     played = play([vehicle()], grid(lanes=2))
     before = where(played.state)
     receipt = played.command("forward", distance=distance)
@@ -523,7 +523,7 @@ def test_lane_changes_are_motion(play: Start) -> None:
             last[body.id] = body
             if body.heading_deg == 90.0:
                 lanes.add((body.id, round(body.position[1] % 200.0 / 3.3) * 3.3))
-    assert len(lanes) > len({name for name, _ in lanes})  # somebody changed lanes
+    assert len(lanes) > len({name for name, _ in lanes})  # at least one vehicle has changed lanes
 
 
 # -- standing in the way
@@ -558,7 +558,7 @@ def test_several_arrive_at_one_place(play: Start, city: City) -> None:
 
 
 def corners(state: BodyState, size: Size) -> shapely.Polygon:
-    """The outline of a vehicle that heads east or west."""
+    """Return the outline of a vehicle that heads east or west."""
     (x, y), length, width = where(state), size.length_m / 2.0, size.width_m / 2.0
     return shapely.box(x - length, y - width, x + length, y + width)
 
@@ -581,12 +581,12 @@ def test_who_has_arrived_leaves_the_lane_to_others(play: Start, city: City) -> N
 def test_two_sent_to_one_place_leave_it_in_either_order(play: Start, city: City, leaves: str) -> None:
     vans = [vehicle(name, "delivery_van", (x, -1.65)) for name, x in (("first", 100.0), ("second", 90.0))]
     played = play(vans, city)
-    asked = [played.command("setDestination", van.id, x=350.0, y=-1.65).request for van in vans]
-    for request in asked[::-1]:
+    requests = [played.command("setDestination", van.id, x=350.0, y=-1.65).request for van in vans]
+    for request in requests[::-1]:
         played.until_ended(request)
     played.run(5.0)
-    one, other = (corners(state, SIZES["delivery_van"]) for state in played.boundary.states)
-    assert one.distance(other) >= 2.5
+    first, second = (corners(state, SIZES["delivery_van"]) for state in played.boundary.states)
+    assert first.distance(second) >= 2.5
     away = played.command("setDestination", leaves, x=750.0, y=-1.65).request
     assert played.until_ended(away).status == "completed"
     assert not any(event.kind == "collided" for event in played.events)
@@ -652,7 +652,7 @@ def test_a_car_brakes_for_a_dog_and_drives_on(play: Start, city: City) -> None:
     drive = played.command("setDestination", x=350.0, y=-1.65)
 
     def dog(time_s: float) -> Sequence[BodyState]:
-        """Walks onto the lane of the car, stands there for 20 s, walks off."""
+        """Return the path of a dog that walks onto the car's lane, stands there for 20 s, and walks off."""
         y = (
             max(-12.0 + 1.5 * time_s, -12.0)
             if time_s < 7.0
@@ -687,8 +687,10 @@ def test_a_dog_that_walks_on_without_looking_is_seen_in_time(play: Start, city: 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(("y", "both"), [(-3.7, True), (-3.3, True), (-6.2, False)], ids=["near", "on", "edge"])
 def test_background_traffic_touches_no_dog_beside_a_lane_line(play: Start, y: float, both: bool, seed: int) -> None:
-    """The bug: cars that changed lanes for a dog 0.4 m from a line were still partly in its lane. At x = 300 m two
-    lanes lead to the east, with lines at -6.6, -3.3 and 0 m."""
+    """Regression: cars that changed lanes for a dog 0.4 m from a line were still partly in its lane.
+
+    At x = 300 m two lanes lead to the east, with lines at -6.6, -3.3 and 0 m.
+    """
     there = msgspec.structs.replace(other("dog", "robot_dog", "quadruped"), position=(300.0, y, 0.3))
     played = play([there], grid(lanes=2), seed=seed, traffic=250)
     dog = BodyState(id="dog", position=there.position)
@@ -734,7 +736,7 @@ def test_a_dog_under_the_wheels_is_a_collision_once(play: Start, city: City) -> 
     played.command("setDestination", x=350.0, y=-1.65)
 
     def dog(time_s: float) -> Sequence[BodyState]:
-        """Jumps in front of the car when it is at speed."""
+        """Return the path of a dog that jumps in front of the car at speed."""
         x = where(played.state)[0]
         jumped = x > 160.0
         return (BodyState(id="dog", position=(166.0, -1.65 if jumped else -20.0, 0.3)),)
@@ -796,10 +798,10 @@ def test_processes_and_restarts_agree() -> None:
     assert run_busy() == here
     assert run_busy(seed=4) != here
     environment = {**os.environ, "PYTHONHASHSEED": "77"}
-    told = subprocess.run(
+    run = subprocess.run(
         [sys.executable, "-c", PROGRAM, __file__], capture_output=True, text=True, check=True, env=environment, cwd="/"
     )
-    assert told.stdout.strip() == here
+    assert run.stdout.strip() == here
 
 
 def test_a_second_simulation_in_a_process_is_refused(play: Start, city: City) -> None:

@@ -1,4 +1,4 @@
-"""The satellite engine: known SGP4 answers, the Earth's rotation, passes, what is in view, and orbits made to pass."""
+"""The satellite engine: published SGP4 results, the Earth's rotation, passes, views, and orbits made to pass."""
 
 import math
 

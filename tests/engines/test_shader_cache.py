@@ -1,4 +1,4 @@
-"""Compiled shaders are kept where there is room for them, and a full cache disk costs an episode nothing but time."""
+"""The cache of compiled shaders: it is kept where there is space, and a full disk costs an episode only time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ drawing = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 
 
 def drawn(cache: Path, *before: str, limit: int | None = None) -> subprocess.CompletedProcess[str]:
-    """A process that draws one picture with this cache folder, whose files are at most `limit` bytes long."""
+    """Run a process that draws one picture with this cache folder, with a limit on the size of its files (bytes)."""
     variables = {name: value for name, value in os.environ.items() if not name.startswith("MESA_SHADER")}
     variables |= {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(ROOT)}
     text = (

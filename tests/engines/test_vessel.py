@@ -1,4 +1,4 @@
-"""The vessel engine: speed, line keeping in current and wind, station keeping, land, and the sea under it."""
+"""The vessel engine: speed, line keeping in current and wind, station keeping, land and waves."""
 
 import math
 

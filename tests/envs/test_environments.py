@@ -1,4 +1,4 @@
-"""Missions behind the standard faces pass the standard checks, and say the same for the same seed."""
+"""The environments pass the standard checks of their libraries, and repeat for the same seed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The sea rescue with a budget of six ticks."""
+    """Return the sea rescue with a budget of six ticks."""
     folder = tmp_path_factory.mktemp("missions")
     text = Path(__file__).parents[2].joinpath("scenarios", "ssr.ljs").read_text()
     file = folder / "ssr.ljs"
@@ -85,7 +85,7 @@ def test_a_command_and_a_message_arrive(env: LingjingParallelEnv) -> None:
 
 @pytest.mark.parametrize(("mode", "agent"), [("broadcast", "skipper"), ("star", "commander")])
 def test_gymnasium_makes_it_and_finds_nothing_wrong(short: str, mode: str, agent: str) -> None:
-    """With one that embodies something and with one that only coordinates."""
+    """The check runs for an agent with a body and for an agent that only coordinates."""
     made = gymnasium.make(
         f"lingjing/ssr-{mode}-v0", agent=agent, others="random", mission=short, world="inline", picture_width=0
     )
@@ -106,13 +106,13 @@ def test_every_shipped_mission_is_registered_in_its_modes() -> None:
 
 
 def test_every_agent_of_every_mission_has_spaces_that_hold_something() -> None:
-    """Gymnasium's check refuses an empty part; samples of the spaces lie in them."""
+    """Gymnasium's check rejects an empty part; samples of the spaces lie in them."""
     for column in columns(shipped()):
         made = parallel_env(column.mission, mode=column.mode, world="inline")
         for agent in made.possible_agents:
-            shown, taken = made.observation_space(agent), made.action_space(agent)
+            shown, actions = made.observation_space(agent), made.action_space(agent)
             assert all(part.spaces for part in (shown, *shown.values()) if isinstance(part, gymnasium.spaces.Dict))
-            assert taken.contains(taken.sample())
+            assert actions.contains(actions.sample())
 
 
 WRONG = (
@@ -130,7 +130,7 @@ def test_an_action_that_is_none_is_a_usage_error(wrong: object, env: LingjingPar
     with pytest.raises(UsageError, match="an action of `skipper`"):
         env.step({"skipper": action})  # type: ignore[dict-item]
     observations, *_ = env.step({"skipper": {**fine, "arguments": np.array([-7.0, 7.0], np.float32)}})
-    assert observations["skipper"]["time"][0] == 10.0  # nothing had happened yet; what is too large is clipped
+    assert observations["skipper"]["time"][0] == 10.0  # no command before; numbers beyond the bounds are clipped
     with pytest.raises(UsageError, match="no agent is called `nobody`"):
         env.step({"nobody": fine})
 
@@ -153,9 +153,9 @@ def test_a_change_of_the_weather_is_observed(short: str) -> None:
     made = parallel_env(str(file), mode="broadcast", picture_width=0, world="inline")
     try:
         seen = [observed["skipper"] for observed in (made.reset(seed=3)[0], *(made.step({})[0] for _ in range(3)))]
-        assert [float(one["weather"][3]) for one in seen] == [8000.0, 8000.0, 800.0, 800.0]
-        assert [float(one["events"][EVENT_KINDS.index("weather")]) for one in seen] == [0.0, 0.0, 1.0, 0.0]
-        assert all(one in made.observation_space("skipper") for one in seen)
+        assert [float(shown["weather"][3]) for shown in seen] == [8000.0, 8000.0, 800.0, 800.0]
+        assert [float(shown["events"][EVENT_KINDS.index("weather")]) for shown in seen] == [0.0, 0.0, 1.0, 0.0]
+        assert all(shown in made.observation_space("skipper") for shown in seen)
     finally:
         made.close()
 
@@ -170,13 +170,13 @@ def test_closing_leaves_no_process(short: str) -> None:
 
 
 def children() -> list[str]:
-    """The processes that this one started and that still run."""
-    found = []
+    """Return the running processes that this one has started."""
+    workers = []
     for tasks in Path("/proc/self/task").glob("*/children"):  # a child belongs to the thread that started it
         with suppress(OSError):  # the thread has just ended, and its child
             children = tasks.read_text().split()
-            found += [child for child in children if "world.worker" in Path(f"/proc/{child}/cmdline").read_text()]
-    return found
+            workers += [child for child in children if "world.worker" in Path(f"/proc/{child}/cmdline").read_text()]
+    return workers
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_a_vector_runs_in_processes(short: str) -> None:
 
 
 def test_what_a_vehicle_carries_is_observed() -> None:
-    """States are shown by the author's word (`load`), whatever the graph calls them (`load_kg`)."""
+    """States have the declared name (`load`), whatever the name in the graph is (`load_kg`)."""
     env = parallel_env("cd", mode="star", settings={"points": 5.0}, picture_width=0)
     try:
         seen, _ = env.reset(seed=1)

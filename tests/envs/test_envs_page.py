@@ -1,4 +1,4 @@
-"""The page on environments: its examples run, and its tables name what the spaces hold."""
+"""The page on environments: its examples run, and its tables name all keys of the spaces."""
 
 from __future__ import annotations
 

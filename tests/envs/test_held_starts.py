@@ -1,4 +1,4 @@
-"""An instance that begins again begins in a copy of its world, and nothing of the episode depends on it."""
+"""An instance that begins again starts from a copy of its world, with an equal episode."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def game() -> SteppedEpisodes:
 
 
 def played(game: SteppedEpisodes, seed: int) -> list[str]:
-    """The digests of the first boundaries, with the aircraft in the air and a picture taken."""
+    """Return the digests of the first boundaries, with the aircraft in the air and a picture taken."""
     agents = {agent.id: agent.role for agent in game.instance(seed).agents}
     record = game.begin(seed, agents).record
     digests = [record.digest]
@@ -45,7 +45,7 @@ def test_a_seed_that_was_seen_before_begins_in_a_copy_and_plays_the_same(game: S
         workers = game._world._workers
         assert workers.original is not None and workers.world is not None
         assert workers.starts is not None and len(workers.starts) == 2
-        pids = [workers.original.pid, workers.world.pid, *(one.worker.pid for one in workers.starts._held.values())]
+        pids = [workers.original.pid, workers.world.pid, *(copy.worker.pid for copy in workers.starts._held.values())]
     finally:
         game.close()
     await_gone(pids)

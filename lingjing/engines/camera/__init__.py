@@ -1,20 +1,34 @@
-"""The camera: one rendered city with all entities, RGB, depth and ids in one pass, exact boxes from the ids.
+"""The camera: a renderer of the city with all entities, which draws RGB, depth and ids in one pass.
 
-`context` opens OpenGL → `noise`, `ocean` (waves), `meshes` → `models` (the catalogue), `effects` (fire, smoke, spray,
-debris) and `lamps` make what moves → `moving_things` (states → batches) → `instances` places and culls it.
+The *id buffer* holds for each pixel the semantic class of a static surface, or the number of an entity. Exact boxes of
+entities follow from it. A *tile* is a square of the city with its meshes. A *batch* is a set of instances of one mesh.
+A *variant* is the town with the changes of all entities, without those of hidden ones, or without those of targets. A
+large city is drawn in levels of detail: full tiles near the eye, blocks and a painted map beyond.
 
-What stands: open country is `ground` (City → height fields, shore map). A town is `town_ground` (its ground, waters,
-quays), `skyline` (what is seen of it from afar) and, tile by tile, `tile_mesh`, made by `building_meshes`,
-`road_meshes` (roads and areas) and `structure_meshes` (bridges, pipes, solids) of `mesh_rows`; `surroundings` is the
-country and the sea around it. `culling` picks the tiles of a picture and the window of its shadow map, `view` how
-finely each is drawn, `mesh_cache` keeps their meshes on disk, `cityscape` holds them on the GPU, `wall_order` orders
-their walls, `reduced_meshes` are what is small in them, `prop_groups` gathers their props by mesh.
+Input: the city once, and at each boundary the states of all entities and of background traffic. Output: `Frame`s.
 
-`light` (weather → light), `uniforms`, `programs` (of the sources in `shaders/*.glsl`), `upload`, `targets`,
-`water_pass` (sea and lakes), `draw` turn a pose into buffers → `boxes`, `classes` read them, `contrast` measures how
-visible a target is and `withheld` takes out what is hidden or too faint → `engine` answers the kernel; `options` is
-what it can be told, `picture_keys` what a picture depends on. In: the city once, the states of all entities and of
-background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing but their inputs, whichever
-tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes come from the id buffer,
-never from projected geometry; what a picture costs does not grow with the city.
+Modules, in the order of data flow:
+
+- `engine`: the engine contract; `options`: its options; `picture_keys`: a key of all inputs of a picture.
+- `context`: the OpenGL context; `programs`: GLSL programs from `shaders/*.glsl`; `upload`: meshes on the GPU;
+  `render_targets`: framebuffers.
+- `meshes`, `models`: meshes of everything that is placed or moves; `effects`, `lamps`: fire, smoke, spray, debris and
+  light.
+- `moving_things`: states to batches; `instances`: rows of instances and their culling.
+- `ground`: the ground of open country; `town_ground`: ground, waters and quays of a town; `far_country`: country and
+  sea around it.
+- `tile_mesh`: the meshes of a tile, from `building_meshes`, `road_meshes` and `structure_meshes` in the format of
+  `mesh_rows`; `mesh_cache`: these meshes on disk.
+- `skyline`: blocks and map of a city; `view`, `culling`: tiles and levels of detail of one picture, and the window of
+  its shadow map.
+- `cityscape`: the tiles on the GPU; `wall_order`: the order of walls; `prop_groups`, `reduced_meshes`: props, with
+  simpler meshes for small ones.
+- `noise`, `ocean`: textures and waves; `light`, `uniforms`: weather to uniform values; `water_pass`: sea and lakes;
+  `draw`: one picture.
+- `boxes`, `classes`: boxes and class ids from the id buffer; `contrast`: the visibility of targets; `redaction`:
+  removal of hidden and invisible targets.
+
+Invariants: a picture depends only on its inputs, whichever tiles are loaded. Only solid things write ids, never foam,
+shadow, smoke or rain. Boxes come from the id buffer, never from projected geometry. The cost of a picture does not grow
+with the size of the city.
 """

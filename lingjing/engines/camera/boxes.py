@@ -1,4 +1,4 @@
-"""The id buffer → exact ground truth: tight boxes of every entity that shows at least one pixel."""
+"""Ground-truth boxes from the id buffer: the tight box of every entity with at least one pixel."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from lingjing.trace.records import Box
 
 
 def entity_boxes(ids: npt.NDArray[np.uint16], entities: Sequence[Entity]) -> tuple[Box, ...]:
-    """Boxes in declaration order, normalised (x0, y0, x1, y1) around whole pixels, with their pixel counts."""
+    """Return the boxes of all entities with pixels, in declaration order.
+
+    A box is (x0, y0, x1, y1) around whole pixels, each 0..1, with its count of pixels.
+    """
     height, width = ids.shape
     where = np.flatnonzero(ids.ravel() >= FIRST_ENTITY)
     numbers = ids.ravel()[where].astype(np.int64) - FIRST_ENTITY
     rows, columns = np.divmod(where, width)
-    found = []
+    boxes = []
     for number in np.unique(numbers).tolist():
         mine = numbers == number
         x, y = columns[mine], rows[mine]
         box = (int(x.min()) / width, int(y.min()) / height, (int(x.max()) + 1) / width, (int(y.max()) + 1) / height)
         entity = entities[number]
-        found.append(Box(entity=entity.id, cls=entity.type, box=box, pixels=len(x)))
-    return tuple(found)
+        boxes.append(Box(entity=entity.id, cls=entity.type, box=box, pixels=len(x)))
+    return tuple(boxes)

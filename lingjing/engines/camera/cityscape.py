@@ -1,8 +1,8 @@
-"""`Cityscape`: the static city on the GPU. Tiles come and go; pictures do not notice.
+"""`Cityscape`: the static city on the GPU.
 
-Per picture: `view` picks tiles by pose, `shade` draws their shadow map unless the last one will do, then
-`structures` and `floors` draw materials near to far, top to bottom. What a tile needs is kept for the latest
-`KEPT_TILES` tiles; it is made again, the same, when it is needed again.
+For each picture, `view` selects tiles by pose. `shade` draws their shadow map unless the last one still fits. Then
+`structures` and `floors` draw the materials near to far and top to bottom. The latest `KEPT_TILES` tiles stay loaded. A
+dropped tile is built again, identically, when it is needed.
 """
 
 from __future__ import annotations
@@ -40,21 +40,31 @@ from lingjing.scene.tiles import TileKey, Tiles
 from lingjing.trace.records import CameraPose
 
 KEPT_TILES, KEPT_PIECES = 48, 12
-"""Tiles that stay ready to draw, and those whose pieces are held to make the next ones ready."""
+"""Tiles that stay ready to draw, and tiles whose city data stay in memory to build further ones (chosen)."""
 WARM_M = 400.0
-"""How far about a place tiles are made ready before the first picture."""
+"""Distance from a place within which tiles are loaded before the first picture, metres (chosen)."""
 ALOFT_M, TOUCHING_M = 5.0, 0.8
+"""Height of a camera above which the near plane ignores moving things closer than the second value, metres (chosen)."""
+
 SHADE_PX, SHADE_RIM_PX = 2048, 2
+"""Side of the shadow map, and width of its unshaded rim; texels (chosen)."""
+
 CROSSINGS_REACH_M = 60.0
+"""Distance around a tile within which junctions and roads affect its meshes, metres (chosen)."""
+
 STEEP_DEG, NEAREST_PX = 80.0, 1.4
+"""Tilt (degrees) and texels per pixel from which the shadow map is read without interpolation (chosen)."""
 LAYER = 2.0e-6
-"""Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
+"""Clip-space step (of w) between coplanar layers. The near plane is chosen so that the step stays below a decimetre."""
 
 LARGE_BACK = 1.0
-"""How far lands, and twice as far the ground, are set back where they are close to the eye, in depth per pixel: the
-depth of triangles that are that large is not exact enough there to tell layers from one another. Farther off it is, and
-ground that is set back would lie under the water beside it."""
+"""Offset of lands near the eye, depth units per pixel; the ground has twice as much.
+
+Near the eye the depth of such large triangles is not exact enough to separate layers. Farther away it is, and an offset
+ground would lie below the water beside it.
+"""
 LAYERED = ("road", "paving", "soil")
+"""Materials of which several layers may lie on each other."""
 MATERIALS = {
     "wall": "wall.frag",
     "plain": "plain.frag",
@@ -63,32 +73,42 @@ MATERIALS = {
     "soil": "soil.frag",
     "ground": "ground_of_town.frag",
 }
-"""Material → its fragments' source. A program is one material in one `Mode`, with the switches of both defined."""
+"""Fragment shader of each material. A program is one material in one `Mode`, with the switches of both defined."""
 
 
 class Mode(NamedTuple):
-    """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
-    wears the map, what is turned away from the sun, what is too far off to show its grain, and its panes,
-    country from high up."""
+    """A variant of a material's program: the switches of its shaders."""
 
     wet: bool
+    """Rain on the surfaces."""
     night: bool
+    """After dark."""
     sunlit: bool
+    """Within the reach of the shadow map."""
     mapped: bool = False
+    """The ground shows the painted map."""
     averted: bool = False
+    """Turned away from the sun."""
     even: bool = False
+    """Too far away to show its grain."""
     blunt: bool = False
+    """Too far away to show its windows."""
     aloft: bool = False
+    """Country seen from high above."""
 
 
 @dataclass(frozen=True, slots=True)
 class UploadedPart:
-    """A part on the GPU: the arrays that draw it by `Mode`, and one for the shadow map."""
+    """A part of a mesh on the GPU."""
 
     buffers: tuple[moderngl.Buffer, ...]
+    """Vertices and indices."""
     lit: dict[Mode, moderngl.VertexArray]
+    """Vertex arrays that draw it, by `Mode`."""
     cast: moderngl.VertexArray | None
+    """Vertex array for the shadow map; None if it casts no shadow."""
     count: int
+    """Number of indices."""
 
     def release(self) -> None:
         """Free the GL objects."""
@@ -105,15 +125,21 @@ class LoadedTile:
     """A tile that is ready to draw."""
 
     mesh: TileMesh
+    """Boxes and extent of the tile; its vertices are in `sheets`."""
     sheets: Mapping[str, UploadedPart]
+    """Parts on the GPU, by material."""
     walls: Walls | None
+    """Walls and their planes, for their order; None without walls."""
     props: tuple[Batch, ...]
+    """Batches of props."""
     lively: tuple[Prop, ...]
+    """Props with effects."""
     lamps: npt.NDArray[np.float64]
+    """Positions of the lamps' lights, (n, 3) metres."""
 
 
 class Cityscape:
-    """Owns the GL objects of one city; `release` frees them."""
+    """Owner of the GL objects of one city; `release` frees them."""
 
     def __init__(self, context: moderngl.Context, city: City, under: GroundBelow) -> None:
         self._context, self._city, self._under = context, city, under
@@ -152,8 +178,10 @@ class Cityscape:
         self.light_uniform: tuple[float, ...] = ()
 
     def vary(self, variants: tuple[TownChanges, ...]) -> None:
-        """Take over what a mission changes; tiles that may have changed are made anew. Drawn is the first of the
-        variants, or that of the number in `variant`."""
+        """Take over the changes of a mission; tiles that may have changed are built again.
+
+        The first variant is drawn, or the one of the index in the attribute `variant`.
+        """
         old, self._variants, self.variant = self._variants, variants, 0
         if [(d.tiles, d.faced) for d in old] == [(d.tiles, d.faced) for d in variants]:
             return
@@ -167,8 +195,10 @@ class Cityscape:
         )
 
     def furnish(self, city: City, under: GroundBelow) -> None:
-        """Take over a city that differs from the present one in its props alone, which are in no mesh. What it draws is
-        what one that was made for it would draw."""
+        """Take over a city that differs from the present one only in its props, which are in no mesh.
+
+        Its pictures are those of a `Cityscape` that was built for that city.
+        """
         old, tiles = self.tiles, Tiles(city, KEPT_PIECES)
         self.tiles, self._city, self._under, self._shade_is = tiles, city, under, None
         self._skyline = with_tiles(self._skyline, city, tiles)
@@ -185,40 +215,43 @@ class Cityscape:
     # -- choosing
 
     def view(self, pose: CameraPose, visibility_m: float, light: Light) -> TownView:
-        """What a picture needs."""
+        """Return the view of a picture: tiles, blocks and levels of detail."""
         return choose(self._skyline, self.town_ground, pose, visibility_m, light)
 
     def _closest(self, full: tuple[TileKey, ...], pose: CameraPose) -> float:
-        """A lower bound of the distance to anything that stands still and is in sight."""
-        found = [max(pose.position[2] - 0.15, 0.1)]
+        """Return a lower bound of the distance to every static thing in sight, metres."""
+        nearest = [max(pose.position[2] - 0.15, 0.1)]
         sky = self._skyline
         if len(sky.boxes):
-            found.append(float(distances(sky.boxes[:, :], pose.position).min()) if not full else np.inf)
+            nearest.append(float(distances(sky.boxes[:, :], pose.position).min()) if not full else np.inf)
         for key in full:
             boxes = self.resident(key).mesh.boxes
             if len(boxes):
                 shown = boxes[boxes_in_sight(boxes, pose)]
-                found.append(float(distances(shown, pose.position).min(initial=np.inf)))
-        return min(found)
+                nearest.append(float(distances(shown, pose.position).min(initial=np.inf)))
+        return min(nearest)
 
     def near_plane(self, view: TownView, pose: CameraPose, others_m: float) -> float:
-        """The near plane of a picture, `others_m` being the distance of the closest thing that moves. One that almost
-        touches a camera in the air does not count: layers of the ground far below would run into one another."""
+        """Return the near plane of a picture, metres; `others_m` is the distance of the closest moving thing.
+
+        For a camera in the air a moving thing that almost touches it does not count: layers of the ground far below
+        would no longer be separated.
+        """
         if pose.position[2] > ALOFT_M:
             others_m = max(others_m, TOUCHING_M)
         return near_plane(pose, min(self._closest(view.full, pose), others_m))
 
     def resident(self, key: TileKey) -> LoadedTile:
-        """A tile, made ready if it is not."""
-        known = key, self.variant if key in self._differing[self.variant] else 0
-        found = self._residents.get(known)
-        if found is None:
-            found = self._residents[known] = self._ready(key)
-        self._residents.move_to_end(known)
-        return found
+        """Return a tile, loaded if it was not."""
+        slot = key, self.variant if key in self._differing[self.variant] else 0
+        loaded = self._residents.get(slot)
+        if loaded is None:
+            loaded = self._residents[slot] = self._ready(key)
+        self._residents.move_to_end(slot)
+        return loaded
 
     def warm(self, places: Sequence[tuple[float, float, float]]) -> None:
-        """Make the tiles around some places ready, the first places' first."""
+        """Load the tiles around some places, those of the first place first."""
         for place in places:
             away = distances(self._skyline.boxes, place)
             for k in np.argsort(away, kind="stable").tolist():
@@ -227,7 +260,7 @@ class Cityscape:
                 self.resident(self._skyline.keys[k])
 
     def trim(self) -> None:
-        """Let go of the tiles that were not used for longest; between pictures."""
+        """Drop the least recently used tiles; call it between pictures."""
         while len(self._residents) > KEPT_TILES:
             self._drop(self._residents.popitem(last=False)[1])
 
@@ -262,9 +295,10 @@ class Cityscape:
     # -- drawing
 
     def shade(self, view: TownView) -> bool:
-        """Begin the shadow map of a view with all that is not a prop; False if the last one will do.
+        """Begin the shadow map of a view with everything except props. Return False if the last map still fits.
 
-        What is drawn next with the matrix `light_uniform` becomes part of it."""
+        The caller draws the props with the matrix `light_uniform`.
+        """
         wanted = view.window, view.casters
         if self._shade_is == wanted:
             return False
@@ -274,7 +308,7 @@ class Cityscape:
         self._shade_frame.use()
         self._shade_frame.scissor = 0, 0, SHADE_PX, SHADE_PX
         self._shade_frame.clear(depth=1.0)
-        inner = SHADE_PX - 2 * SHADE_RIM_PX  # what lies outside of the map reads its rim, which nothing shades
+        inner = SHADE_PX - 2 * SHADE_RIM_PX  # points outside of the map read its rim, which must stay unshaded
         self._shade_frame.scissor = SHADE_RIM_PX, SHADE_RIM_PX, inner, inner
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "<"
@@ -291,7 +325,7 @@ class Cityscape:
         return True
 
     def values(self, view: TownView) -> dict[str, object]:
-        """Uniforms of the city's programs, and of any program with shadows."""
+        """Return the uniforms of the city's programs, and of any program with shadows."""
         texel = view.window.side_m / SHADE_PX
         matrix = self.shade_matrix
         west, south, east, north = self._city.bounds
@@ -304,7 +338,8 @@ class Cityscape:
         }
 
     def bind(self, view: TownView, pose: CameraPose, shade_unit: int, map_unit: int) -> None:
-        """Bind the textures. Where a texel of the shadow map is about a pixel, the nearest one says as much as four."""
+        """Bind the textures. If a texel of the shadow map is about a pixel, the nearest texel replaces
+        interpolation."""
         steep = pose.tilt_deg > STEEP_DEG
         pixel = pose.position[2] / focal_px(pose)
         coarse = steep and view.window.side_m / SHADE_PX < NEAREST_PX * pixel
@@ -313,22 +348,29 @@ class Cityscape:
         self._map.use(map_unit)
 
     def programs(self, wet: bool, night: bool, blunt: bool, high: bool) -> tuple[moderngl.Program, ...]:
-        """The programs of one kind of weather; if `blunt` for what is far off as well, if `high` for country."""
+        """Return the programs of one kind of weather.
+
+        `blunt` adds those of distant things, `high` those of country seen from high above.
+        """
         modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
-        found = [self._program(name, mode) for name in MATERIALS for mode in modes]
+        needed = [self._program(name, mode) for name in MATERIALS for mode in modes]
         mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
         if blunt:
             even = [mode._replace(even=True) for mode in (*modes, averted)]
             wanted = [*(("wall", mode) for mode in even), *(("plain", mode) for mode in even[:2])]
-            found += [self._program(name, mode) for name, mode in wanted]
-            found.append(self._program("wall", even[0]._replace(blunt=True)))
+            needed += [self._program(name, mode) for name, mode in wanted]
+            needed.append(self._program("wall", even[0]._replace(blunt=True)))
         if high:
             aloft = [mode._replace(aloft=True) for mode in (modes[1], mapped)]
-            found += [self._program("paving", mode) for mode in aloft]
-        return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
+            needed += [self._program("paving", mode) for mode in aloft]
+        return (
+            *needed,
+            *(self._program(name, mapped) for name in ("ground", "paving")),
+            self._program("wall", averted),
+        )
 
     def structures(self, view: TownView, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
-        """Walls and everything else that stands up."""
+        """Draw walls and everything else that stands on the ground."""
         for key in view.full:
             mode = Mode(wet, night, key in view.shaded, even=key in view.blunt)
             resident = self.resident(key)
@@ -343,7 +385,7 @@ class Cityscape:
         self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: TownView, wet: bool, night: bool) -> None:
-        """Roads, pavings and the ground, top to bottom."""
+        """Draw roads, pavings and the ground, top to bottom."""
         for name in ("road", "paving", "soil"):
             for key in view.full:
                 mode = Mode(wet, night, key in view.shaded)
@@ -396,14 +438,14 @@ class Cityscape:
         self._blocks.lit[mode].render(moderngl.TRIANGLES, vertices=len(index))
 
     def _one_sided(self) -> None:
-        """Leave out what faces away; pictures are upside down in GL terms, so what faces the eye turns clockwise."""
+        """Cull back faces. Pictures are upside down in GL terms, so front faces are clockwise."""
         self._context.front_face = "cw"
         self._context.enable(moderngl.CULL_FACE)
 
     # -- GL objects
 
     def release(self) -> None:
-        """Free everything."""
+        """Free all GL objects."""
         sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
         for sheet in (*sheets, self._blocks, self._ground, self._lands, self._quays, self._far_lands):
             sheet.release()
@@ -438,13 +480,13 @@ class Cityscape:
     def array_of(
         self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, mode: Mode
     ) -> moderngl.VertexArray:
-        """A vertex array of a material for one mode."""
+        """Return a vertex array of a material for one mode."""
         program = self._program(name, mode)
         return self._context.vertex_array(program, [(vertices, *_layout(program))], index, 4)
 
 
 class _Lit(dict[Mode, moderngl.VertexArray]):
-    """Vertex arrays by mode, made when first asked for."""
+    """Vertex arrays by mode, built on first use."""
 
     def __init__(self, owner: Cityscape, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer) -> None:
         super().__init__()
@@ -457,7 +499,7 @@ class _Lit(dict[Mode, moderngl.VertexArray]):
 
 
 def _furniture(pieces: Pieces) -> tuple[tuple[Batch, ...], tuple[Prop, ...], npt.NDArray[np.float64]]:
-    """The props of a tile as a `LoadedTile` has them: batches, those that show something, heads of lamps."""
+    """Return the props of a tile for a `LoadedTile`: batches, props with effects, positions of lamps."""
     lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
     return prop_batches(pieces), lively, lamp_heads(pieces.props)
 

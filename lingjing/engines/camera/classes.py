@@ -1,7 +1,7 @@
-"""Semantic classes and the ids that one pass draws.
+"""Semantic classes, and their relation to the id buffer.
 
-The id buffer holds, for each pixel, the class id itself (0..255) where something static was drawn, and
-`FIRST_ENTITY + k` for the k-th entity of the instance; one table look-up turns it into the semantic picture.
+The id buffer holds the class id (0..255) of a pixel with a static surface, and `FIRST_ENTITY + k` for the k-th entity
+of the instance. One table look-up turns it into the semantic picture.
 """
 
 from __future__ import annotations
@@ -68,29 +68,30 @@ CLASSES: dict[str, int] = {
     "parked_truck": 55,
     "steam_vent": 56,
 }
-"""Class name → value in a `semantic` picture. `prop` and `entity` stand for what has no class of its own."""
+"""Class ids by name. `prop` and `entity` stand for things without a class of their own."""
 
 FIRST_ENTITY = 256
+"""Id of the instance's first entity in the id buffer."""
 
 
 def prop_class(cls: str) -> int:
-    """Class id of a prop or surface name."""
+    """Return the class id of a prop or surface."""
     return CLASSES.get(cls, CLASSES["prop"])
 
 
 def entity_class(entity: Entity) -> int:
-    """Class id of an entity: its look's, `entity` for one without."""
+    """Return the class id of an entity: that of its look, or that of `entity`."""
     return CLASSES.get(look_of(entity), CLASSES["entity"])
 
 
 def semantic_table(entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
-    """Table from drawn id to class id, for ids below `FIRST_ENTITY + len(entities)`."""
+    """Return the table from drawn id to class id, for ids below `FIRST_ENTITY + len(entities)`."""
     kinds = [entity_class(entity) for entity in entities]
     return np.array([*range(FIRST_ENTITY), *kinds], dtype=np.uint8)
 
 
 def semantic_picture(ids: npt.NDArray[np.uint16], entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
-    """Class ids of drawn ids. Most of a picture is static, whose ids are classes: only the rest is looked up."""
+    """Return the class ids of drawn ids. Static ids are class ids already, so only entities are looked up."""
     classes = ids.astype(np.uint8)
     moving = np.flatnonzero(ids.ravel() >= FIRST_ENTITY)
     classes.ravel()[moving] = semantic_table(entities)[ids.ravel()[moving]]

@@ -1,4 +1,4 @@
-"""The GL context: headless, through EGL, software where there is no GPU. The only place that opens one."""
+"""The OpenGL context, opened headless through EGL; without a GPU it renders in software. No other module opens one."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from lingjing.data import cache_folder
 from lingjing.errors import InfrastructureError
 
 APT_LINE = "apt-get install -y libegl1 libgl1"
+"""Command that installs the libraries of EGL on Debian and Ubuntu."""
 
 _SHADER_FOLDER, _SHADERS_OFF = "MESA_SHADER_CACHE_DIR", "MESA_SHADER_CACHE_DISABLE"
 """Mesa's environment variables (docs.mesa3d.org/envvars.html). Mesa reads them when a context is opened."""
 
 _INDEX = Path("mesa_shader_cache", "index")
 _INDEX_BYTES = 8 + 65_536 * 20
-"""Mesa's table of compiled shaders: a size and 65,536 SHA-1 keys (`src/util/disk_cache_os.c`)."""
+"""Size of Mesa's table of compiled shaders: a header and 65,536 SHA-1 keys (`src/util/disk_cache_os.c`)."""
 
 
 def place_shader_cache() -> None:
-    """Have Mesa keep compiled shaders in this project's cache folder, or nowhere if the folder has no room.
+    """Let Mesa keep compiled shaders in this project's cache folder, or nowhere if the folder has no room.
 
     Mesa maps its index into memory as a sparse file. On a full disk the first write to a block that the file does not
     have yet kills the process (SIGBUS), so the blocks are reserved before a context is opened. A folder that the user
-    has chosen is reserved in the same way. Compiling the shaders anew takes about 1.8 s of processor time.
+    has chosen is reserved in the same way. Compilation of all shaders takes about 1.8 s of processor time.
     """
     if os.environ.get(_SHADERS_OFF):
         return
@@ -50,7 +51,7 @@ def _reserve(index: Path) -> None:
 
 
 def open_context() -> moderngl.Context:
-    """A standalone OpenGL 3.3 context. Raises `InfrastructureError` with the line that installs what is missing."""
+    """Open an OpenGL 3.3 context without a window. Raises `InfrastructureError` with the command that installs EGL."""
     place_shader_cache()
     try:
         return moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type] # its stub
@@ -60,12 +61,12 @@ def open_context() -> moderngl.Context:
 
 
 def renderer_name(context: moderngl.Context) -> str:
-    """The GL renderer and version, part of an episode's fingerprint."""
+    """Return the GL renderer and version, a part of an episode's fingerprint."""
     return f"{context.info['GL_RENDERER']} / {context.info['GL_VERSION']}"
 
 
 def mipmapped(context: moderngl.Context, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
-    """A repeating, mipmapped texture of (rows, columns, components) bytes."""
+    """Return a repeating texture with mipmaps from (rows, columns, components) bytes."""
     texture = context.texture(pixels.shape[1::-1], pixels.shape[2], pixels.tobytes())
     texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
     texture.build_mipmaps()

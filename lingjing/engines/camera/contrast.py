@@ -1,8 +1,9 @@
-"""How much of a picture its targets make: the parts that are drawn again without them, and their contrast.
+"""Contrast of targets in a picture, from a second drawing of a part of it without them.
 
-A target's contrast is the root mean square, over the pixels that are its own, of what it changes there: the largest of
-the three differences between the picture and the same picture without it, in steps of 1/255. Below `LEAST_CONTRAST`
-nobody can see it, and it has no visible pixels in the sense of the paper's adjudication (ADR 0012).
+The contrast of a target is a root mean square over its own pixels. Each pixel counts with the largest of the three
+differences of colour between the picture and the same picture without the target, in steps of 1/255. Below
+`LEAST_CONTRAST` the target counts as invisible and has no visible pixels in the sense of the paper's adjudication (ADR
+0012).
 """
 
 from __future__ import annotations
@@ -20,8 +21,11 @@ from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.trace.records import Box, CameraPose
 
 LEAST_CONTRAST = 5.0
-"""Steps of 1/255: on the grey of fog about the 5 % of luminance at which a dark body ceases to be seen by day, which
-is how meteorology defines visibility (WMO-No. 8, meteorological optical range)."""
+"""Least contrast of a visible target, steps of 1/255.
+
+On the grey of fog it is about the 5 % of luminance at which a dark body ceases to be visible by day. Meteorology
+defines visibility in this way (WMO-No. 8, meteorological optical range).
+"""
 
 
 def judged(
@@ -32,27 +36,30 @@ def judged(
     place: PixelRect,
     without: npt.NDArray[np.uint8],
 ) -> tuple[tuple[Box, ...], tuple[Box, ...]]:
-    """The boxes of what can be seen and of what is too faint to be. `numbers` are those of the entities that the part
-    `place` was drawn `without`; the boxes of all others stay as they are."""
-    seen: list[Box] = []
+    """Return the boxes of visible entities, with their contrast, and the boxes of those that are too faint.
+
+    `numbers` holds the entities (id to index) that the part `place` was drawn without; `without` are the colours of
+    that drawing. Boxes of all other entities stay as they are.
+    """
+    visible: list[Box] = []
     faint: list[Box] = []
     height, width = ids.shape
     for box in boxes:
         if box.entity not in numbers:
-            seen.append(box)
+            visible.append(box)
             continue
         left, top, wide, high = pixels_of((box,), width, height)
         with_it = np.s_[top : top + high, left : left + wide]
         without_it = np.s_[top - place[1] : top - place[1] + high, left - place[0] : left - place[0] + wide]
         mine = ids[with_it] == FIRST_ENTITY + numbers[box.entity]
         value = contrast(rgb[with_it][mine], without[without_it][mine])
-        told = msgspec.structs.replace(box, contrast=value)
-        (seen if value >= LEAST_CONTRAST else faint).append(told)
-    return tuple(seen), tuple(faint)
+        measured = msgspec.structs.replace(box, contrast=value)
+        (visible if value >= LEAST_CONTRAST else faint).append(measured)
+    return tuple(visible), tuple(faint)
 
 
 def contrast(with_it: npt.NDArray[np.uint8], without_it: npt.NDArray[np.uint8]) -> float:
-    """Root mean square over pixels (n, 3) of their largest differences, to a tenth of a step."""
+    """Return the root mean square over pixels (n, 3) of their largest differences, to a tenth of a step."""
     if not len(with_it):
         return 0.0
     off = np.abs(with_it.astype(np.int64) - without_it).max(axis=1)
@@ -60,7 +67,7 @@ def contrast(with_it: npt.NDArray[np.uint8], without_it: npt.NDArray[np.uint8]) 
 
 
 def pixels_of(boxes: Iterable[Box], width: int, height: int) -> PixelRect:
-    """The part of a picture that holds some boxes."""
+    """Return the smallest rectangle of a picture that holds all boxes."""
     sides = [box.box for box in boxes]
     left, top = round(min(s[0] for s in sides) * width), round(min(s[1] for s in sides) * height)
     right, low = round(max(s[2] for s in sides) * width), round(max(s[3] for s in sides) * height)
@@ -68,8 +75,10 @@ def pixels_of(boxes: Iterable[Box], width: int, height: int) -> PixelRect:
 
 
 def spanned(volume: tuple[float, float, float, float, float, float], pose: CameraPose) -> PixelRect | None:
-    """The part of a picture that can show something of a box in the world; all of it where the box comes close to the
-    plane of the lens, None if nothing of the box is in sight."""
+    """Return the rectangle of a picture that can show a part of a box in the world.
+
+    It is the whole picture if the box comes close to the plane of the lens, and None if no part is in sight.
+    """
     west, south, low, east, north, high = volume
     corners = np.array([(x, y, z) for x in (west, east) for y in (south, north) for z in (low, high)])
     right, down, axis = (np.array(a) for a in camera_axes(pose))
@@ -87,7 +96,7 @@ def spanned(volume: tuple[float, float, float, float, float, float], pose: Camer
 
 
 def around(places: Iterable[PixelRect]) -> PixelRect | None:
-    """The smallest part that holds all of some; None without any."""
+    """Return the smallest rectangle around all rectangles; None without any."""
     known = list(places)
     if not known:
         return None

@@ -1,8 +1,9 @@
-"""What a picture needs of a city: the tiles in sight by level of detail, the window of its shadow map.
+"""Culling: tiles in sight by level of detail, and the window of the shadow map.
 
-Pure functions of the pose and the tiles' boxes, so a picture never depends on what was drawn before. Near tiles are
-drawn in full as far as a metre is `METRE_PX` pixels; beyond them blocks and the painted map stand in. The shadow map
-covers what is in sight within `SHADE_REACH_M`, in steps of size and place, so that neighbouring poses share it.
+All functions depend only on the pose and the tiles' boxes, so a picture does not depend on earlier ones. Tiles are
+drawn in full while a metre is at least `METRE_PX` pixels. Beyond that, blocks and the painted map replace them. The
+shadow map covers everything in sight within `SHADE_REACH_M`. Its size and place change in steps, so that neighbouring
+poses share one map.
 """
 
 from __future__ import annotations
@@ -19,50 +20,65 @@ from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
 Boxes = npt.NDArray[np.float64]
-"""(n, 6): west, south, low, east, north, high."""
+"""Boxes (n, 6): west, south, low, east, north, high; metres."""
 
 FULL_M = (400.0, 900.0)
-"""Least and greatest distance to which tiles are drawn in full."""
+"""Least and largest distance up to which tiles are drawn in full, metres (chosen)."""
 METRE_PX = 2.0
+"""Pixels per metre down to which tiles are drawn in full (chosen)."""
 SHARP_M, SHARP_FAR_M = 400.0, 1100.0
-"""From these distances on tiles show no grain and far blocks no panes either, in pictures that reach beyond the least
-distance."""
+"""Distances from which tiles show no grain, and far blocks no windows, metres (chosen).
+
+They apply only to pictures that show full tiles beyond the least distance.
+"""
 GROUND_REACH_M = 20_000.0
+"""Distance to which ground or water reaches at least, metres."""
+
 SHADE_REACH_M = 480.0
+"""Distance to which the shadow map reaches, metres (chosen)."""
+
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
+"""Possible sides of the shadow map's window, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShadowWindow:
-    """A square of the sun's view: its axes, its lower corner and side along them (m)."""
+    """A square in the sun's view."""
 
     right: tuple[float, float, float]
+    """Unit vector of its horizontal axis."""
     up: tuple[float, float, float]
+    """Unit vector of its vertical axis."""
     sun: tuple[float, float, float]
+    """Unit vector towards the sun."""
     corner: tuple[float, float]
+    """Lower corner along the two axes, metres."""
     side_m: float
+    """Side, metres."""
 
 
 def full_reach(pose: CameraPose, visibility_m: float) -> float:
-    """How far tiles are drawn in full, metres."""
+    """Return the distance to which tiles are drawn in full, metres."""
     return min(max(focal_px(pose) / METRE_PX, FULL_M[0]), FULL_M[1], 1.3 * visibility_m)
 
 
 def blunt_from(reach_m: float) -> tuple[float, float]:
-    """The distances (m) from which on full tiles show no grain, and far blocks no panes; a picture that does not
-    reach beyond the least distance has its tiles sharp to the end."""
+    """Return the distances (m) from which full tiles show no grain, and far blocks no windows.
+
+    They are infinite for a picture whose reach is not beyond the least distance.
+    """
     return (SHARP_M, SHARP_FAR_M) if reach_m > SHARP_M else (np.inf, np.inf)
 
 
 def distances(boxes: Boxes, eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
-    """Distance of each box from a point; 0 inside."""
+    """Return the distance of each box from a point, metres; 0 inside."""
     at = np.asarray(eye)
     off = np.maximum(np.maximum(boxes[:, :3] - at, at - boxes[:, 3:]), 0.0)
     return np.asarray(np.linalg.norm(off, axis=1))
 
 
 def boxes_in_sight(boxes: Boxes, pose: CameraPose) -> npt.NDArray[np.bool_]:
-    """Which boxes touch the camera's frustum (never fewer than do), ignoring its far end."""
+    """Return which boxes touch the camera's frustum, without its far end; a few others may be included."""
     right, down, axis = (np.asarray(a) for a in camera_axes(pose))
     focal = focal_px(pose)
     x, y = pose.width / 2.0 / focal, pose.height / 2.0 / focal
@@ -73,16 +89,17 @@ def boxes_in_sight(boxes: Boxes, pose: CameraPose) -> npt.NDArray[np.bool_]:
 
 
 def near_plane(pose: CameraPose, closest_m: float) -> float:
-    """The nearest depth that anything `closest_m` away or farther can have in the picture, with a reserve."""
+    """Return the least depth that a thing `closest_m` away or farther can have in the picture, with a margin."""
     focal = focal_px(pose)
     slant = hypot(1.0, pose.width / 2.0 / focal, pose.height / 2.0 / focal)
     return max(0.8 * closest_m / slant, 0.06)
 
 
 def sky_bounds(pose: CameraPose, level_m: float) -> tuple[int, int, int, int] | None:
-    """The part of a picture (left, top, width, height; pixels) that can show the sky; None if no part can.
+    """Return the part of a picture (left, top, width, height; pixels) that can show the sky; None if no part can.
 
-    Ground or water reach `GROUND_REACH_M` at least, and farther than an eye high above can see to the end of."""
+    Ground or water reach at least `GROUND_REACH_M`, and beyond the sight of an eye high above.
+    """
     right, down, axis = camera_axes(pose)
     width, height, focal = pose.width, pose.height, focal_px(pose)
     over = pose.position[2] - level_m
@@ -91,16 +108,16 @@ def sky_bounds(pose: CameraPose, level_m: float) -> tuple[int, int, int, int] | 
     least = -(over + 50.0) / GROUND_REACH_M
 
     def rise(x: float, y: float) -> float:
-        """How far above the limit a pixel's ray goes."""
+        """Return the height of a pixel's ray above the limit."""
         return axis[2] + ((x - width / 2.0) * right[2] + (y - height / 2.0) * down[2]) / focal - least
 
     ring = [(0.0, 0.0), (float(width), 0.0), (float(width), float(height)), (0.0, float(height))]
     shown = [corner for corner in ring if rise(*corner) >= 0.0]
-    for one, other in zip(ring, ring[1:] + ring[:1], strict=True):
-        a, b = rise(*one), rise(*other)
+    for first, second in zip(ring, ring[1:] + ring[:1], strict=True):
+        a, b = rise(*first), rise(*second)
         if (a < 0.0) != (b < 0.0):
             part = a / (a - b)
-            shown.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
+            shown.append((first[0] + part * (second[0] - first[0]), first[1] + part * (second[1] - first[1])))
     if not shown:
         return None
     left, top = (max(int(min(p[k] for p in shown)) - 1, 0) for k in (0, 1))
@@ -109,7 +126,7 @@ def sky_bounds(pose: CameraPose, level_m: float) -> tuple[int, int, int, int] | 
 
 
 def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> ShadowWindow:
-    """The window that holds what the picture shows of the ground and of 40 m above it."""
+    """Return the window that holds what the picture shows of the ground and of 40 m above it."""
     z = np.asarray(sun)
     flat = hypot(sun[0], sun[1])
     right = np.array([-sun[1], sun[0], 0.0]) / flat if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
@@ -125,23 +142,23 @@ def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> ShadowWin
 
 
 def _shown(pose: CameraPose) -> npt.NDArray[np.float64]:
-    """Points on the ground and 40 m above it around what is in sight, cut off at `SHADE_REACH_M`."""
+    """Return points on the ground and 40 m above it around everything in sight, up to `SHADE_REACH_M`."""
     right, down, axis = (np.asarray(a) for a in camera_axes(pose))
     focal, eye = focal_px(pose), np.asarray(pose.position)
     reach = max(SHADE_REACH_M, 1.6 * eye[2]) if pose.tilt_deg > 30.0 else SHADE_REACH_M
-    found = []
+    points = []
     for u in (-1.0, 0.0, 1.0):
         for v in (-1.0, 0.0, 1.0):
             ray = axis + right * (u * pose.width / 2.0 / focal) + down * (v * pose.height / 2.0 / focal)
             ray = ray / np.linalg.norm(ray)
             for level in (0.0, min(40.0, max(eye[2] - 3.0, 0.0))):
                 t = (level - eye[2]) / ray[2] if ray[2] < -1e-3 else reach
-                found.append(eye + ray * min(max(t, 0.0), reach))
-    return np.array(found)
+                points.append(eye + ray * min(max(t, 0.0), reach))
+    return np.array(points)
 
 
 def casters(boxes: Boxes, window: ShadowWindow) -> npt.NDArray[np.bool_]:
-    """Which boxes may throw a shadow into the window: those that it holds along the sun's rays."""
+    """Return which boxes may cast a shadow into the window: those inside it along the sun's rays."""
     keep = np.ones(len(boxes), bool)
     for axis, start in ((window.right, window.corner[0]), (window.up, window.corner[1])):
         a = np.asarray(axis)
@@ -152,7 +169,7 @@ def casters(boxes: Boxes, window: ShadowWindow) -> npt.NDArray[np.bool_]:
 
 
 def light_matrix(window: ShadowWindow, boxes: Boxes) -> npt.NDArray[np.float64]:
-    """(4, 4) world → clip space of the shadow map, deep enough for all boxes (the casters)."""
+    """Return the (4, 4) matrix from world to clip space of the shadow map, deep enough for all boxes."""
     z = np.asarray(window.sun)
     corner = np.asarray(window.corner) + window.side_m / 2.0
     far = np.where(z > 0.0, boxes[:, :3], boxes[:, 3:]) @ z

@@ -1,10 +1,12 @@
-"""`Renderer`: one picture from a pose, a sea and the instances, in one pass over the scene.
+"""`Renderer`: one picture from a pose, a sea and the instances.
 
-Order: what stands (a city's buildings and props), ground, solids, water, sky (each pixel shaded about once), then
-shadows, blots and marks blended into the colour alone, then objects, flames and spray, at last smoke and rain. What
-moves has planar shadows: a mesh pressed along the sun's rays onto its plane, drawn twice so that overlaps darken once
-(first its alpha is marked, then colour is multiplied by the mark and the mark removed). A city and what stands in it
-have a shadow map (`cityscape`).
+Order of drawing: static things (buildings and props of a city), ground, solids, water and sky, so that each pixel is
+shaded about once. Then shadows, blots and marks are blended into the colour alone. Objects, flames and spray follow,
+then smoke and rain.
+
+Moving things have planar shadows: a mesh projected along the sun's rays onto its plane. It is drawn twice, so that
+overlaps darken once: first its alpha is marked, then the colour is multiplied by the mark and the mark removed. A city
+and everything static in it have a shadow map (`cityscape`).
 """
 
 from __future__ import annotations
@@ -47,36 +49,45 @@ from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
 NOISE_UNIT, SHADE_UNIT, MAP_UNIT, CLOUD_UNIT, GRAIN_UNIT = 3, 4, 5, 6, 7
-"""Texture units behind those of the waters."""
+"""Texture units after those of the waters."""
 GRAINS = {"u_grain": slice(0, 4), "u_paved": slice(0, 2), "u_street": slice(2, 4), "u_tone": slice(2, 3)}
-"""Which parts of the grain a texture holds: a software renderer pays for every byte that it does not need."""
+"""Channels of the grain that each texture holds. A software renderer spends time on every byte that it reads."""
 WARM_SIZE, WARM_UP_M = (320, 180), 60.0
+"""Size in pixels, and height over a place in metres, of the pictures that compile programs (chosen)."""
 GRAIN_M = 64.0
-"""What the grain's texture spans (`GRAIN_M` of `city.glsl`)."""
+"""Length that the grain's texture spans, metres (`GRAIN_M` of `city.glsl`)."""
 RELIEF_M = 500.0
-"""No land rises higher."""
+"""Upper bound of the height of land, metres."""
 SEA_FLOOR, GROUND_FLOOR = (0.013, 0.065, 0.08), (0.09, 0.10, 0.05)
-"""Colours of sea and country at the horizon of an eye high up."""
+"""Linear colours of sea and country at the horizon of an eye high above."""
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
+"""Class ids with a program of their own for the ground."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scenery:
-    """What a picture shows besides the static ground: the sea at a time, all instances, marks on the water."""
+    """The moving content of a picture: everything besides the static ground and town."""
 
     time_s: float
+    """Simulated time, seconds."""
     weather: Weather
+    """The weather."""
     sea: tuple[SeaSurface, SeaSurface]
+    """Swell and ripple at that time."""
     batches: Sequence[Batch]
+    """Instances of meshes."""
     marks: npt.NDArray[np.void]
+    """Marks on the water."""
     billboards: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, BILLBOARD))
+    """Rows of `BILLBOARD`."""
     decals: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, DECAL))
+    """Rows of `DECAL`."""
     variant: int = 0
-    """Which variant of the town it shows (`Cityscape.vary`)."""
+    """Index of the town's variant that it shows (`Cityscape.vary`)."""
 
 
 class Renderer:
-    """Owns the GL context and everything in it. Not thread-safe; `close` frees all."""
+    """Owner of the GL context and of everything in it; `close` frees all. Not thread-safe."""
 
     def __init__(self) -> None:
         self.context = open_context()
@@ -136,13 +147,13 @@ class Renderer:
         self._level = ground.level_m
 
     def vary(self, *variants: TownChanges) -> None:
-        """Take over what a mission changes about a town: the variant that pictures show, then those for `redraw`."""
+        """Take over the changes of a mission to a town: the variant that pictures show, then those for `redraw`."""
         if self._town is not None:
             with self.context:
                 self._town.vary(variants)
 
     def furnish(self, city: City, under: GroundBelow) -> None:
-        """Take over a town that differs from the loaded one in its props alone."""
+        """Take over a town that differs from the loaded one only in its props."""
         assert self._town is not None
         with self.context:
             self._town.furnish(city, under)
@@ -171,9 +182,11 @@ class Renderer:
         self._town = None
 
     def warm(self, places: Sequence[Vector], weather: Weather, staged: Callable[[], Scenery], depth: bool) -> None:
-        """Make ready what pictures near some places need: tiles, and once for each kind of weather programs and their
-        machine code. A small picture of what is `staged` is drawn and thrown away: pictures do not depend on the ones
-        before."""
+        """Load what pictures near some places need: tiles, and once for each kind of weather the programs.
+
+        A small picture of the scenery `staged` is drawn and dropped, so that programs are compiled. Later pictures do
+        not depend on it.
+        """
         with self.context:
             if self._town is not None:
                 self._town.warm(places)
@@ -191,20 +204,23 @@ class Renderer:
             self._targets.pop((WARM_SIZE, depth)).release()
 
     def render(self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float | None = None) -> Buffers:
-        """Draw one picture and read it back; without a near plane with its own."""
+        """Draw one picture and read it back. Without `near_m` it has its own near plane."""
         with self.context:
             return self._render(pose, scenery, depth, near_m)
 
     def near_plane(self, pose: CameraPose, scenery: Scenery) -> float:
-        """The near plane of a picture: what is nearest in it decides."""
+        """Return the near plane of a picture, metres; the nearest thing in it decides."""
         with self.context:
             return self._near(pose, scenery, self._view(pose, scenery))
 
     def redraw(
         self, pose: CameraPose, scenery: Scenery, depth: bool, place: PixelRect, near_m: float
     ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
-        """Colours and ids of a part of a picture, pixel for pixel those of the whole one with this near plane, after
-        `render` of the same pose. The town's shadows stay as that one left them."""
+        """Return colours and ids of a part of a picture, after `render` of the same pose.
+
+        They equal those of the whole picture with this near plane, pixel by pixel. The town's shadow map stays as
+        `render` left it.
+        """
         with self.context:
             return self._draw(pose, scenery, depth, near_m, self._view(pose, scenery), place).read_part(place)
 
@@ -219,7 +235,7 @@ class Renderer:
         return light_of(scenery.weather, pose.position[2] - self._level)
 
     def _view(self, pose: CameraPose, scenery: Scenery) -> TownView | None:
-        """What a picture needs of the town, which shows the scenery's variant from now on; None without a town."""
+        """Return the view of the town, which shows the scenery's variant from now on; None without a town."""
         if self._town is None:
             return None
         self._town.variant = scenery.variant
@@ -241,7 +257,7 @@ class Renderer:
         view: TownView | None,
         place: PixelRect | None,
     ) -> Target:
-        """Draw a picture, or again a part of the one that was drawn last."""
+        """Draw a picture, or a part of the last picture again."""
         light = self._light(pose, scenery)
         target = self._target((pose.width, pose.height), depth)
         self._prepare(pose, scenery, light, view, near_m)
@@ -280,11 +296,11 @@ class Renderer:
 
     @property
     def _has_sea(self) -> bool:
-        """Whether there is open water: a town may have none."""
+        """True if there is open water; a town may have none."""
         return self._town is None or self._town.town_ground.sea is not None
 
     def _heavens(self, target: Target, pose: CameraPose, place: PixelRect | None) -> None:
-        """The sky, where it can be: below that all is ground or water."""
+        """Draw the sky in the part of the picture that can show it; below, all is ground or water."""
         shown = sky_bounds(pose, self._level)
         if shown is not None and place is not None:
             shown = overlap(shown, place)
@@ -294,7 +310,7 @@ class Renderer:
             target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
 
     def _air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
-        """What the air carries: smoke, mist, glow, rain. It hides nothing from ids and depth."""
+        """Draw smoke, mist, glow and rain. They write neither ids nor depth."""
         target.write(colour=True, alpha=False, rest=False)
         self._effects.clouds(scenery.billboards, pose.position)
         if light.rain > 0.0:
@@ -305,21 +321,23 @@ class Renderer:
         target.write(colour=True, alpha=True, rest=True)
 
     def _enlivened(self, scenery: Scenery, view: TownView | None, pose: CameraPose, light: Light) -> Scenery:
-        """The scenery with the effects of the tiles' props and, after dark, with their lamps."""
+        """Return the scenery with the effects of the tiles' props and, after dark, with their lamps."""
         if self._town is None or view is None:
             return scenery
         tiles = [self._town.resident(key) for key in view.full]
         props = [prop for tile in tiles for prop in tile.lively]
-        found = [prop_effects(prop, scenery.time_s, scenery.weather) for prop in props]
+        effects_of_props = [prop_effects(prop, scenery.time_s, scenery.weather) for prop in props]
         lamps = [lamp_rows(tile.lamps, pose.position, light.dark) for tile in tiles] if light.lamps else []
         return replace(
             scenery,
-            billboards=np.concatenate([scenery.billboards, *(_soft(effects.billboards) for effects in found), *lamps]),
-            decals=np.concatenate([scenery.decals, *(effects.decals for effects in found)]),
+            billboards=np.concatenate(
+                [scenery.billboards, *(_soft(effects.billboards) for effects in effects_of_props), *lamps]
+            ),
+            decals=np.concatenate([scenery.decals, *(effects.decals for effects in effects_of_props)]),
         )
 
     def _shade(self, view: TownView) -> None:
-        """Bring the shadow map up to date, plants and other props included."""
+        """Update the shadow map, with plants and other props."""
         assert self._town is not None
         if not self._town.shade(view):
             return
@@ -332,17 +350,17 @@ class Renderer:
             array.render(instances=len(batch.rows))
 
     def _caster(self, key: str, mesh: npt.NDArray[np.float32], needed: int) -> tuple[Model, moderngl.VertexArray]:
-        found = self._casting.get(key)
-        if found is None or found[0].capacity < needed:
-            if found is not None:
-                found[1].release()
-                found[0].release()
+        caster = self._casting.get(key)
+        if caster is None or caster[0].capacity < needed:
+            if caster is not None:
+                caster[1].release()
+                caster[0].release()
             model = upload(self.context, (self._objects[1], self._shadow), indexed(mesh), max(needed, 64))
-            found = self._casting[key] = model, rows_array(self.context, self._tree_shade, model)
-        return found
+            caster = self._casting[key] = model, rows_array(self.context, self._tree_shade, model)
+        return caster
 
     def _stand(self, pose: CameraPose, view: TownView) -> None:
-        """Trees, lamps and other props of the tiles in sight, small plants as stand-ins."""
+        """Draw trees, lamps and other props of the tiles in sight; small plants have simpler meshes."""
         assert self._town is not None
         lump_m, _ = blunt_from(view.reach_m)
         for batch in self._standing.of([self._town.resident(key).props for key in sorted(view.full)]):
@@ -352,7 +370,7 @@ class Renderer:
                 model.lit.render(instances=len(look.rows))
 
     def close(self) -> None:
-        """Release every GL object, then the context."""
+        """Free every GL object, then the context."""
         with self.context:
             self._release()
         self.context.release()
@@ -381,8 +399,8 @@ class Renderer:
         return self._targets[key]
 
     def _pair(self, fragment: str, *defined: str) -> tuple[moderngl.Program, moderngl.Program]:
-        """A program of objects without and with shadows from the shadow map."""
-        program = self.context.program  # many small triangles: varyings cost them more than uniforms
+        """Return the programs of objects without and with shadows from the shadow map."""
+        program = self.context.program  # flat varyings cost many small triangles more than uniforms do
         plain, shaded = (
             program(vertex_shader=source("object.vert", *more), fragment_shader=source(fragment, *more))
             for more in (defined, ("SHADED", *defined))
@@ -416,29 +434,33 @@ class Renderer:
             **self._floor(),
             "u_silt": float(not self._has_sea),
         }
-        told: tuple[moderngl.Program, ...] = (*self._programs, *self._water.programs, *self._effects.programs)
+        programs: tuple[moderngl.Program, ...] = (*self._programs, *self._water.programs, *self._effects.programs)
         if self._town is not None and view is not None:
             self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
             for texture in self._grains.values():
                 texture.filter = _grain_filter(pose)
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
-            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, view.reaching, view.high))
+            programs = (*programs, *self._town.programs(light.rain > 0.0, light.lamps, view.reaching, view.high))
         values |= uniforms.view(pose, near_m)
-        for program in told:
+        for program in programs:
             own = {**values, **uniforms.space(light, pose.position[2])} if program is self._sky else values
             for name in program:
                 if name in own:
                     program[name] = own[name]
 
     def _floor(self) -> dict[str, object]:
-        """What is at the horizon of an eye high up."""
+        """Return the uniforms of the horizon for an eye high above."""
         if self._has_sea:
             return {"u_floor": (*SEA_FLOOR, 1.0), "u_floor_is": (self._level, float(CLASSES["water"]))}
         return {"u_floor": (*GROUND_FLOOR, 0.0), "u_floor_is": (0.0, float(CLASSES["grass"]))}
 
     def _fill(self, pose: CameraPose, scenery: Scenery, light: Light) -> list[tuple[Model, int, int]]:
-        """Per mesh: (model, instances whose shadow may show, of these the first so many are themselves visible)."""
+        """Return for each mesh: its model, the number of instances whose shadow may show, and how many of these are
+        visible.
+
+        The visible ones come first in the model.
+        """
         drawn = []
         slack = 1.0 + 2.0 / max(light.sun[2], 0.2)
         for batch in scenery.batches:
@@ -499,8 +521,10 @@ class Renderer:
 
 
 def _grain_filter(pose: CameraPose) -> tuple[int, int]:
-    """Where a pixel of the ground spans most of a texel of its grain, the nearest texel does: reading one costs a
-    software renderer a third of four."""
+    """Return the filter of the grain. If a pixel of the ground spans most of a texel, the nearest texel suffices.
+
+    A software renderer then takes a third of the time of interpolation.
+    """
     coarse = pose.position[2] / focal_px(pose) > 0.6 * GRAIN_M / GRAIN
     return (
         (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
@@ -510,7 +534,7 @@ def _grain_filter(pose: CameraPose) -> tuple[int, int]:
 
 
 def _draw_land(land: LandSurface, model: Model, pose: CameraPose) -> None:
-    """Only the patches that the picture can show, neighbours in one call."""
+    """Draw the patches that the picture can show, neighbours in one call."""
     centres = np.array([patch.centre for patch in land.patches])
     radius = np.array([patch.radius for patch in land.patches])
     seen = in_sight(centres, radius, pose)
@@ -526,18 +550,18 @@ def _draw_land(land: LandSurface, model: Model, pose: CameraPose) -> None:
 
 
 def _casts_far(batch: Batch) -> npt.NDArray[np.bool_]:
-    """Instances high over their shadow's plane, whose shadow lies far from themselves."""
+    """Return which instances are high over their shadow's plane, so that their shadow lies far away from them."""
     high = batch.rows["rows"][:, 2, 3] - batch.rows["plane"]
     return np.asarray(high > 2.0 * batch.radius)
 
 
 def _shade(light: Light) -> float:
-    """What a shadow leaves of the developed colour."""
+    """Return the share of the developed colour that remains in a shadow."""
     return 0.60 + 0.32 * light.cloud + (0.40 - 0.32 * light.cloud) * light.dark
 
 
 def _closest(scenery: Scenery, pose: CameraPose) -> float:
-    """Distance of the nearest thing of the scenery that is in sight, metres."""
+    """Return the distance of the nearest thing of the scenery in sight, metres."""
     eye, nearest = np.array(pose.position), np.inf
     for batch in scenery.batches:
         at = batch.rows["rows"][:, :, 3].astype(np.float64)
@@ -548,7 +572,7 @@ def _closest(scenery: Scenery, pose: CameraPose) -> float:
 
 
 def _soft(rows: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
-    """Billboards of a prop: what is a body there has the id of props."""
+    """Return billboards of a prop; rows of a body get the id of props."""
     rows = rows.copy()
     rows["id"] *= CLASSES["prop"]
     return rows

@@ -1,9 +1,9 @@
-"""`CameraEngine`: the sensor engine that draws the city with all entities and answers captures.
+"""`CameraEngine`: the sensor engine that draws the city with all entities.
 
-It owns nothing: every entity of the instance reaches it as a mirror through `advance`, and a picture shows the
-states of the last one. A picture is a function of (city, instance, states, time, pose) alone, whatever was drawn
-before. An entity is not drawn while it is gone (`lingjing.engines.bodies.is_absent`), nor by its own cameras; one for
-which no mirror has come yet stands where the instance puts it. The context and static meshes stay warm between resets.
+It owns no entity. Every entity reaches it as a mirror through `advance`, and a picture shows the states of the last
+one. A picture is a function of city, instance, states, time and pose; earlier pictures do not matter. An entity is not
+drawn while it is absent (`lingjing.engines.bodies.is_absent`), nor in pictures of its own cameras. An entity without a
+mirror stands at its declared place. The context and static meshes stay loaded between resets.
 """
 
 from __future__ import annotations
@@ -40,15 +40,16 @@ from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt
 
 WARM_PLACES = 4
-"""So many places, at most, are made ready at a reset."""
+"""Most places whose surroundings are loaded at a reset (chosen)."""
 STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
-"""A camera this deep in the ground is lifted this far over it."""
+"""A camera up to this deep in the ground is lifted by the second value above it, up to the third height; metres
+(chosen)."""
 TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")
-"""Pieces that only a city with streets and buildings has; one without any is drawn as open country and sea."""
+"""Parts that only a city with streets and buildings has. A city without them is drawn as open country and sea."""
 
 
 class CameraEngine:
-    """The five engine methods over a `Renderer`."""
+    """The engine contract over a `Renderer`."""
 
     def __init__(self) -> None:
         self._renderer: Renderer | None = None
@@ -68,7 +69,10 @@ class CameraEngine:
         self._level = 0.0
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
-        """Open the context if need be, build the city's meshes if it changed, forget the last episode."""
+        """Open the context on first use, build the city's meshes if the city changed, and drop the last episode.
+
+        Raises `InfrastructureError` for more entities than the id buffer can hold, or without OpenGL.
+        """
         entities = spec.instance.entities
         if len(entities) > DRAWN_MOST:
             raise InfrastructureError(f"the camera draws at most {DRAWN_MOST} entities, not {len(entities)}")
@@ -88,8 +92,8 @@ class CameraEngine:
         return Boundary(engine=spec.engine, time_s=0.0)
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
-        """A camera obeys no command: pictures are asked for through `capture`."""
-        return tuple(one.receipt("camera", "rejected", self._time_s, "unknown_verb") for one in commands)
+        """Reject all commands: pictures are requested through `capture`."""
+        return tuple(command.receipt("camera", "rejected", self._time_s, "unknown_verb") for command in commands)
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Take over all states at `until`."""
@@ -100,18 +104,18 @@ class CameraEngine:
         return Boundary(engine=spec.engine, time_s=until)
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
-        """One picture for each request, in order."""
+        """Return one picture for each request, in order."""
         return tuple(self._picture(request) for request in requests)
 
     def picture_key(self, request: CaptureRequest) -> bytes:
-        """What the picture of a request depends on now (`lingjing.plugins.engine.KeyedPictures`)."""
+        """Return a key of all inputs of the requested picture (`lingjing.plugins.engine.KeyedPictures`)."""
         if request.pose is not None:
             return picture_key(request.pose, self._scenery(None), self._level)
         entity, camera = self._mount(request)
         return picture_key(self._seen_from(entity, camera), self._scenery(entity), self._level)
 
     def fingerprint(self) -> dict[str, str]:
-        """The GL renderer and version behind the pictures; {} before the first reset."""
+        """Return the GL renderer and version; empty before the first reset."""
         return {"gl": self._renderer.name} if self._renderer is not None else {}
 
     def close(self) -> None:
@@ -123,7 +127,7 @@ class CameraEngine:
             renderer.close()
 
     def _warm(self, renderer: Renderer, entities: Sequence[Entity]) -> None:
-        """Make ready what the first pictures need, where those with cameras begin: else the first one is late."""
+        """Load what the first pictures need at the places of the cameras; the first picture would be slow otherwise."""
         looking = [e for e in entities if e.cameras and e.position[2] < HIGH_M]
         if not looking:
             return
@@ -133,7 +137,7 @@ class CameraEngine:
         renderer.warm(places, self._schedule.weather(self._time_s), partial(self._scenery, None), depth)
 
     def _change_town(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
-        """What the entities do to the town, with all of them, without what is hidden and without any target."""
+        """Apply the entities' changes to the town: all of them, without hidden ones, and without targets."""
         kept = self._withheld
         whole = changes_of(tiles.near, terrain.surface, entities)
         public = changes_of(tiles.near, terrain.surface, entities, kept.hidden)
@@ -181,7 +185,7 @@ class CameraEngine:
         return Frame(info, shown.rgb, shown.depth, shown.semantic, self._quality)
 
     def _above(self, pose: CameraPose) -> CameraPose:
-        """The pose of a camera, lifted out of the ground or the deck that its body stands on."""
+        """Return the pose of a camera, lifted out of the ground or deck on which its body stands."""
         if self._terrain is None or pose.position[2] > HIGH_M:
             return pose
         east, north, up = pose.position
@@ -189,7 +193,7 @@ class CameraEngine:
         return pose if up >= least else msgspec.structs.replace(pose, position=(east, north, least))
 
     def _picture_from(self, pose: CameraPose, request: CaptureRequest) -> Frame:
-        """A picture from a place where nobody stands, of what its request names: colours alone, nobody left out."""
+        """Return a picture from a free pose, only with colours and with every entity."""
         assert self._renderer is not None
         buffers = self._renderer.render(pose, self._scenery(None), False)
         info = FrameInfo(
@@ -206,7 +210,7 @@ class CameraEngine:
         return Frame(info, buffers.rgb, quality=self._quality)
 
     def _build(self, renderer: Renderer, city: City) -> None:
-        """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""
+        """Build the static world. Open country is drawn whole; a town is drawn in tiles, with its solids and props."""
         self._city, self._level, self._terrain = None, water_level(city), None
         noise = noise_texture()[::4, ::4, 0]
         if city.store or any(getattr(city, kind) for kind in TOWN):
@@ -219,8 +223,10 @@ class CameraEngine:
         self._city = city
 
     def _refurnish(self, renderer: Renderer, city: City) -> bool:
-        """Take over a city that differs from the present one in its props alone: what floats on a sea or in a harbour
-        differs from episode to episode. False for any other city."""
+        """Take over a city that differs from the present one only in its props; return False for any other city.
+
+        Floating props of a sea or harbour differ from episode to episode.
+        """
         if self._city is None or city.store or _without_props(city) != _without_props(self._city):
             return False
         if self._terrain is None:
@@ -232,15 +238,18 @@ class CameraEngine:
         return True
 
     def _under(self, east: float, north: float, up: float) -> float:
-        """Elevation of the plane that the shadow of something at a point falls on."""
+        """Return the elevation of the plane on which the shadow of a thing at a point falls, metres."""
         assert self._city is not None
         if self._terrain is None:
             return height_under(self._city, east, north)
         return self._terrain.support(east, north, up + 0.5)
 
     def _scenery(self, viewer: Entity | None, without: Collection[str] = (), variant: int = ALL) -> Scenery:
-        """Everything but the viewer's own body, if it has one, and the entities `without`; its shadow goes with it, the
-        light it throws stays. The town is the `variant`, one of `withheld`'s."""
+        """Return the moving content of a picture.
+
+        It has no body of the `viewer` and none of the entities `without`, and no shadows of these bodies. Their light
+        stays. The town is the `variant`, one of the constants of `redaction`.
+        """
         assert self._schedule is not None
         weather = self._schedule.weather(self._time_s)
         shown, own = [], None

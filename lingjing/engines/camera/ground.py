@@ -1,8 +1,8 @@
-"""City → what is drawn once: ground meshes by class, solids with the plane their shadows fall on, the shore map.
+"""The ground of a city: meshes by class, solids with the plane of their shadows, and the shore map.
 
-Natural land (`sand`, `grass`, `rock`) becomes a height field that rises from just under the water at the polygon's
-edge to `top_m`; the polygon is its outermost extent, the top is flat but for a tenth of relief. Concrete becomes a
-prism with quay walls, exactly as high as the city says.
+Natural land (`sand`, `grass`, `rock`) is a height field. It rises from just below the water at the polygon's edge to
+`top_m`. The polygon is its outermost extent, and the top is flat except for a relief of a tenth. Concrete is a prism
+with quay walls, exactly as high as the city declares.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SURFACES: dict[str, tuple[LinearRgb, float]] = {
     "rock": ((0.17, 0.155, 0.14), 1.0 / 1.4),
     "concrete": ((0.30, 0.30, 0.29), 1.0),
 }
-"""Surface → (linear colour, slope of its edge)."""
+"""Linear colour and slope of the edge for each surface (chosen)."""
 
 MATERIALS: dict[str, LinearRgb] = {
     "wood": (0.26, 0.17, 0.10),
@@ -42,51 +42,73 @@ MATERIALS: dict[str, LinearRgb] = {
     "green": (0.05, 0.17, 0.10),
     "paint": (0.62, 0.46, 0.08),
 }
+"""Linear colours of materials of solids (chosen)."""
+
 SHORE_SIZE = 1024
+"""Side of the shore map, texels (chosen)."""
+
 PATCH_CELLS = 24
+"""Side of a patch, cells of the height field (chosen)."""
+
 BURIED_M = 3.0
+"""Distance inside of higher land from which lower land cannot show, metres, in addition to the slope (chosen)."""
+
 SHORE_REACH_M = 160.0
+"""Distance to land up to which the shore map tells it, metres (chosen)."""
+
 FLAT_M = 0.3
+"""Height up to which a land of a town belongs to its even ground, metres (chosen)."""
 
 HeightGrid = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A piece of ground drawn or left out as one: triangles (n, 3) over the shared vertices, a bounding sphere."""
+    """A piece of ground that is drawn or culled as a whole."""
 
     triangles: npt.NDArray[np.uint32]
+    """Triangles (n, 3) of indices of the land's vertices."""
     centre: npt.NDArray[np.float64]
+    """Centre of the bounding sphere, metres."""
     radius: float
+    """Radius of the bounding sphere, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class LandSurface:
-    """The ground of one land: its class id, vertices (n, 10) and patches."""
+    """The ground of one land."""
 
     cls: int
+    """Class id."""
     vertices: Mesh
+    """Vertices (n, 10) as in `meshes`."""
     patches: tuple[Patch, ...]
+    """Patches."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Static meshes: the ground of every land, shadow plane (m) → mesh of solids standing on it, the shore map."""
+    """The static meshes of a city's ground."""
 
     level_m: float
+    """Elevation of the open water, metres."""
     surfaces: tuple[LandSurface, ...]
+    """The ground of every land."""
     solids: tuple[tuple[float, Mesh], ...]
+    """Meshes of the solids, by the elevation of the plane of their shadows."""
     shore: npt.NDArray[np.uint8]
+    """The shore map, (SHORE_SIZE, SHORE_SIZE, 2) bytes."""
     bounds: tuple[float, float, float, float]
+    """Extent of the city: west, south, east, north; metres."""
 
 
 def water_level(city: City) -> float:
-    """Elevation of the open water, the datum where the city has none."""
+    """Return the elevation of the open water; the datum if the city has no water."""
     return city.waters[0].level_m if city.waters else city.datum_m
 
 
 def build_ground(city: City, noise: npt.NDArray[np.uint8], town: bool = False) -> Ground:
-    """All static geometry of a city; of a town only the lands that rise over its `town_ground`, and no solids."""
+    """Return all static geometry of a city. For a town it holds only lands that rise over its `town_ground`."""
     level = water_level(city)
     shown = msgspec.structs.replace(city, lands=tuple(land for land in city.lands if not is_flat(land)))
     surfaces = _surfaces(shown if town else city, level)
@@ -95,24 +117,24 @@ def build_ground(city: City, noise: npt.NDArray[np.uint8], town: bool = False) -
 
 
 def is_flat(land: Land) -> bool:
-    """Whether a land of a town is part of its even ground."""
+    """Return whether a land of a town belongs to its even ground."""
     return abs(land.top_m) <= FLAT_M
 
 
 def height_under(city: City, east: float, north: float) -> float:
-    """Elevation of the ground or water under a point: the highest land there, else the water."""
+    """Return the elevation of the highest land at a point, or else of the water."""
     tops = [land.top_m for land in city.lands if shapely.contains_xy(_area(land.polygon), east, north)]
     return max(tops, default=water_level(city))
 
 
 @lru_cache(64)
 def _area(polygon: Polygon) -> shapely.Polygon:
-    """Every body of every picture asks about the same few lands."""
+    """Return the polygon of a land. It is cached: every body of every picture needs the same few lands."""
     return shapely.Polygon(polygon)
 
 
 def fill(polygon: Polygon, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
-    """Even-odd membership of the grid points (len(ys), len(xs))."""
+    """Return the grid points (len(ys), len(xs)) inside a polygon by the even-odd rule."""
     a = np.array(polygon)
     b = np.roll(a, -1, axis=0)
     mask = np.zeros((len(ys), len(xs)), bool)
@@ -139,7 +161,7 @@ def _quay(land: Land, level: float) -> LandSurface:
 
 
 def _buried(city: City, land: Land) -> shapely.Geometry:
-    """Where higher land lies on this one so deep inside its own edge that this one cannot show."""
+    """Return the area in which higher land covers this one so deep inside its own edge that this one cannot show."""
     rise = land.top_m - water_level(city) + 1.0
     over = [
         shapely.Polygon(other.polygon).buffer(-BURIED_M - rise / SURFACES.get(other.surface, SURFACES["grass"])[1])
@@ -156,7 +178,7 @@ def _patch(vertices: Mesh, triangles: npt.NDArray[np.uint32]) -> Patch:
 
 
 def _prism(polygon: Polygon, base: float, top: float, colour: LinearRgb) -> Mesh:
-    """A prism over any simple polygon."""
+    """Return a prism over any simple polygon."""
     shape = shapely.Polygon(polygon)
     if shapely.equals(shape, shape.convex_hull):
         return prism(shapely.get_coordinates(shapely.orient_polygons(shape))[:-1], base, top, colour)
@@ -187,7 +209,7 @@ def _height_field(land: Land, level: float, number: int, buried: shapely.Geometr
 
 
 def _profile(into: HeightGrid, rise: float, slope: float, xs: HeightGrid, ys: HeightGrid, number: int) -> HeightGrid:
-    """Height over the water from the distance inside the polygon, with relief that fades at the edge."""
+    """Return the height over the water by the distance inside the polygon, with relief that fades at the edge."""
     x, y = np.meshgrid(xs, ys)
     relief = np.sin(x / 17.0 + number) * np.sin(y / 13.0 + 2.0 * number) + 0.6 * np.sin(x / 7.3 - y / 9.1 + number)
     ramp = -0.15 + slope * (into + 0.6 * relief)
@@ -235,7 +257,7 @@ def _solids(city: City, level: float) -> tuple[tuple[float, Mesh], ...]:
 
 
 def _wet(city: City, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
-    """Where waters lie; a city without any is drawn in the sea."""
+    """Return which grid points are water; a city without waters is drawn in the sea."""
     wet = np.zeros((len(ys), len(xs)), bool)
     for water in city.waters:
         here = fill(water.polygon, xs, ys)
@@ -246,7 +268,10 @@ def _wet(city: City, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
 
 
 def _shore_map(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """(SHORE_SIZE, SHORE_SIZE, 2) bytes: square root of the distance to land over `SHORE_REACH_M`, slow patches."""
+    """Return the shore map, (SHORE_SIZE, SHORE_SIZE, 2) bytes.
+
+    The first channel is the square root of the distance to land over `SHORE_REACH_M`. The second is slow noise.
+    """
     west, south, east, north = city.bounds
     cell = (east - west) / SHORE_SIZE
     xs = west + cell * (np.arange(SHORE_SIZE) + 0.5)

@@ -1,4 +1,4 @@
-"""What is drawn many times: instance rows of props and entities, culled to what a camera can see."""
+"""Instances of meshes: rows of props and entities, and their culling."""
 
 from __future__ import annotations
 
@@ -20,27 +20,32 @@ from lingjing.scene.city import Pieces, Prop
 from lingjing.trace.records import BodyState, CameraPose
 
 if TYPE_CHECKING:
-    from lingjing.engines.camera.effects.particles import Rows  # the effects are made with this module
+    from lingjing.engines.camera.effects.particles import Rows  # `effects` imports this module
 
 ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
-"""An instance: model-to-world rows, the elevation its shadow falls on (m), its id."""
+"""An instance: rows of the model-to-world matrix, elevation of its shadow's plane (m), drawn id."""
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Instances of one mesh: rows (n,), bounding radius of each (m), and which of them ride the waves."""
+    """Instances of one mesh."""
 
     key: str
+    """Name of the mesh."""
     mesh: Mesh
+    """The mesh."""
     rows: Rows
+    """Rows of `ROW`, (n,)."""
     radius: npt.NDArray[np.float64]
+    """Bounding radius of each, metres."""
     floating: npt.NDArray[np.bool_]
+    """True for those that float on the waves."""
 
 
 def matrix(
     position: tuple[float, float, float], heading_deg: float, pitch_deg: float, roll_deg: float, scale: float = 1.0
 ) -> npt.NDArray[np.float64]:
-    """(3, 4) model-to-world; positive pitch lifts the bow, positive roll lowers the right side."""
+    """Return the (3, 4) model-to-world matrix. Positive pitch lifts the bow, positive roll lowers the right side."""
     h, p, r = radians(heading_deg), radians(pitch_deg), radians(roll_deg)
     turn = np.array([[cos(h), sin(h), 0.0], [-sin(h), cos(h), 0.0], [0.0, 0.0, 1.0]])
     nod = np.array([[1.0, 0.0, 0.0], [0.0, cos(p), -sin(p)], [0.0, sin(p), cos(p)]])
@@ -49,29 +54,29 @@ def matrix(
 
 
 def row(rows: npt.NDArray[np.float64], plane: float, number: int) -> Rows:
-    """One instance as an array of length 1."""
+    """Return one instance as an array of length 1."""
     out = np.zeros(1, ROW)
     out["rows"], out["plane"], out["id"] = rows, plane, number
     return out
 
 
 def mesh_radius(mesh: Mesh) -> float:
-    """Radius of a mesh about its origin."""
+    """Return the radius of a mesh about its origin, metres."""
     return float(np.linalg.norm(mesh[:, :3], axis=1).max()) if len(mesh) else 0.0
 
 
 def prop_batches(city: Pieces) -> tuple[Batch, ...]:
-    """All props of a city or a tile, one batch a mesh."""
-    found: dict[str, tuple[Mesh, list[Prop]]] = {}
+    """Return all props of a city or a tile, one batch for each mesh."""
+    groups: dict[str, tuple[Mesh, list[Prop]]] = {}
     for prop in city.props:
         variant = prop.options.get("variant", 0)
         key, mesh = prop_model(prop.model, variant if isinstance(variant, int) else 0)
-        found.setdefault(key, (mesh, []))[1].append(prop)
-    return tuple(_prop_batch(key, mesh, props) for key, (mesh, props) in sorted(found.items()))
+        groups.setdefault(key, (mesh, []))[1].append(prop)
+    return tuple(_prop_batch(key, mesh, props) for key, (mesh, props) in sorted(groups.items()))
 
 
 def _prop_batch(key: str, mesh: Mesh, props: Sequence[Prop]) -> Batch:
-    """What `matrix` and `row` give for each, all at once: a town has thousands of them."""
+    """Return the batch of a mesh; equal to `matrix` and `row` of each prop, but at once: a town has thousands."""
     heading = [radians(prop.heading_deg) for prop in props]
     east, north = np.array([cos(h) for h in heading]), np.array([sin(h) for h in heading])
     scale = np.array([prop.scale for prop in props])
@@ -86,18 +91,21 @@ def _prop_batch(key: str, mesh: Mesh, props: Sequence[Prop]) -> Batch:
 
 
 def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]) -> tuple[Batch, ...]:
-    """What moves as batches: (model-to-world (3, 4), mesh key, mesh, id, shadow plane)."""
-    found: dict[str, tuple[Mesh, list[Rows]]] = {}
+    """Return moving things as batches, from (model-to-world (3, 4), mesh key, mesh, id, shadow plane)."""
+    groups: dict[str, tuple[Mesh, list[Rows]]] = {}
     for place, key, mesh, number, plane in drawn:
-        found.setdefault(key, (mesh, []))[1].append(row(place, plane, number))
+        groups.setdefault(key, (mesh, []))[1].append(row(place, plane, number))
     return tuple(
         Batch(key, mesh, np.concatenate(rows), np.full(len(rows), mesh_radius(mesh)), np.zeros(len(rows), bool))
-        for key, (mesh, rows) in sorted(found.items())
+        for key, (mesh, rows) in sorted(groups.items())
     )
 
 
 def afloat(batch: Batch, swell: SeaSurface) -> Rows:
-    """The batch's rows with floating ones tilted by the waves; the drawn sea is flat, so they stay on its plane."""
+    """Return the batch's rows, with floating ones tilted by the waves.
+
+    The drawn sea is flat, so their position stays on its plane.
+    """
     if not batch.floating.any():
         return batch.rows
     rows = batch.rows.copy()
@@ -112,8 +120,8 @@ def afloat(batch: Batch, swell: SeaSurface) -> Rows:
 
 
 def visible(rows: Rows, radius: npt.NDArray[np.float64], pose: CameraPose, slack: float = 0.0) -> npt.NDArray[np.bool_]:
-    """Which instances may touch the picture: inside the frustum (spheres grown by `slack` radii), a third of a
-    pixel or more."""
+    """Return which instances may show: inside the frustum (spheres enlarged by `slack` radii), a third of a pixel or
+    more."""
     at = rows["rows"][:, :, 3].astype(np.float64)
     away = np.linalg.norm(at - np.array(pose.position), axis=1)
     sized: npt.NDArray[np.bool_] = radius * focal_px(pose) > 0.17 * np.maximum(away, 1.0)
@@ -123,7 +131,7 @@ def visible(rows: Rows, radius: npt.NDArray[np.float64], pose: CameraPose, slack
 def in_sight(
     centres: npt.NDArray[np.float64], reach: npt.NDArray[np.float64], pose: CameraPose
 ) -> npt.NDArray[np.bool_]:
-    """Which spheres (n, 3), (n,) touch the camera's frustum, ignoring its far end."""
+    """Return which spheres (n, 3), (n,) touch the camera's frustum, without its far end."""
     right, down, axis = (np.array(a) for a in camera_axes(pose))
     offset = centres - np.array(pose.position)
     focal = focal_px(pose)
@@ -135,10 +143,11 @@ def in_sight(
 
 
 MARK = np.dtype([("place", "f4", (4,)), ("kind", "f4", (2,))])
+"""A mark on the water: place (east, north, size, heading) and kind (0 ring or 1 wake, strength)."""
 
 
 def marks(states: Sequence[tuple[BodyState, Entity]]) -> npt.NDArray[np.void]:
-    """Marks on the water: rings around targets, the wake of an asset under way."""
+    """Return the marks on the water: rings around targets, and the wake of a moving asset."""
     out = []
     for state, entity in states:
         east, north, _ = state.position

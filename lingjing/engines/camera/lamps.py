@@ -1,4 +1,4 @@
-"""Lamps that are on: street lamps by their props, vehicles' head and tail lights, as glowing billboards."""
+"""Lamps at night: street lamps, and head and tail lights of vehicles, as glowing billboards."""
 
 from __future__ import annotations
 
@@ -16,31 +16,36 @@ from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
 HEADS: dict[str, tuple[float, float, float]] = {"lamp": (0.0, 1.9, 7.95), "park_lamp": (0.0, 0.0, 3.4)}
-"""Prop model → where its light is, in the model's frame."""
+"""Position of the light in the frame of each prop model, metres."""
 
 WARM, WHITE, RED = (0.80, 0.62, 0.36), (0.80, 0.78, 0.70), (0.75, 0.03, 0.02)
+"""Linear colours of street lamps, head lights and tail lights (chosen)."""
+
 MURKY_M = 1000.0
+"""Visibility below which vehicles have their lights on, metres (chosen)."""
+
 REACH_M = 450.0
+"""Distance up to which street lamps are drawn, metres (chosen)."""
 
 
 def vehicles_lit(weather: Weather) -> bool:
-    """Whether drivers have their lights on: in the dark, in fog, in rain."""
+    """Return whether vehicles have their lights on: in the dark, in fog and in rain."""
     return weather.sun_elevation_deg < LAMPS_DEG or weather.visibility_m < MURKY_M or weather.rain > 0.2
 
 
 def lamp_heads(props: Iterable[Prop]) -> npt.NDArray[np.float64]:
-    """(n, 3): where the lamps among props shine."""
-    found = []
+    """Return the positions of the lights of lamps among props, (n, 3) metres."""
+    heads = []
     for prop in props:
         if prop.model in HEADS:
             right, along = ahead(prop.heading_deg)
             x, y, z = HEADS[prop.model]
-            found.append(np.array(prop.position) + (right * x + along * y + np.array([0.0, 0.0, z])) * prop.scale)
-    return np.array(found).reshape(-1, 3)
+            heads.append(np.array(prop.position) + (right * x + along * y + np.array([0.0, 0.0, z])) * prop.scale)
+    return np.array(heads).reshape(-1, 3)
 
 
 def lamp_rows(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], dark: float) -> Rows:
-    """The glow of lamps near the eye; `dark` 0..1 is how much of it the sky leaves."""
+    """Return the glow of lamps near the eye; `dark` is 0 by day and 1 at night."""
     near = heads[np.linalg.norm(heads - np.asarray(eye), axis=1) < REACH_M]
     strength = 0.35 + 0.65 * dark
     halos = billboards(near, 1.1, WARM, 0.34 * strength, soft=1.0, glow=1.0, shape=DROP)
@@ -48,7 +53,7 @@ def lamp_rows(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], d
 
 
 def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:
-    """Head and tail lights of bodies of the looks that have them."""
+    """Return head and tail lights of the bodies whose looks have them."""
     rows = [_lights(state, SIZES.get(look, SIZES["car"])) for state, look in bodies if look in DRIVEN]
     return np.concatenate([billboards(np.zeros((0, 3)), 0.0, 0.0, 0.0), *rows])
 

@@ -1,8 +1,8 @@
-"""The weather at an instant → what lights a picture: sun, sky, haze, fog, night, rain, as uniform values.
+"""Light and air of a picture, from the weather: sun, sky, haze, fog, night and rain as uniform values.
 
-By day (sun 10 degrees up or more) the sky is bright and blue or grey; below that the sun reddens and weakens, the sky
-darkens through dusk, and at 8 degrees under the horizon it is night. Shadows then come from a sun kept 4 degrees up,
-whose strength is nearly nothing.
+With the sun at 10 degrees or more, the sky is bright and blue or grey. Below that the sun becomes red and weak and the
+sky darkens. At 8 degrees below the horizon it is night. Shadows then come from a sun that is held 4 degrees above the
+horizon, with almost no strength.
 """
 
 from __future__ import annotations
@@ -14,40 +14,55 @@ from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Weather
 
 LOWEST_SUN_DEG = 4.0
+"""Least elevation of the sun that casts shadows, degrees (chosen)."""
+
 DAY_DEG, NIGHT_DEG = 10.0, -8.0
+"""Sun elevations of full day and of full night, degrees (chosen)."""
+
 LAMPS_DEG = 5.0
-"""Below this sun elevation lamps are on."""
+"""Sun elevation below which lamps are on, degrees (chosen)."""
 AIR_M = 1500.0
-"""Thickness of the air that veils: from higher up the path through it grows no more."""
+"""Thickness of the hazy air, metres (chosen). From a greater height the path through it is not longer."""
 
 FOG_BANK_M = 1200.0
-"""Where one sees farther than about this, the sky shows through the fog overhead."""
+"""Visibility from which the sky shows through fog overhead, metres (chosen)."""
 
 FROM_ORBIT = 0.25
-"""Share of the veil that is left from orbit: pictures from there are corrected for it."""
+"""Share of the haze in pictures from orbit, which are usually corrected for it (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """Uniforms of one picture; `dark` 0 by day … 1 at night, `lamps` whether they are on, `rain` 0..1, `gloom` what
-    rain leaves of the sky's light, `clear` what fog leaves of the sight of the sky."""
+    """The light of one picture."""
 
     sun: LinearRgb
+    """Unit vector towards the sun."""
     sunlight: LinearRgb
+    """Linear colour of sunlight."""
     skylight: LinearRgb
+    """Linear colour of light from the sky."""
     haze: LinearRgb
+    """Linear colour of the haze."""
     dusk: LinearRgb
+    """Linear colour of the glow at dusk."""
     fog: float
+    """Extinction of the fog, 1/m, for base 2."""
     cloud: float
+    """Cloud cover, 0..1."""
     dark: float
+    """Darkness: 0 by day, 1 at night."""
     lamps: bool
+    """True if lamps are on."""
     rain: float
+    """Rain, 0..1."""
     gloom: float
+    """Share of the sky's light that rain leaves."""
     clear: float
+    """Share of the sky's sight that fog leaves."""
 
 
 def light_of(weather: Weather, height_m: float) -> Light:
-    """The light of a picture taken `height_m` over the ground."""
+    """Return the light of a picture taken `height_m` over the ground."""
     cloud = min(max(weather.cloud, 0.0), 1.0)
     dark = _smooth(DAY_DEG - 4.0, NIGHT_DEG, weather.sun_elevation_deg)
     low = 1.0 - _smooth(-3.0, DAY_DEG, weather.sun_elevation_deg)
@@ -82,17 +97,17 @@ def light_of(weather: Weather, height_m: float) -> Light:
 
 
 def sun_direction(weather: Weather) -> LinearRgb:
-    """Unit vector to the light that casts shadows."""
+    """Return the unit vector to the light that casts shadows."""
     azimuth, elevation = radians(weather.sun_azimuth_deg), radians(max(weather.sun_elevation_deg, LOWEST_SUN_DEG))
     return sin(azimuth) * cos(elevation), cos(azimuth) * cos(elevation), sin(elevation)
 
 
 def rain_of(weather: Weather) -> float:
-    """How hard it rains, 0..1."""
+    """Return the strength of the rain, 0..1."""
     return min(max(weather.rain, 0.0), 1.0)
 
 
 def _smooth(start: float, end: float, at: float) -> float:
-    """0 before `start`, 1 past `end` (which may be smaller), smooth between."""
+    """Return a smooth step: 0 before `start`, 1 past `end`, which may be smaller than `start`."""
     t = min(max((at - start) / (end - start), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)

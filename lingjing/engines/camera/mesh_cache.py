@@ -1,11 +1,11 @@
-"""Meshes of a city's tiles on disk (`$XDG_CACHE_HOME/lingjing/meshes`), so that a city is meshed once and not by every
-process that draws it; with them the textures that are the same in every city.
+"""A disk cache of the meshes of a city's tiles and of textures (`$XDG_CACHE_HOME/lingjing/meshes`).
 
-A file is named by what decides its content: the city's (its props apart, which are in no mesh) and the tile, or the
-texture's name; the code (this package and that of scenes), the versions and the instructions of the libraries that
-compute. It is kept by `lingjing.kept_files`; a mesh whose indices are wrong is made again too. Where nothing can be
-written nothing is kept. Together the files take `MOST_BYTES` at most, and what one process has written since it last
-looked. With `LINGJING_NO_CACHE` nothing is read and nothing is kept.
+With it a city is meshed once and not by every process. The name of a file is a hash of everything that determines its
+content: the city (without its props, which are in no mesh) and the tile, or the name of the texture; the source code of
+this package and of scenes; versions and chosen code paths of the numerical libraries. `lingjing.kept_files` stores and
+checks the files. A mesh with invalid indices is made again. If the folder cannot be written, nothing is kept. All files
+together take at most `MOST_BYTES`, plus what one process has written since its last check. With `LINGJING_NO_CACHE`
+nothing is read or kept.
 """
 
 from __future__ import annotations
@@ -34,26 +34,35 @@ from lingjing.scene.tiles import TileKey
 Texture = npt.NDArray[np.uint8]
 
 MOST_BYTES = 1 << 30
+"""Most bytes of all files together (chosen)."""
+
 MOST_FILES = 1 << 20
+"""Most files (chosen)."""
+
 LOOK_EVERY = 32
-"""After so many written files, the first one included, the folder is looked through for what has to go."""
+"""Written files between two checks of the folder's size; the first file is followed by one (chosen)."""
 
 _COMPUTING = ("numpy", "shapely", "mapbox-earcut")
+"""Packages that compute meshes; their versions are part of a name."""
 _CHOSEN = ("libm", "numpy")
-"""What of `lingjing.numerics.runtime_fingerprint` a mesh may depend on."""
+"""Entries of `lingjing.numerics.runtime_fingerprint` that a mesh may depend on."""
 
 
 class _StoredTile(msgspec.Struct, frozen=True, array_like=True):
-    """A `TileMesh`: vertices and indices by material, the buildings' boxes and the two corners as bytes."""
+    """A `TileMesh` as bytes."""
 
     parts: dict[str, tuple[bytes, bytes]]
+    """Vertices and indices by material."""
     coarse: int
+    """As in `TileMesh`."""
     boxes: bytes
+    """Boxes of the buildings."""
     corners: bytes
+    """Low and high corner of the tile."""
 
 
 class MeshCache:
-    """The kept meshes of one city."""
+    """The cached meshes of one city."""
 
     def __init__(self, city: City) -> None:
         self._folder = None if cache_is_off() else Path(cache_folder(), "meshes")
@@ -61,18 +70,18 @@ class MeshCache:
         self._written = 0
 
     def tile(self, key: TileKey, make: Callable[[], TileMesh]) -> TileMesh:
-        """The mesh of an unchanged tile: the kept one, else what `make` gives, which is then kept."""
+        """Return the mesh of an unchanged tile: the cached one, or that of `make`, which is then cached."""
         if self._folder is None:
             return make()
         file = self._folder / f"{self._key}-{key[0]}_{key[1]}.mesh"
-        found = _read(file)
-        if found is None:
-            found = make()
-            self._keep(file, _packed(found))
-        return found
+        mesh = _read(file)
+        if mesh is None:
+            mesh = make()
+            self._keep(file, _packed(mesh))
+        return mesh
 
     def _keep(self, file: Path, data: bytes) -> None:
-        """Write a file whole or not at all; on a disk that takes none, no further one is tried."""
+        """Write a file completely or not at all; after a failure no further file is written."""
         try:
             write_kept(str(file), data)
             if self._written % LOOK_EVERY == 0:
@@ -83,8 +92,10 @@ class MeshCache:
 
 
 def kept_texture(name: str, make: Callable[[], Texture]) -> Texture:
-    """A texture that nothing decides but the code and its libraries: the kept one, else what `make` gives, which is
-    then kept where that is possible."""
+    """Return a texture that depends only on the code and its libraries.
+
+    It is the cached one, or that of `make`, which is then cached if possible.
+    """
     if cache_is_off():
         return make()
     file = Path(cache_folder(), "meshes", f"{_key(name)}.texture")
@@ -106,14 +117,14 @@ def _city_key(city: City) -> str:
 
 
 def _key(content: str) -> str:
-    """What content, code and libraries decide."""
-    chosen = runtime_fingerprint()
-    told = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {chosen[name]}" for name in _CHOSEN]
-    return hashlib.sha256("\n".join((content, _code_sha256(), *told)).encode()).hexdigest()[:40]
+    """Return the hash of content, code and libraries."""
+    fingerprint = runtime_fingerprint()
+    libraries = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {fingerprint[name]}" for name in _CHOSEN]
+    return hashlib.sha256("\n".join((content, _code_sha256(), *libraries)).encode()).hexdigest()[:40]
 
 
 def _standing_sha256(city: City) -> str:
-    """Over what stands in a city: what floats in a harbour differs from episode to episode."""
+    """Return a hash of the static city. Floating props of a harbour differ from episode to episode."""
     if city.store:
         return content_sha256(city)
     standing = msgspec.structs.replace(city, id="", props=(), network="", sha256="")
@@ -122,7 +133,7 @@ def _standing_sha256(city: City) -> str:
 
 @cache
 def _code_sha256() -> str:
-    """Over all source that may change a mesh."""
+    """Return a hash of all source code that may change a mesh."""
     digest = hashlib.sha256()
     for folder in (Path(__file__).parent, Path(scene.__file__).parent):
         for file in sorted(folder.rglob("*.py")):
@@ -145,7 +156,7 @@ def _packed(mesh: TileMesh) -> bytes:
 
 
 def _unpacked(data: memoryview) -> TileMesh | None:
-    """The mesh, or None where a drawing of it would read what is not there."""
+    """Return the mesh, or None if its indices would read out of bounds."""
     stored = msgspec.msgpack.decode(data, type=_StoredTile)
     parts = {name: MeshPart(np.frombuffer(vertices, VERTEX), np.frombuffer(index, np.uint32))
              for name, (vertices, index) in stored.parts.items()}  # fmt: skip

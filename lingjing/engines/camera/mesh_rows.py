@@ -1,8 +1,8 @@
-"""The vertices of a static city: one layout for every material, gathered in parts that one program draws.
+"""The format of meshes of a static city: one vertex layout for all materials, in parts that one program draws.
 
-A vertex says where it is, which way it faces, its colour, its place on the surface (`at`, metres along and across: up a
-wall, along a lane), four numbers whose meaning is the material's (`style`), a layer (coplanar surfaces: a higher one is
-in front) and the id that is drawn. World coordinates, metres, linear colours.
+A vertex has a position, a normal and a colour. `at` is its place on the surface, metres along and across: up a wall,
+along a lane. `style` holds four numbers whose meaning depends on the material. `layer` orders coplanar surfaces: a
+higher one is in front. `id` is the drawn id. World coordinates, metres, linear colours.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ VERTEX = np.dtype(
         ("id", "u4"),
     ]
 )
+"""A vertex."""
 
 LAYOUT = (
     ("3f", "in_position"),
@@ -38,7 +39,7 @@ LAYOUT = (
     ("1f", "in_layer"),
     ("1u", "in_id"),
 )
-"""The same as the attributes of a program."""
+"""The vertex as attributes of a program: formats and names."""
 
 Vertices = npt.NDArray[np.void]
 VertexIndex = npt.NDArray[np.uint32]
@@ -46,10 +47,13 @@ Floats = npt.NDArray[np.float64]
 Style = tuple[float, float, float, float]
 
 PLAIN: Style = (0.0, 0.0, 0.0, 0.0)
+"""Style of a material that needs none."""
 
 KEPT_MESHES = 512
-"""Meshes of one kind of pieces that a process holds: a tile that a mission changes is made anew, and most of what
-stands in it is as it was. Whoever is given one does not write into it."""
+"""Meshes of one kind of pieces in memory (chosen).
+
+A tile that a mission changes is built again, and most of its pieces are unchanged. Cached meshes must not be modified.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +61,18 @@ class MeshPart:
     """An indexed piece of a mesh."""
 
     vertices: Vertices
+    """Vertices, (n,) of `VERTEX`."""
     index: VertexIndex
+    """Indices, three for each triangle."""
 
 
 def empty() -> MeshPart:
-    """Nothing."""
+    """Return a part without vertices."""
     return MeshPart(np.zeros(0, VERTEX), np.zeros(0, np.uint32))
 
 
 def joined(parts: Iterable[MeshPart]) -> MeshPart:
-    """Several parts as one, in order."""
+    """Return several parts as one, in order."""
     some = [part for part in parts if len(part.index)]
     if not some:
         return empty()
@@ -86,7 +92,7 @@ def rows(
     style: npt.ArrayLike = PLAIN,
     layer: float = 0.0,
 ) -> Vertices:
-    """Vertices from columns; `position` (n, 3) says how many."""
+    """Return vertices from columns; `position` (n, 3) determines their number."""
     place = np.asarray(position, np.float64)
     out = np.zeros(len(place), VERTEX)
     out["position"], out["normal"], out["at"], out["style"] = place, normal, at, style
@@ -96,13 +102,14 @@ def rows(
 
 
 def quads(count: int) -> VertexIndex:
-    """Indices of `count` quadrilaterals of four vertices each, in order around."""
+    """Return the indices of `count` quadrilaterals of four vertices each, in order around."""
     base = 4 * np.arange(count, dtype=np.uint32)[:, None]
     return (base + np.array([0, 1, 2, 0, 2, 3], np.uint32)).ravel()
 
 
 def triangles(rings: Sequence[npt.ArrayLike]) -> tuple[Floats, VertexIndex]:
-    """(points (n, 2), indices) of a polygon with holes, anticlockwise triangles; the first ring is the outer one."""
+    """Return (points (n, 2), indices) of a polygon with holes, in anticlockwise triangles; the first ring is the outer
+    one."""
     parts = [np.asarray(ring, np.float64).reshape(-1, 2) for ring in rings]
     points = np.concatenate(parts)
     ends = np.cumsum([len(part) for part in parts]).astype(np.uint32)
@@ -118,7 +125,7 @@ def triangles(rings: Sequence[npt.ArrayLike]) -> tuple[Floats, VertexIndex]:
 
 def sheet(rings: Sequence[npt.ArrayLike], height: float, colour: LinearRgb, number: int, *, style: Style = PLAIN,
           layer: float = 0.0, gloss: float = 0.0, down: bool = False) -> MeshPart:  # fmt: skip
-    """A horizontal polygon with holes at a height; `at` is east and north."""
+    """Return a horizontal polygon with holes at a height; `at` is east and north."""
     points, index = triangles(rings)
     place = np.column_stack([points, np.full(len(points), height)])
     normal = (0.0, 0.0, -1.0 if down else 1.0)
@@ -128,7 +135,7 @@ def sheet(rings: Sequence[npt.ArrayLike], height: float, colour: LinearRgb, numb
 
 def walls(ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, number: int, *, style: Style = PLAIN,
           gloss: float = 0.0, inwards: bool = False) -> MeshPart:  # fmt: skip
-    """The sides of a prism over an anticlockwise ring; `at` is metres along the outline and above the base."""
+    """Return the sides of a prism over an anticlockwise ring; `at` is metres along the outline and above the base."""
     outline = oriented(ring, not inwards)
     following = np.roll(outline, -1, axis=0)
     edge = following - outline
@@ -153,13 +160,13 @@ def walls(ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, numbe
 def prism(
     ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, number: int, *, gloss: float = 0.0
 ) -> MeshPart:
-    """A closed prism over a simple ring, seen from above and from the sides."""
+    """Return the sides and the top of a prism over a simple ring."""
     sides = walls(ring, base, top, colour, number, gloss=gloss)
     return joined((sides, sheet([ring], top, colour, number, gloss=gloss)))
 
 
 def faces(corners: npt.ArrayLike, colour: LinearRgb, number: int, *, gloss: float = 0.0) -> MeshPart:
-    """Triangles (n, 3, 3) with face normals."""
+    """Return triangles (n, 3, 3) with face normals."""
     points = np.asarray(corners, np.float64).reshape(-1, 3, 3)
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     length = np.linalg.norm(normal, axis=1)
@@ -170,7 +177,7 @@ def faces(corners: npt.ArrayLike, colour: LinearRgb, number: int, *, gloss: floa
 
 
 def oriented(ring: npt.ArrayLike, anticlockwise: bool = True) -> Floats:
-    """A ring (n, 2) in the wanted direction, without a closing repeat."""
+    """Return a ring (n, 2) in the requested direction, without a repeated end point."""
     points = np.asarray(ring, np.float64).reshape(-1, 2)
     if len(points) > 1 and np.array_equal(points[0], points[-1]):
         points = points[:-1]
@@ -180,7 +187,7 @@ def oriented(ring: npt.ArrayLike, anticlockwise: bool = True) -> Floats:
 
 
 def polygons(shape: shapely.Geometry) -> tuple[list[Floats], ...]:
-    """The rings of every polygon of a shape, outer one first."""
+    """Return the rings of every polygon of a shape, the outer one first."""
     return tuple(
         [np.asarray(part.exterior.coords)[:-1, :2], *(np.asarray(hole.coords)[:-1, :2] for hole in part.interiors)]
         for part in shapely.get_parts(shape)

@@ -1,7 +1,7 @@
-"""Triangle meshes from primitives: (n, 10) float32 rows of position, normal, colour, gloss; three rows a triangle.
+"""Triangle meshes from primitives: (n, 10) float32 rows of position, normal, colour and gloss; three rows a triangle.
 
-Model frame: x to the right, y ahead (along the heading), z up, metres. Colours are linear RGB 0..1; gloss 0..1 is
-how much a surface mirrors the sun. Everything is built once from numbers in this package; nothing is loaded.
+Model frame: x to the right, y ahead (along the heading), z up; metres. Colours are linear RGB, 0..1. Gloss, 0..1, is
+the strength of the sun's reflection. All meshes are built once from numbers in this package, without files.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from lingjing.mission.instance import Vector
 Mesh = npt.NDArray[np.float32]
 
 STRIDE = 10
+"""Floats of a row."""
 
 
 def merge(*meshes: Mesh) -> Mesh:
-    """One mesh of several."""
+    """Return one mesh of several."""
     return np.concatenate(meshes) if meshes else np.zeros((0, STRIDE), np.float32)
 
 
 def flat(points: npt.ArrayLike, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
-    """Triangles (n, 3, 3) with face normals; those without an area are left out."""
+    """Return triangles (n, 3, 3) with face normals, without those of zero area."""
     corners = np.asarray(points, np.float64).reshape(-1, 3, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1)
@@ -37,14 +38,14 @@ def flat(points: npt.ArrayLike, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
 
 
 def box(centre: Vector, size: Vector, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
-    """An axis-aligned box with full edge lengths `size`."""
+    """Return an axis-aligned box with full edge lengths `size`."""
     x, y, z = (s / 2.0 for s in size)
     ring = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
     return move(prism(ring, -z, z, colour, gloss), centre)
 
 
 def prism(ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
-    """A prism over a convex anticlockwise ring (n, 2)."""
+    """Return a prism over a convex anticlockwise ring (n, 2)."""
     outline = np.asarray(ring, np.float64)
     following = np.roll(outline, -1, axis=0)
     low, high = np.full((len(outline), 1), base), np.full((len(outline), 1), top)
@@ -59,7 +60,7 @@ def prism(ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, gloss
 def cylinder(
     base: Vector, top: Vector, radii: tuple[float, float], colour: LinearRgb, gloss: float = 0.0, sides: int = 10
 ) -> Mesh:
-    """A closed cone frustum between two points."""
+    """Return a closed cone frustum between two points."""
     start, end = np.array(base, float), np.array(top, float)
     axis = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
     across = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0))
@@ -77,7 +78,7 @@ def cylinder(
 def ellipsoid(
     centre: Vector, radii: Vector, colour: LinearRgb, gloss: float = 0.0, rows: int = 6, sides: int = 10
 ) -> Mesh:
-    """A smooth ellipsoid."""
+    """Return an ellipsoid with smooth normals."""
     polar = np.linspace(0.0, np.pi, rows + 1)
     around = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     grid = np.stack(
@@ -97,8 +98,11 @@ def ellipsoid(
 
 @cache
 def solid(shape: str, length: float, width: float, height: float, colour: LinearRgb) -> Mesh:
-    """A box, cylinder, sphere or cone (upright) about the origin that fills a box of `length` ahead by `width` to the
-    right by `height` up. Less than `LEAST_M`, which a param may give, is drawn as that."""
+    """Return a box, cylinder, sphere or cone (upright) about the origin.
+
+    It fills a box of `length` ahead by `width` to the right by `height` up. Measures below `LEAST_M`, which a parameter
+    may give, are drawn as that.
+    """
     length, width, height = (max(measure, LEAST_M) for measure in (length, width, height))
     half = np.array([width, length, height]) / 2.0
     if shape == "box":
@@ -114,7 +118,7 @@ def solid(shape: str, length: float, width: float, height: float, colour: Linear
 
 
 def repainted(mesh: Mesh, colour: LinearRgb) -> Mesh:
-    """The mesh with the colour that covers most of its surface replaced."""
+    """Return the mesh with the colour that covers most of its surface replaced."""
     corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     _, which = np.unique(mesh[::3, 6:9], axis=0, return_inverse=True)
@@ -125,7 +129,7 @@ def repainted(mesh: Mesh, colour: LinearRgb) -> Mesh:
 
 
 def torus(centre: Vector, radius: float, tube: float, colours: Sequence[LinearRgb], sides: int = 16) -> Mesh:
-    """A ring lying flat, its segments coloured in turn."""
+    """Return a horizontal ring whose segments have the colours in turn."""
     parts = []
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     spine = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(sides + 1)], 1) + np.array(centre)
@@ -136,7 +140,10 @@ def torus(centre: Vector, radius: float, tube: float, colours: Sequence[LinearRg
 
 
 def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: LinearRgb, gloss: float = 0.0) -> Mesh:
-    """A skin through open cross-sections: (y, points (m, 2) of x and z from left to right), from stern to bow."""
+    """Return a skin through open cross-sections, from stern to bow.
+
+    A section is (y, points (m, 2) of x and z from left to right).
+    """
     rings = [np.insert(np.asarray(ring, np.float64), 1, y, axis=1) for y, ring in sections]
     faces = []
     for near, far in pairwise(rings):
@@ -147,7 +154,7 @@ def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: LinearRgb, glo
 
 
 def indexed(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.uint32]]:
-    """(vertices without repeats, three indices a triangle); triangles without an area, as at a pole, are left out."""
+    """Return (vertices without duplicates, three indices a triangle), without triangles of zero area."""
     corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     vertices, index = np.unique(mesh[np.repeat(doubled > 1e-9, 3)], axis=0, return_inverse=True)
@@ -155,14 +162,14 @@ def indexed(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.uint32]]:
 
 
 def move(mesh: Mesh, offset: Vector) -> Mesh:
-    """The mesh shifted by metres."""
+    """Return the mesh shifted by metres."""
     moved = mesh.copy()
     moved[:, :3] += np.array(offset, np.float32)
     return moved
 
 
 def two_sided(mesh: Mesh) -> Mesh:
-    """The mesh with its back faces as well."""
+    """Return the mesh with its back faces as well."""
     back = mesh.reshape(-1, 3, STRIDE)[:, ::-1].reshape(-1, STRIDE).copy()
     back[:, 3:6] *= -1.0
     return merge(mesh, back)
@@ -174,5 +181,5 @@ def _rows(points: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], col
 
 
 def vector_of(values: npt.NDArray[np.floating]) -> Vector:
-    """Three numbers of an array as plain values."""
+    """Return three numbers of an array as plain floats."""
     return float(values[0]), float(values[1]), float(values[2])

@@ -1,4 +1,4 @@
-"""Who is on stage: the states at a boundary → batches of meshes, marks on the water, rows of effects."""
+"""The moving content of a picture: states at a boundary to batches, marks on the water and rows of effects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lingjing.mission.instance import Entity, Weather
 from lingjing.trace.records import BodyState
 
 Support = Callable[[float, float, float], float]
-"""Elevation of what lies under a point (east, north, elevation)."""
+"""Function from a point (east, north, elevation) to the elevation of the surface below it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,13 @@ class MovingThings:
     """Everything that moves in a picture."""
 
     batches: tuple[Batch, ...]
+    """Instances of meshes."""
     marks: npt.NDArray[np.void]
+    """Marks on the water."""
     billboards: npt.NDArray[np.void]
+    """Rows of `BILLBOARD`."""
     decals: npt.NDArray[np.void]
+    """Rows of `DECAL`."""
 
 
 def stage(
@@ -44,16 +48,19 @@ def stage(
     level_m: float,
     own: tuple[BodyState, str] | None = None,
 ) -> MovingThings:
-    """The cast of the entities (with their numbers in the instance) and of background traffic; `sites` says by entity
-    what lies about it, where that matters. `own` is who looks and is not drawn, with its look: the road in front of it
-    lies in its headlights all the same."""
+    """Return the moving things of a picture.
+
+    `entities` come with their numbers in the instance, `ambient` is background traffic. `sites` holds the surroundings
+    of some entities. `own` is the body that carries the camera, with its look. It is not drawn, but the road ahead of
+    it lies in its headlights.
+    """
     drawn: list[tuple[npt.NDArray[np.float64], str, Mesh, int, float]] = []
     wet = []
     billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
     cast = tuple(entities)
     for number, entity, state in cast:
         plane = under(*state.position)
-        if is_afloat(entity) and plane == level_m:  # the drawn sea is flat: its waves live in the shading
+        if is_afloat(entity) and plane == level_m:  # the drawn sea is flat: its waves exist only in the shading
             state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
             wet.append((state, entity))
         site = sites.get(entity.id, Site(plane))
@@ -80,11 +87,11 @@ def _placed(
 ) -> list[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]:
     body = matrix(state.position, state.heading_deg, state.pitch_deg, state.roll_deg)
     whole = np.vstack([np.eye(4)[:3], [0.0, 0.0, 0.0, 1.0]])
-    found = []
+    placed = []
     for part in parts:
         whole[:3] = part.rows
-        found.append((body @ whole, f"{group}/{part.key}", part.mesh, number, plane))
-    return found
+        placed.append((body @ whole, f"{group}/{part.key}", part.mesh, number, plane))
+    return placed
 
 
 __all__ = ["MovingThings", "stage"]

@@ -1,4 +1,4 @@
-"""Seamless value noise from hashed integer lattices, as a texture for ground, clouds and foam."""
+"""Seamless value noise from hashed integer lattices: textures of ground, clouds and foam."""
 
 from __future__ import annotations
 
@@ -6,26 +6,32 @@ import numpy as np
 import numpy.typing as npt
 
 SIZE, GRAIN, CLOUDS = 256, 1024, 1024
+"""Sides of the textures, texels (chosen)."""
+
 OCTAVES = (8, 16, 32, 64, 128)
+"""Cells along a side in each octave of the noise (chosen)."""
 
 
 def noise_texture() -> npt.NDArray[np.uint8]:
-    """(SIZE, SIZE, 4) bytes: smooth fractal noise, the same elsewhere, its two finest octaves, white noise."""
+    """Return (SIZE, SIZE, 4) bytes: smooth fractal noise, another one, its two finest octaves, and white noise."""
     smooth, other = _fractal(1, OCTAVES), _fractal(7, OCTAVES)
     fine, white = _fractal(3, OCTAVES[3:]), _lattice(5, SIZE)
     return np.rint(255.0 * np.stack([smooth, other, fine, white], axis=-1)).astype(np.uint8)
 
 
 def lace_texture() -> npt.NDArray[np.uint8]:
-    """(SIZE, SIZE) bytes: fine noise of full contrast that breaks foam up."""
+    """Return (SIZE, SIZE) bytes of fine noise of full contrast, which breaks up foam."""
     values = 0.45 * _fractal(11, OCTAVES[1:]) + 0.55 * _fractal(17, OCTAVES[3:])
     stretched = np.clip(0.5 + (values - values.mean()) / (4.5 * values.std()), 0.0, 1.0)
     return np.asarray(np.rint(255.0 * stretched), np.uint8)
 
 
 def grain_texture() -> npt.NDArray[np.uint8]:
-    """(GRAIN, GRAIN, 4) bytes, what the surfaces of a town need in one look-up: the tone of paving, its bare patches,
-    the tone of asphalt, the wear of paint. Wide variation once over it and fine variation eight times."""
+    """Return (GRAIN, GRAIN, 4) bytes for the surfaces of a town: tone and bare patches of paving, tone of asphalt, wear
+    of paint.
+
+    Each has a wide variation across the texture and a fine one that repeats eight times.
+    """
     coarse = noise_texture().astype(np.float64) / 255.0
     wide, fine = _stretched(coarse), np.tile(coarse[::2, ::2], (GRAIN * 2 // SIZE, GRAIN * 2 // SIZE, 1))
     paving = 0.5 + 0.5 * (0.6 * wide[..., 0] + 0.45 * fine[..., 0] + 0.7 * fine[..., 2] - 0.875)
@@ -37,19 +43,20 @@ def grain_texture() -> npt.NDArray[np.uint8]:
 
 
 def cloud_texture() -> npt.NDArray[np.uint8]:
-    """(CLOUDS, CLOUDS, 1) bytes: how thick clouds are, whole puffs with threefold finer ones on them."""
+    """Return (CLOUDS, CLOUDS, 1) bytes: the thickness of clouds, large puffs with finer ones of a third of their
+    size."""
     coarse = noise_texture().astype(np.float64) / 255.0
     puffs = 0.7 * _tiled(coarse[..., :1], 1) + 0.45 * _tiled(coarse[..., 1:2], 3)
     return np.asarray(np.rint(255.0 / 1.15 * puffs), np.uint8)
 
 
 def _stretched(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """A seamless texture at `GRAIN` texels a side."""
+    """Return a seamless texture at `GRAIN` texels a side."""
     return _tiled(values, 1, GRAIN)
 
 
 def _tiled(values: npt.NDArray[np.float64], times: int, size: int = CLOUDS) -> npt.NDArray[np.float64]:
-    """A seamless texture so many times over, at `size` texels a side."""
+    """Return a seamless texture repeated `times` times, at `size` texels a side."""
     at = np.arange(size) * SIZE * times / size
     low = at.astype(np.int64)
     share = (at - low)[:, None, None]
@@ -81,7 +88,7 @@ def _octave(salt: int, cells: int) -> npt.NDArray[np.float64]:
 
 
 def _lattice(salt: int, cells: int) -> npt.NDArray[np.float64]:
-    """Uniform values in [0, 1) from an integer hash (Wang's mix)."""
+    """Return uniform values in [0, 1) from an integer hash (Wang's mix)."""
     n = np.arange(cells * cells, dtype=np.uint64) + np.uint64(salt * 1_000_003)
     mask = np.uint64(0xFFFFFFFF)
     n = ((n ^ np.uint64(61)) ^ (n >> np.uint64(16))) * np.uint64(9) & mask

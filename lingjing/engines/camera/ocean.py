@@ -1,11 +1,11 @@
-"""The sea's surface: two periodic patches of a wind-sea spectrum, a pure function of weather, seed and time.
+"""The surface of the sea for pictures: two periodic patches of a wind-sea spectrum.
 
-Linear waves (Airy): each wave number carries a random amplitude and phase and turns with the deep-water dispersion
-relation, summed by an inverse FFT (Tessendorf, "Simulating Ocean Water", 2001). `swell` (160 m) holds the waves
-that `wave_height_m` (significant, four standard deviations) and `wave_period_s` describe, with a JONSWAP shape;
-`ripple` (23 m) the short ones that the wind makes, with half the mean-square slope of Cox and Munk (1954):
-0.003 + 0.00512 U. Waves travel downwind. Whitecaps cover 3.84e-6 U^3.41 of the sea (Monahan and O'Muircheartaigh,
-1980), on the sharpest crests.
+They are functions of weather, seed and time alone. Waves are linear (Airy): each wave number has a random amplitude and
+phase and rotates by the deep-water dispersion relation. An inverse FFT sums them (Tessendorf, "Simulating Ocean Water",
+2001). `swell` (160 m) holds the waves of `wave_height_m` (significant, four standard deviations) and `wave_period_s`,
+with a JONSWAP shape. `ripple` (23 m) holds the short waves of the wind, with half the mean-square slope of Cox and Munk
+(1954): 0.003 + 0.00512 U. Waves travel downwind. Whitecaps cover 3.84e-6 U^3.41 of the sea (Monahan and
+O'Muircheartaigh, 1980), on the sharpest crests.
 """
 
 from __future__ import annotations
@@ -20,11 +20,18 @@ import numpy.typing as npt
 from lingjing.mission.instance import Weather
 
 GRAVITY = 9.81
+"""Gravity, m/s^2. `engines.sea` has the exact value; a change here would change pictures."""
+
 SIZE = 256
+"""Samples along a side of a patch (chosen)."""
+
 SWELL_M = 160.0
+"""Side of the patch of the swell, metres (chosen)."""
+
 RIPPLE_M = 23.0
+"""Side of the patch of the ripples, metres (chosen)."""
 SPLIT = 2.0 * pi / 3.0
-"""Wave number (rad/m) that parts the two patches."""
+"""Wave number that separates the two patches, rad/m (chosen)."""
 
 WaveField = npt.NDArray[np.float64]
 Spectrum = npt.NDArray[np.complex128]
@@ -32,24 +39,32 @@ Spectrum = npt.NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class SeaSurface:
-    """One patch at one time, rows to the north, columns to the east: height (m), slopes (east, north), foam 0..1."""
+    """One patch at one time; rows go north, columns go east."""
 
     length_m: float
+    """Side of the patch, metres."""
     height: WaveField
+    """Height, metres."""
     slope_x: WaveField
+    """Slope towards east."""
     slope_y: WaveField
+    """Slope towards north."""
     foam: WaveField
+    """Foam, 0..1."""
 
     def at(self, east: WaveField, north: WaveField) -> tuple[WaveField, WaveField, WaveField]:
-        """Height and slopes at points (nearest sample)."""
+        """Return height and slopes at points, from the nearest sample."""
         step = self.length_m / SIZE
         column = np.floor(east / step).astype(np.int64) % SIZE
         row = np.floor(north / step).astype(np.int64) % SIZE
         return self.height[row, column], self.slope_x[row, column], self.slope_y[row, column]
 
     def packed(self, extra: npt.NDArray[np.uint8] | None = None) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
-        """(SIZE, SIZE, 4) bytes of height, slopes, foam (or `extra` in its place) and the scales (height, slope) of a
-        full deflection."""
+        """Return (SIZE, SIZE, 4) bytes of height, slopes and foam, with the scales (height, slope) of a full
+        deflection.
+
+        `extra` replaces foam.
+        """
         tall = max(float(np.abs(self.height).max()), 1e-3)
         steep = max(float(np.abs(self.slope_x).max()), float(np.abs(self.slope_y).max()), 1e-3)
         layers = [self.height / tall, self.slope_x / steep, self.slope_y / steep, self.foam * 2.0 - 1.0]
@@ -62,15 +77,21 @@ class SeaSurface:
 @dataclass(frozen=True, slots=True)
 class _Waves:
     length_m: float
+    """Side of the patch, metres."""
     kx: WaveField
+    """Wave numbers towards east, rad/m."""
     ky: WaveField
+    """Wave numbers towards north, rad/m."""
     omega: WaveField
+    """Angular frequencies, rad/s."""
     onward: Spectrum
+    """Amplitudes of waves with positive kx."""
     backward: Spectrum
+    """Amplitudes of waves with negative kx."""
 
 
 class Ocean:
-    """The waves of one episode; `surfaces(t)` is deterministic and keeps only the last time's result."""
+    """The waves of one episode. `surfaces(t)` is deterministic; only the result of the last time is kept."""
 
     def __init__(self, weather: Weather, seed: int) -> None:
         digest = hashlib.sha256(f"{seed}/camera/ocean".encode()).digest()
@@ -81,7 +102,7 @@ class Ocean:
         self._last: tuple[float, tuple[SeaSurface, SeaSurface]] | None = None
 
     def surfaces(self, time_s: float) -> tuple[SeaSurface, SeaSurface]:
-        """(swell, ripple) at a time in seconds."""
+        """Return (swell, ripple) at a time in seconds."""
         if self._last is None or self._last[0] != time_s:
             swell, ripple = self._evaluate(self._swell, time_s, True), self._evaluate(self._ripple, time_s, False)
             self._last = time_s, (swell, ripple)
@@ -117,7 +138,8 @@ def _grid(length: float) -> tuple[WaveField, WaveField, WaveField]:
 
 
 def _waves(length: float, density: WaveField, weather: Weather, chance: np.random.Generator) -> _Waves:
-    """Random waves of a relative energy density over the half plane kx >= 0, spread about the wind's direction."""
+    """Return random waves of a relative energy density over the half plane kx >= 0, spread about the wind's
+    direction."""
     kx, ky, k = _grid(length)
     downwind = radians(weather.wind_from_deg + 180.0)
     angle = np.arctan2(kx, ky) - downwind

@@ -1,4 +1,4 @@
-"""What the camera engine can be told for an episode."""
+"""The options of the camera engine."""
 
 from __future__ import annotations
 

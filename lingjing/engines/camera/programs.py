@@ -1,9 +1,9 @@
-"""GLSL sources (`shaders/*.glsl`) → programs whose fragments read no uniforms: vertices hand them on as flat varyings.
+"""GLSL programs from `shaders/*.glsl`, whose fragment shaders read no uniforms.
 
-`source` reads a file with what it includes and defines switches in it. A software renderer checks the bounds of every
-uniform that a fragment reads, in every pixel: half of what a pixel of a street costs. A flat varying is a value of the
-triangle, read once for many pixels. The numbers are the same, and so are the pictures. Sources stay as they are
-written: fragments name uniforms, `carried` rewrites them.
+`source` reads a file with its includes, after definitions of switches. A software renderer checks the bounds of every
+uniform that a fragment shader reads, in every pixel. This is half of the cost of a pixel of a street. So the vertex
+shader passes uniforms on as flat varyings, which are values of a triangle and are read once for many pixels. The
+numbers are the same, and so are the pictures. The files name uniforms; `carried` rewrites them.
 """
 
 from __future__ import annotations
@@ -20,26 +20,28 @@ MAIN = "void main() {"
 
 
 def source(name: str, *defined: str) -> str:
-    """The source `shaders/<name>.glsl` with what it includes, each of `defined` (`WET`, `SURFACE 3`) defined first."""
+    """Return the source `shaders/<name>.glsl` with its includes, after a definition of each switch (`WET`, `SURFACE
+    3`)."""
     return "#version 330\n" + "".join(f"#define {switch}\n" for switch in defined) + _text(name)
 
 
 @cache
 def _text(name: str) -> str:
     text = (files("lingjing.engines.camera") / "shaders" / f"{name}.glsl").read_text("utf-8")
-    return INCLUDED.sub(lambda found: _text(found[1]), text)
+    return INCLUDED.sub(lambda match: _text(match[1]), text)
 
 
 def build(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
-    """The program of two sources, uniforms of the fragments carried by the vertices."""
+    """Return the program of two sources; the vertex shader carries the uniforms of the fragment shader."""
     vertex, fragment = carried(vertex, fragment)
     return context.program(vertex_shader=vertex, fragment_shader=fragment)
 
 
 def carried(vertex: str, fragment: str) -> tuple[str, str]:
-    """Both sources with each uniform `u_x` of the fragments replaced by a flat varying `k_x`; samplers stay.
+    """Return both sources, with each uniform `u_x` of the fragment shader replaced by a flat varying `k_x`.
 
-    What the fragments do not use, the linker leaves out again."""
+    Samplers stay. The linker removes varyings that the fragment shader does not use.
+    """
     vertex, fragment = active(vertex), active(fragment)
     kinds = uniforms(fragment)
     missing = {name: kind for name, kind in kinds.items() if name not in uniforms(vertex)}
@@ -47,17 +49,17 @@ def carried(vertex: str, fragment: str) -> tuple[str, str]:
     head += "".join(f"flat out {kind} {_varying(name)};\n" for name, kind in kinds.items())
     copies = "".join(f"  {_varying(name)} = {name};\n" for name in kinds)
     fragment = DECLARED.sub(r"flat in \1 \2;", fragment)
-    fragment = re.sub(r"\bu_\w+\b", lambda found: _varying(found[0]) if found[0] in kinds else found[0], fragment)
+    fragment = re.sub(r"\bu_\w+\b", lambda match: _varying(match[0]) if match[0] in kinds else match[0], fragment)
     return vertex.replace(MAIN, f"{head}{MAIN}\n{copies}", 1), fragment
 
 
 def uniforms(source: str) -> dict[str, str]:
-    """The types of a source's uniforms by name, without samplers."""
+    """Return the types of a source's uniforms by name, without samplers."""
     return {name.strip(): kind for kind, names in DECLARED.findall(source) for name in names.split(",")}
 
 
 def active(source: str) -> str:
-    """The lines that `#ifdef`, `#else` and `#endif` leave of a source."""
+    """Return the lines of a source that remain after `#ifdef`, `#else` and `#endif`."""
     defined: set[str] = set()
     open_: list[bool] = []
     kept = []

@@ -1,4 +1,4 @@
-"""The props of the tiles in a picture: gathered by mesh, and each drawn as finely as its size there asks for."""
+"""The props of the tiles in a picture, grouped by mesh, each with the mesh that fits its size in the picture."""
 
 from __future__ import annotations
 
@@ -29,26 +29,31 @@ from lingjing.scene.camera_geometry import focal_px
 from lingjing.trace.records import CameraPose
 
 LEAST_PROP_PX = 1.2
+"""Radius in pixels below which a prop is not drawn (chosen)."""
 
 
 class Look(NamedTuple):
-    """Instances that are drawn with one mesh; `dull` without gloss."""
+    """Instances that are drawn with one mesh."""
 
     key: str
+    """Name of the mesh."""
     mesh: Mesh
+    """The mesh."""
     rows: Rows
+    """The instances."""
     dull: bool
+    """True if they are drawn without gloss."""
 
 
 class MergedProps:
-    """The props of several tiles, kept as long as the tiles are the same: most pictures show those of the last one."""
+    """The props of several tiles, kept while the tiles stay the same, as they do in most successive pictures."""
 
     def __init__(self) -> None:
         self._groups: list[Sequence[Batch]] = []
         self._batches: list[Batch] = []
 
     def of(self, groups: list[Sequence[Batch]]) -> list[Batch]:
-        """`merged` of the groups."""
+        """Return `merged` of the groups."""
         known = self._groups
         if len(groups) != len(known) or any(a is not b for a, b in zip(groups, known, strict=True)):
             self._groups, self._batches = groups, merged(groups)
@@ -56,21 +61,23 @@ class MergedProps:
 
 
 def merged(groups: Sequence[Sequence[Batch]]) -> list[Batch]:
-    """Batches of several tiles, one a mesh, in key order."""
-    found: dict[str, list[Batch]] = {}
+    """Return the batches of several tiles, one for each mesh, in order of keys."""
+    groups_by_key: dict[str, list[Batch]] = {}
     for group in groups:
         for batch in group:
-            found.setdefault(batch.key, []).append(batch)
+            groups_by_key.setdefault(batch.key, []).append(batch)
     return [
         Batch(key, some[0].mesh, np.concatenate([b.rows for b in some]), np.concatenate([b.radius for b in some]),
               np.concatenate([b.floating for b in some]))
-        for key, some in sorted(found.items())
+        for key, some in sorted(groups_by_key.items())
     ]  # fmt: skip
 
 
 def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
-    """What of a batch is in sight, by the mesh that it is drawn with. From `lump_m` metres on, in pictures that reach
-    so far, meshes are the coarsest and what is slight is left out."""
+    """Return the instances of a batch in sight, by the mesh that they are drawn with.
+
+    Beyond `lump_m` metres, in pictures that reach so far, meshes are the coarsest and thin props are left out.
+    """
     at = batch.rows["rows"][:, :, 3].astype(np.float64)
     away = np.linalg.norm(at - np.array(pose.position), axis=1)
     size = batch.radius * focal_px(pose) / np.maximum(away, 0.1)

@@ -1,4 +1,4 @@
-"""Cheap meshes that stand in for what is small in a picture: for trees, in the shadow map too, for others far off."""
+"""Simple meshes for what is small in a picture: for plants, in the shadow map too, and for other distant props."""
 
 from __future__ import annotations
 
@@ -11,67 +11,74 @@ from lingjing.engines.camera.instances import Batch
 from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, merge, vector_of
 
 SLIGHT = ("lamp", "bench")
+"""Prefixes of the mesh names of thin props."""
+
 PLANTS = ("tree", "pine", "palm", "bush", "hedge")
+"""Prefixes of the mesh names of plants."""
 FULL_PX = 38.0
-"""Radius in the picture from which a plant shows all its leaves."""
+"""Radius in the picture from which a plant has all its leaves, pixels (chosen)."""
 
 
 TINY_PX, TINY_FAR_PX = 12.0, 17.0
-"""Radius in the picture under which a plant is a bare lump, and beyond `FAR_M`."""
+"""Radius in the picture below which a plant is a plain shape, pixels; the second one beyond `FAR_M` (chosen)."""
 SPECK_PX = 12.0
-"""Under this radius it has eight sides, in pictures that show tiles beyond the least distance in full."""
+"""Radius below which the shape has eight faces, pixels, in pictures that show full tiles beyond the least distance."""
 SPECK_WIDER = 1.1
-"""What is lost between the corners of eight sides, made up for by their size."""
+"""Factor of size that makes up for the area between the corners of eight faces (chosen)."""
 
 
 class Fineness(NamedTuple):
-    """Rows and sides of a stand-in's crown, its size by the plant's, and whether it has a trunk."""
+    """The fineness of a plant's simple mesh."""
 
     rows: int
+    """Rows of the crown."""
     sides: int
+    """Sides of the crown."""
     size: float
+    """Ratio of its size to the plant's."""
     trunk: bool
+    """True if it has a trunk."""
 
 
 SMALL, TINY, SPECK = Fineness(4, 7, 0.94, True), Fineness(3, 4, 0.94, False), Fineness(2, 4, 0.94 * SPECK_WIDER, False)
 
 
 def reduced(batch: Batch, fineness: Fineness = SMALL) -> Mesh | None:
-    """A few triangles in the shape and the colours of a plant; None for what has no stand-in."""
+    """Return a few triangles with the shape and colours of a plant; None for other or simple meshes."""
     if not plant(batch) or len(batch.mesh) < 240:
         return None
     return _made(batch.key, fineness, _Key(batch.mesh))
 
 
 FAR_M, FAR_PX = 250.0, 9.0
-"""From this distance on props of less than this radius in the picture are `coarsened`."""
+"""Distance (m) from which props below a radius (pixels) are `coarsened` (chosen)."""
 LUMP_PX = 5.0
-"""Under this radius they are lumps, in pictures that show tiles beyond the least distance in full."""
+"""Radius below which props are coarsened further, pixels, in pictures that show full tiles beyond the least
+distance."""
 COARSE_FROM, COARSE_CELLS, LUMP_CELLS = 240, 3.5, 2.5
-"""Vertices of a mesh that is worth it, and cells along a prop's radius."""
+"""Least vertices of a mesh that is coarsened, and cells along a prop's radius without and with `lump` (chosen)."""
 
 
 def coarsened(batch: Batch, lump: bool = False) -> Mesh | None:
-    """The mesh of a prop with corners that are close together (if `lump`, farther apart) made one; None for plants and
-    for simple meshes."""
+    """Return the mesh of a prop with close corners merged, more of them if `lump`; None for plants and simple
+    meshes."""
     if plant(batch) or len(batch.mesh) < COARSE_FROM:
         return None
     return _coarse(batch.key, LUMP_CELLS if lump else COARSE_CELLS, _Key(batch.mesh))
 
 
 def plant(batch: Batch) -> bool:
-    """Whether a prop is a plant: it has no gloss."""
+    """Return whether a prop is a plant, which has no gloss."""
     return batch.key.startswith(PLANTS)
 
 
 def slight(batch: Batch) -> bool:
-    """Whether a prop is too slender to be told, in pictures that reach far, beyond the distance that lumps begin at:
-    there a lamp's post is a third of a pixel."""
+    """Return whether a prop is too thin to show at a distance, where a lamp's post is a third of a pixel."""
     return batch.key.startswith(SLIGHT)
 
 
 class _Key:
-    """A mesh as an argument of a cached function: equal to every other, for the name says which it is."""
+    """A mesh as an argument of a cached function. All are equal, because the name argument identifies the mesh."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
@@ -107,7 +114,7 @@ def _made(name: str, fineness: Fineness, key: _Key) -> Mesh:
 
 @cache
 def _coarse(name: str, cells: float, key: _Key) -> Mesh:
-    """Each corner moved to the mean of its cell; of triangles with the same corners the largest is left."""
+    """Return the mesh with each corner moved to the mean of its cell; of equal triangles the largest remains."""
     points = key.mesh[:, :3].astype(np.float64)
     cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / cells
     _, group = np.unique(np.floor(points / cell), axis=0, return_inverse=True)

@@ -1,8 +1,8 @@
-"""Roads, junctions, pavements and painted areas → flat strips and sheets in layers.
+"""Meshes of roads, junctions, pavements and painted areas: flat strips and sheets in layers.
 
-A lane's strip says where on it a point is (`at`: metres left of its middle, metres from its start) and what is painted
-on it (`style`: half its width, its length, code of its edge lines, code of its ends), so that its markings are drawn
-by a shader. Areas of one height that overlap get layers of their own, later ones over earlier ones.
+A lane's strip holds the place of a point on it (`at`: metres left of its middle, metres from its start) and the paint
+on it (`style`: half its width, its length, a code of its edge lines, a code of its ends). A shader draws the markings
+from these. Overlapping areas of one height have layers of their own, later ones above earlier ones.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ SURFACES: dict[str, tuple[LinearRgb, Style]] = {
     "concrete": ((0.300, 0.300, 0.290), (6.0, 0.35, 0.30, 0.0)),
     "pitch": ((0.070, 0.145, 0.050), (9.0, 0.0, 0.25, 0.0)),
 }
-"""Surface → (colour, (spacing of joints in metres, their strength, contrast of its grain, share of bare patches))."""
+"""Surface → (colour, (spacing of joints in metres, their strength, contrast of grain, share of bare patches));
+chosen."""
 
 IDS = {
     "park": "grass",
@@ -46,43 +47,54 @@ IDS = {
     "parking": "road",
     "plaza": "sidewalk",
 }
-"""Surface → semantic class where that is not the surface's own or `concrete`."""
+"""Semantic class of a surface that has neither its own class nor `concrete`."""
 
 CYCLE_RED: LinearRgb = (0.20, 0.075, 0.055)
+"""Linear colour of cycle lanes (chosen)."""
+
 KERB_M = 0.2
+"""Width of kerb stones, metres (chosen)."""
+
 TOP_AREA = 6.0
+"""Highest layer of areas."""
+
 PAVED_OVER = 0.5
-"""How far paving lies over soil of the same layer: that of another tile."""
+"""Layer of paving above soil of the same layer, which may belong to another tile."""
 JUNCTION_LAYER, LANE_LAYER, WALK_LAYER, KERB_LAYER = 7.0, 8.0, 12.0, 13.0
 NONE, EDGE, DASHES, CENTRE = 0, 1, 2, 3
+"""Codes of lines at a lane's edge, as in the shader."""
+
 ZEBRA_START, ZEBRA_END, STOP_END = 1, 2, 4
+"""Bits of the code of a lane's ends, as in the shader."""
+
 BESIDE_M = 1.5
+"""Distance within which the left edges of two directions are one line, metres (chosen)."""
 DIVIDED = ("motorway", "trunk", "primary", "secondary")
-"""Kinds of roads whose directions have carriageways of their own: their inner line is yellow as well."""
+"""Kinds of roads with a separate carriageway for each direction. Their inner line is yellow too."""
 QUIET = ("service", "footway", "path", "living_street", "track", "cycleway", "steps", "pedestrian")
 """Kinds of roads without painted lines."""
 
 
 def surface_id(surface: str) -> int:
-    """The id that a surface is drawn with."""
+    """Return the id that a surface is drawn with."""
     for name in (surface, IDS.get(surface, "concrete"), "concrete"):
         if name in CLASSES:
             return CLASSES[name]
     return 0
 
 
-def areas(given: Sequence[PaintedArea]) -> tuple[MeshPart, MeshPart]:
-    """Painted areas with joints and without, the topmost first (it is drawn first and hides what is under it)."""
-    boxes = [shapely.Polygon(area.polygon).bounds if len(area.polygon) > 2 else None for area in given]
+def areas(painted: Sequence[PaintedArea]) -> tuple[MeshPart, MeshPart]:
+    """Return painted areas with joints and without, the topmost first, which is drawn first and hides those below."""
+    boxes = [shapely.Polygon(area.polygon).bounds if len(area.polygon) > 2 else None for area in painted]
     layers: list[float] = []
     for k, box in enumerate(boxes):
         under = [layers[j] for j in range(k) if box and boxes[j] and _touch(box, boxes[j])]
         layers.append(min(max(under, default=0.0) + 1.0, TOP_AREA))
-    order = sorted(range(len(given)), key=lambda k: (-layers[k], -k))
-    jointed = [SURFACES.get(area.surface, SURFACES["concrete"])[1][1] > 0.0 for area in given]
+    order = sorted(range(len(painted)), key=lambda k: (-layers[k], -k))
+    jointed = [SURFACES.get(area.surface, SURFACES["concrete"])[1][1] > 0.0 for area in painted]
     shown = [k for k in order if boxes[k] is not None]
-    return (joined(_area(given[k], layers[k] + PAVED_OVER) for k in shown if jointed[k]),
-            joined(_area(given[k], layers[k]) for k in shown if not jointed[k]))  # fmt: skip
+    return (joined(_area(painted[k], layers[k] + PAVED_OVER) for k in shown if jointed[k]),
+            joined(_area(painted[k], layers[k]) for k in shown if not jointed[k]))  # fmt: skip
 
 
 def _touch(a: tuple[float, ...], b: tuple[float, ...] | None) -> bool:
@@ -94,11 +106,11 @@ def _area(area: PaintedArea, layer: float) -> MeshPart:
     return sheet([area.polygon, *area.holes], area.top_m, colour, surface_id(area.surface), style=style, layer=layer)
 
 
-def junctions(given: Iterable[Junction]) -> MeshPart:
-    """The asphalt of junctions, without markings."""
+def junctions(crossroads: Iterable[Junction]) -> MeshPart:
+    """Return the asphalt of junctions, without markings."""
     style = (0.0, 0.0, 0.0, 0.0)
     parts = []
-    for junction in given:
+    for junction in crossroads:
         if len(junction.polygon) < 3:
             continue
         ring = junction.polygon
@@ -108,13 +120,13 @@ def junctions(given: Iterable[Junction]) -> MeshPart:
 
 
 Middles = npt.NDArray[np.float64]
-"""(n, 4): where the left edges of roads are half way along them (east, north), and which way they lead there."""
+"""Rows (n, 4): the middle of each road's left edge (east, north) and its direction there."""
 
 
-def middles_of(given: Iterable[Road]) -> Middles:
-    """The middles of roads that are driven on."""
-    found = [_middle(road) for road in given]
-    return np.array([row for row in found if row is not None]).reshape(-1, 4)
+def middles_of(roads: Iterable[Road]) -> Middles:
+    """Return the middles of roads that vehicles use."""
+    middles = [_middle(road) for road in roads]
+    return np.array([row for row in middles if row is not None]).reshape(-1, 4)
 
 
 def _middle(road: Road) -> tuple[float, float, float, float] | None:
@@ -131,7 +143,7 @@ def _middle(road: Road) -> tuple[float, float, float, float] | None:
 
 
 def _two_way(road: Road, middles: Middles) -> bool:
-    """Whether another road leads the other way along this one's left edge."""
+    """Return whether another road runs in the opposite direction along this one's left edge."""
     mine = _middle(road)
     if mine is None or not len(middles):
         return False
@@ -140,13 +152,15 @@ def _two_way(road: Road, middles: Middles) -> bool:
     return bool((close & against).any())
 
 
-def lanes(given: Iterable[Road], crossings: Sequence[Polygon], middles: Middles) -> MeshPart:
-    """The driving lanes of roads; `crossings` are the outlines of junctions that pedestrians cross at, `middles` those
-    of the roads around."""
+def lanes(roads: Iterable[Road], crossings: Sequence[Polygon], middles: Middles) -> MeshPart:
+    """Return the driving lanes of roads.
+
+    `crossings` are the outlines of junctions with pedestrian crossings. `middles` are those of the roads around.
+    """
     near = [shapely.Polygon(ring).buffer(1.5) for ring in crossings if len(ring) > 2]
     tree = shapely.STRtree(near)
     parts = []
-    for number, road in enumerate(given):
+    for number, road in enumerate(roads):
         if road.tunnel:
             continue
         driven = [lane for lane in road.lanes if lane.kind != "foot"]
@@ -154,17 +168,17 @@ def lanes(given: Iterable[Road], crossings: Sequence[Polygon], middles: Middles)
         inner = CENTRE if divided or _two_way(road, middles) else EDGE
         for place, lane in enumerate(driven):
             part = _lane(road, lane, place, driven, inner, tree)
-            part.vertices["layer"] += float(number % 4)  # roads that lie on one another do not flicker
+            part.vertices["layer"] += float(number % 4)  # overlapping roads in different layers do not flicker
             parts.append(part)
     return joined(parts)
 
 
-def pavements(given: Iterable[Road]) -> MeshPart:
-    """The walkways along roads with their kerb stones."""
+def pavements(roads: Iterable[Road]) -> MeshPart:
+    """Return the walkways along roads with their kerb stones."""
     colour, style = SURFACES["sidewalk"]
     number = surface_id("sidewalk")
     parts = []
-    for road in given:
+    for road in roads:
         for lane in road.lanes:
             if lane.kind == "foot" and not road.tunnel and len(lane.shape) > 1:
                 left, right, _ = _edges(lane)
@@ -194,7 +208,8 @@ def _lane(
 
 
 def _lines(road: Road, place: int, driven: Sequence[Lane], inner: int) -> float:
-    """Code of the lines at a lane's left and right edge: left + 4 right; `inner` is the line at the road's left."""
+    """Return the code of the lines at a lane's left and right edge: left + 4 right; `inner` is the line at the road's
+    left."""
     if road.kind in QUIET:
         return float(NONE)
     if place < len(driven) - 1:
@@ -219,7 +234,7 @@ def _ends(road: Road, lane: Lane, crossings: shapely.STRtree) -> float:
 
 
 def _edges(lane: Lane) -> tuple[Floats, Floats, Floats]:
-    """(left edge, right edge, metres along) of a lane at the points of its centre line."""
+    """Return (left edge, right edge, metres along) of a lane at the points of its centre line."""
     path = np.asarray(lane.shape, np.float64)
     step = np.diff(path[:, :2], axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -246,7 +261,7 @@ def _ribbon(left: Floats, right: Floats, colour: LinearRgb, style: Style, number
 
 
 def _kerb(line: Floats, turn: float, number: int) -> MeshPart:
-    """The kerb stones along one edge of a walkway, which lies to the left (`turn` 1) or right (-1) of the line."""
+    """Return the kerb stones along one edge of a walkway, which lies left (`turn` 1) or right (-1) of the line."""
     step = np.diff(line[:, :2], axis=0)
     side = turn * np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.linalg.norm(step, axis=1), 1e-6)[:, None]
     inwards = np.column_stack([side, np.zeros(len(side))]) * KERB_M

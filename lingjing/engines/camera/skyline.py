@@ -1,8 +1,7 @@
-"""A city from afar: its tall and its wide buildings as blocks, tile by tile, and a painted map of everything.
+"""A distant city: its tall and wide buildings as blocks, tile by tile, and a painted map of everything.
 
-What lies beyond the full geometry of tiles is drawn from these two: blocks of the buildings that can be told apart
-there, on ground that wears the map (`SIZE` pixels across). Both are made in one walk over all tiles and are small,
-however large the city is.
+Beyond the full tiles a picture shows these two: blocks of the buildings that are distinguishable there, on ground with
+the map (`SIZE` pixels across). One pass over all tiles makes both. They are small for a city of any size.
 """
 
 from __future__ import annotations
@@ -23,29 +22,41 @@ from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.tiles import Tiles
 
 SIZE = 1024
+"""Side of the map, pixels (chosen)."""
+
 TALL_M, WIDE_M2 = 22.0, 2500.0
+"""Height or area of the bounding rectangle from which a building is a block, metres and square metres (chosen)."""
+
 TOWER_M = 45.0
-"""From here on a building is seen for many kilometres."""
+"""Height from which a building is drawn at many kilometres, metres (chosen)."""
 MOST_BLOCKS = 5000
+"""Most blocks of a city; the lowest buildings are left out (chosen)."""
+
 CORNERS_MOST = 12
-"""Of a block's outline."""
+"""Most corners of a block's outline (chosen)."""
+
 WATER = (0.045, 0.085, 0.09)
+"""Linear colour of water on the map (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Skyline:
-    """Blocks of all tiles in one part; `boxes`, what each tile in `keys` covers (west, south, low, east, north, high);
-    `ranges` (2, n, 2), first index and count of each tile's towers and of its other blocks; the map, from the south."""
+    """The blocks and the map of a city."""
 
     blocks: MeshPart
+    """Blocks of all tiles in one part."""
     keys: tuple[tuple[int, int], ...]
+    """Keys of the tiles."""
     boxes: npt.NDArray[np.float64]
+    """Extent of each tile: west, south, low, east, north, high; metres."""
     ranges: npt.NDArray[np.int64]
+    """First index and count of each tile's towers and of its other blocks, (2, n, 2)."""
     map: npt.NDArray[np.uint8]
+    """The map, rows from the south."""
 
 
 def build_skyline(city: City, tiles: Tiles) -> Skyline:
-    """Blocks and map of a city."""
+    """Return blocks and map of a city."""
     canvas = _GroundRaster(city)
     tops, boxes = [], []
     for tile in tiles:
@@ -54,7 +65,7 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
         boxes.append(_box(tile, tiles.extent(tile.key)))
     least = _least([top for some in tops for top in some])
     tall = [key for key, some in zip(tiles.keys, tops, strict=True) if max(some, default=-1.0) >= least]
-    made = {key: _blocks(tiles.load(key), least) for key in tall}  # read again: all at once they take much room
+    made = {key: _blocks(tiles.load(key), least) for key in tall}  # a second pass: all tiles need much memory
     groups = [[made.get(key, (empty(), empty()))[k] for key in tiles.keys] for k in (0, 1)]
     counts = np.array([[len(part.index) for part in group] for group in groups], np.int64)
     first = np.cumsum(counts.ravel()).reshape(counts.shape) - counts
@@ -64,8 +75,10 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
 
 
 def with_tiles(sky: Skyline, city: City, tiles: Tiles) -> Skyline:
-    """The skyline of a city that differs in its props alone: a tile that is new or gone holds nothing else, so has no
-    block."""
+    """Return the skyline of a city that differs only in its props.
+
+    A tile that is new or missing holds only props, so it has no block.
+    """
     number = {key: k for k, key in enumerate(sky.keys)}
     ranges = np.zeros((2, len(tiles.keys), 2), np.int64)
     for k, key in enumerate(tiles.keys):
@@ -81,19 +94,19 @@ def _box(tile: Tile, extent: Extent) -> tuple[float, ...]:
 
 
 def _blocks(tile: Tile, least: float) -> tuple[MeshPart, MeshPart]:
-    """A tile's towers and its other blocks."""
+    """Return a tile's towers and its other blocks."""
     some = [b for b in tile.buildings if _seen_from_afar(b) and b.top_m >= least]
     towers = joined(_block(b) for b in some if b.top_m >= TOWER_M)
     return towers, joined(_block(b) for b in some if b.top_m < TOWER_M)
 
 
 def _least(tops: list[float]) -> float:
-    """The height from which on there are no more than `MOST_BLOCKS` buildings."""
+    """Return the height above which there are at most `MOST_BLOCKS` buildings, metres."""
     return sorted(tops, reverse=True)[MOST_BLOCKS] if len(tops) > MOST_BLOCKS else 0.0
 
 
 def _top(tile: Tile) -> float:
-    """The height of a tile's highest piece; trees and lamps count as 15 m."""
+    """Return the height of a tile's highest piece, metres; trees and lamps count as 15 m."""
     tops = [b.top_m for b in tile.buildings] + [s.top_m for s in tile.solids]
     tops += [p[2] + 2.0 for path in _paths(tile) for p in path]
     tops += [p.position[2] + 15.0 for p in tile.props]
@@ -104,26 +117,26 @@ def _paths(tile: Tile) -> list[tuple[Vector, ...]]:
     return [bridge.path for bridge in tile.bridges] + [pipe.path for pipe in tile.pipes]
 
 
-def _seen_from_afar(given: Building) -> bool:
-    if given.top_m >= TALL_M:
+def _seen_from_afar(source: Building) -> bool:
+    if source.top_m >= TALL_M:
         return True
-    xs, ys = [p[0] for p in given.polygon], [p[1] for p in given.polygon]
+    xs, ys = [p[0] for p in source.polygon], [p[1] for p in source.polygon]
     return (max(xs) - min(xs)) * (max(ys) - min(ys)) >= WIDE_M2
 
 
-def _block(given: Building) -> MeshPart:
-    """The outline thinned to what counts from afar, raised to the top; its colour is the facade's mean."""
-    ring = _thinned(given.polygon)
-    look = FACADES.get(given.facade, FACADES["punched"])
+def _block(source: Building) -> MeshPart:
+    """Return a building's outline with fewer corners, raised to its top, in the mean colour of its facade."""
+    ring = _thinned(source.polygon)
+    look = FACADES.get(source.facade, FACADES["punched"])
     number = CLASSES.get("building", CLASSES["structure"])
     style = (look.bay_m, 3.5, look.across, look.up)
-    top = given.top_m - (given.roof_m / 2.0 if given.roof != "flat" else 0.0)
-    around = walls(ring, given.base_m, top, given.colour, number, style=style,
-                   gloss=0.75 if given.facade == "curtain" else 0.25)  # fmt: skip
-    cover = sheet([ring], top, given.roof_colour, number)
+    top = source.top_m - (source.roof_m / 2.0 if source.roof != "flat" else 0.0)
+    around = walls(ring, source.base_m, top, source.colour, number, style=style,
+                   gloss=0.75 if source.facade == "curtain" else 0.25)  # fmt: skip
+    cover = sheet([ring], top, source.roof_colour, number)
     cover.vertices["style"] = (8.0, 3.5, 0.0, 0.0)
     part = joined((around, cover))
-    part.vertices["layer"] = given.seed % 1024
+    part.vertices["layer"] = source.seed % 1024
     return part
 
 
@@ -135,7 +148,7 @@ def _thinned(ring: tuple[tuple[float, float], ...]) -> npt.NDArray[np.float64]:
 
 
 class _GroundRaster:
-    """The map while it is painted: square roots of linear colours."""
+    """The map during painting; pixels are square roots of linear colours."""
 
     def __init__(self, city: City) -> None:
         self.west, self.south, east, north = city.bounds

@@ -1,8 +1,8 @@
-"""What an eye high over a city sees of the country and the sea around it, as far as there is anything to see.
+"""The country and the sea around a city, for an eye high above it.
 
-The ground of a city ends `town_ground.REACH_M` away, its lands where the scene cut them off: enough for an eye in the
-air, an island in the sky for one in orbit. Here all of it goes on: a land that leaves the bounds runs on the way its
-borders run out, ground and sea spread as they do in the city. Drawn only for eyes above `HIGH_M`.
+The ground of a city ends at `town_ground.REACH_M`, and the scene cuts off its lands. That suffices for an eye in the
+air, but from orbit it would be an island. Here everything continues: a land that leaves the bounds continues in the
+direction of its borders, and ground and sea spread as they do in the city. It is drawn only for eyes above `HIGH_M`.
 """
 
 from __future__ import annotations
@@ -22,27 +22,31 @@ from lingjing.engines.camera.town_ground import TownGround, outwards, shape_of
 from lingjing.scene.city import City, Land
 
 HIGH_M = 3000.0
-"""Eyes above this see what is here; nothing that flies in the air does."""
+"""Height from which the surrounding country is drawn, metres: above all aircraft (chosen)."""
 SPAN_M = 2_000_000.0
-"""How far country and sea are drawn: from 550 km up that is 15 degrees below the horizontal, where haze hides all."""
+"""Distance to which country and sea are drawn, metres. From 550 km it is 15 degrees below the horizontal, where haze
+hides all."""
 LEAVES_M = -1.0
-"""Corners this far beyond the bounds, or as good as on them, are where the scene cut a land off: it does not end."""
+"""Distance beyond the bounds from which a corner of a land is a cut by the scene, metres; -1 includes the bounds
+themselves."""
 LAP_M = 40.0
-"""How far what goes on laps over what it goes on from, so that no gap shows between them."""
+"""Overlap of a continued land with the original, metres, so that no gap shows (chosen)."""
 OVER = 3.0
-"""The layer of country: over the city's own ground, which is no country."""
+"""Layer of country: above the ground of the city, which is no country."""
 
 
 @dataclass(frozen=True, slots=True)
 class CountryAround:
-    """`lands` (flat) around the city's own, `waters` by level that reach farther than the city's."""
+    """The country and the waters around a city."""
 
     lands: MeshPart
+    """Flat lands around the city's own."""
     waters: tuple[tuple[float, MeshPart], ...]
+    """Waters that reach farther than the city's, by level (m)."""
 
 
 def build_surroundings(city: City, town_ground: TownGround) -> CountryAround:
-    """The country and the waters around a city."""
+    """Return the country and the waters around a city."""
     bounds = shapely.box(*city.bounds)
     cut = [(land, shape) for land in reversed(city.lands) for shape in _onward(city, land)]
     lands = [_flat(shape.difference(bounds).difference(_own(land).buffer(-LAP_M)), land.surface, land.top_m)
@@ -66,7 +70,7 @@ def _own(land: Land) -> shapely.Geometry:
 
 
 def _onward(city: City, land: Land) -> Iterator[shapely.Geometry]:
-    """A land as far as it goes, if the scene cut it off; nothing if it ends by itself."""
+    """Yield the continuation of a land if the scene has cut it off."""
     west, south, east, north = city.bounds
     corners, centre = np.asarray(land.polygon, np.float64), np.array([(west + east) / 2.0, (south + north) / 2.0])
     half = np.array([(east - west) / 2.0, (north - south) / 2.0])
@@ -78,8 +82,10 @@ def _onward(city: City, land: Land) -> Iterator[shapely.Geometry]:
 def _pushed(
     corners: npt.NDArray[np.float64], out: npt.NDArray[np.bool_], centre: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """A land's outline with the corners that lie out moved away: the end of a border that comes from within along that
-    border, others from the centre."""
+    """Return a land's outline with the corners in `out` moved far away.
+
+    The end of a border that comes from inside moves along that border; other corners move away from the centre.
+    """
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     from_before, from_after = ~np.roll(out, 1) & np.roll(out, -1), np.roll(out, 1) & ~np.roll(out, -1)
     start = np.where(from_before[:, None], before, np.where(from_after[:, None], after, centre))

@@ -1,4 +1,4 @@
-"""Framebuffers and their read-back."""
+"""Framebuffers and reading them back."""
 
 from __future__ import annotations
 
@@ -9,28 +9,30 @@ import numpy as np
 import numpy.typing as npt
 
 MAX_TARGETS = 4
-
-
+"""Most framebuffers of different size that a renderer keeps (chosen)."""
 PixelRect = tuple[int, int, int, int]
-"""A part of a picture: left, top, width, height (pixels)."""
+"""A rectangle of a picture: left, top, width, height; pixels."""
 
 
-def overlap(one: PixelRect, other: PixelRect) -> PixelRect | None:
-    """What two parts share; None if that is nothing."""
-    left, top = max(one[0], other[0]), max(one[1], other[1])
-    right, low = min(one[0] + one[2], other[0] + other[2]), min(one[1] + one[3], other[1] + other[3])
+def overlap(first: PixelRect, second: PixelRect) -> PixelRect | None:
+    """Return the intersection of two rectangles; None if it is empty."""
+    left, top = max(first[0], second[0]), max(first[1], second[1])
+    right, low = min(first[0] + first[2], second[0] + second[2]), min(first[1] + first[3], second[1] + second[3])
     return (left, top, right - left, low - top) if left < right and top < low else None
 
 
 @dataclass(frozen=True, slots=True)
 class Buffers:
-    """What one pass drew, top row first: `rgb` uint8, `ids` uint16, `depth` float32 metres or None; `near_m` is the
-    near plane that it was drawn with."""
+    """The result of one drawing, top row first."""
 
     rgb: npt.NDArray[np.uint8]
+    """Colours."""
     ids: npt.NDArray[np.uint16]
+    """Ids: classes and entities."""
     depth: npt.NDArray[np.float32] | None
+    """Distances along the axis, metres; None if not drawn."""
     near_m: float
+    """Near plane of the drawing, metres."""
 
 
 class Target:
@@ -46,16 +48,16 @@ class Target:
         self.has_depth = depth
 
     def write(self, colour: bool, alpha: bool, rest: bool) -> None:
-        """Choose what drawing changes: colour, its alpha, and the rest (ids, depth picture, depth test buffer)."""
+        """Choose what drawing changes: colour, its alpha, and the rest (ids, depth picture, depth buffer)."""
         others = [(rest,) * 4] * (len(self._textures) - 1)
         self.frame.color_mask = [(colour, colour, colour, alpha), *others]  # type: ignore[assignment] # per target
         self.frame.depth_mask = rest
 
     def clear(self, colour: tuple[float, float, float]) -> None:
-        """Begin a picture with nothing in it: haze, id 0, no distance."""
+        """Clear everything: haze, id 0, infinite distance."""
         values = [(*colour, 1.0), (0.0, 0.0, 0.0, 0.0), (np.inf, 0.0, 0.0, 0.0)][: len(self._textures)]
         self.frame.depth_mask = True
-        for number, value in enumerate(values):  # the first one forgets the distances of the depth test as well
+        for number, value in enumerate(values):  # only the first clear resets the depth buffer
             masks = [(k == number,) * 4 for k in range(len(values))]
             self.frame.color_mask = masks  # type: ignore[assignment] # per target
             self.frame.clear(*value)
@@ -63,7 +65,7 @@ class Target:
         self.write(colour=True, alpha=True, rest=True)
 
     def read(self, near_m: float) -> Buffers:
-        """Fresh arrays of the last drawing."""
+        """Return new arrays of the last drawing."""
         rgb, ids = self.read_part((0, 0, *self.size))
         depth = None
         if self.has_depth:
@@ -72,7 +74,7 @@ class Target:
         return Buffers(rgb, ids, depth, near_m)
 
     def read_part(self, place: PixelRect) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
-        """Colours and ids of a part of the last drawing."""
+        """Return colours and ids of a part of the last drawing."""
         rgb, ids = np.empty((place[3], place[2], 3), np.uint8), np.empty(place[:1:-1], np.uint16)
         self.frame.read_into(rgb, viewport=place, components=3)
         self.frame.read_into(ids, viewport=place, components=1, attachment=1, dtype="u2")

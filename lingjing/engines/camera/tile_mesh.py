@@ -1,4 +1,4 @@
-"""One tile of a city → meshes by material, the props on it, and what it takes to leave it out of a picture."""
+"""The mesh of one tile of a city, by material, with the boxes that decide on culling."""
 
 from __future__ import annotations
 
@@ -17,19 +17,26 @@ from lingjing.mission.geometry2d import Polygon, bounds
 from lingjing.scene.city import Junction, Pieces
 
 MATERIALS = ("wall", "plain", "road", "paving", "soil")
+"""Materials of a tile's parts."""
+
 CASTERS = ("wall", "plain")
+"""Materials that cast shadows."""
 
 
 @dataclass(frozen=True, slots=True)
 class TileMesh:
-    """Vertices by material (`MATERIALS`), of "plain" the first `coarse` indices without the details that only show
-    from near by, and the boxes (west, south, low, east, north, high) of its buildings."""
+    """The mesh of one tile."""
 
     parts: Mapping[str, MeshPart]
+    """Parts by material (`MATERIALS`)."""
     coarse: int
+    """Number of the first indices of "plain" without the details that show only nearby."""
     boxes: npt.NDArray[np.float64]
+    """Boxes of its buildings, (n, 6): west, south, low, east, north, high; metres."""
     low: npt.NDArray[np.float64]
+    """Low corner of all vertices, (3,) metres."""
     high: npt.NDArray[np.float64]
+    """High corner of all vertices, (3,) metres."""
 
 
 def mesh_tile(
@@ -39,9 +46,12 @@ def mesh_tile(
     under: GroundBelow,
     middles: Middles | None = None,
 ) -> TileMesh:
-    """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `faced` the
-    ids of buildings that are drawn as an entity's, `under` the elevation of the ground at a place, `middles` the left
-    edges of the roads in and around it (`road_meshes`; without: of its own roads)."""
+    """Return the mesh of all static pieces of a tile.
+
+    `crossings` are the outlines of junctions with pedestrian crossings in and around it. `faced` holds the ids of
+    buildings that are drawn as an entity. `under` is the elevation of the ground. `middles` are the left edges of the
+    roads in and around it (`road_meshes`), by default those of its own roads.
+    """
     middles = middles_of(pieces.roads) if middles is None else middles
     structure, concrete = _id("structure", "concrete"), CLASSES["concrete"]
     built = [building(b, faced.get(b.id, _id("building", "structure"))) for b in pieces.buildings]
@@ -66,9 +76,9 @@ def mesh_tile(
     return TileMesh(parts, coarse, boxes, points.min(axis=0).astype(float), points.max(axis=0).astype(float))
 
 
-def crossings_of(given: tuple[Junction, ...]) -> tuple[Polygon, ...]:
-    """The outlines of junctions where people cross: those with lights."""
-    return tuple(junction.polygon for junction in given if junction.lights and len(junction.polygon) > 2)
+def crossings_of(crossroads: tuple[Junction, ...]) -> tuple[Polygon, ...]:
+    """Return the outlines of junctions with pedestrian crossings: those with traffic lights."""
+    return tuple(junction.polygon for junction in crossroads if junction.lights and len(junction.polygon) > 2)
 
 
 def _id(name: str, other: str) -> int:

@@ -1,8 +1,8 @@
-"""The ground under a city: one sheet around its waters, the waters' own sheets, the quay walls between them.
+"""The ground of a city: one sheet around its waters, the sheets of the waters, and the quay walls between them.
 
-Ground lies at elevation 0; lands of about that height are painted on it, and where a water is all over they are the
-ground. Where water reaches the city's bounds it goes on to the horizon, and so does the ground. A
-city that is water all over (its land is `City.lands`) has no sheet: its sea is a plane without an end.
+The ground has elevation 0, and lands of about that height are painted on it. Water that reaches the city's bounds
+continues to the horizon, and so does the ground. A city that is all water (its land is `City.lands`) has no sheet: its
+sea is a plane without an end.
 """
 
 from __future__ import annotations
@@ -22,41 +22,54 @@ from lingjing.mission.geometry2d import Extent
 from lingjing.scene.city import City, Water
 
 REACH_M = 30_000.0
+"""Distance to which ground and waters continue, metres (chosen)."""
+
 CELL_M, MOST_CELLS = 60.0, 40
-"""Least side of the cells that ground and lands are cut into, and how many there are at most along a side: the depth of
-large triangles is not exact close to the eye."""
+"""Least side (m) of the cells of ground and lands, and most cells along a side (chosen).
+
+The depth of large triangles is not exact near the eye.
+"""
 BED_M = 2.0
+"""Depth of quay walls below the water, metres (chosen)."""
+
 RIVER_SHARE, RIVER_GOES = 0.5, 0.7
-"""A stretch of water at the bounds that is shorter than this share of their side ends beyond them, so many times the
-way from their middle on."""
+"""Length of a water at the bounds, as a share of their side, below which it is a river; its continuation beyond them.
+
+The continuation is a multiple of the vector from the centre to the middle of that length (chosen).
+"""
 QUAY = (0.27, 0.265, 0.25)
-
-
-"""West, south, east, north."""
-
+"""Linear colour of quay walls (chosen)."""
 
 DividedGround = tuple[MeshPart, npt.NDArray[np.int64], npt.NDArray[np.float64]]
-"""A part, the range of indices (first, count) of each of its cells and their boxes (west, south, low, east, …)."""
+"""A part, the range of indices (first, count) of each cell, (n, 2), and the boxes of the cells, (n, 6) metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class TownGround:
-    """`ground` (flat) in cells of `ranges` (n, 2), first index and count, that `boxes` (n, 6) hold; so are `lands`,
-    painted on it; `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
+    """The ground and the waters of a town."""
 
     ground: MeshPart
+    """The flat ground."""
     ranges: npt.NDArray[np.int64]
+    """First index and count of each cell of the ground, (n, 2)."""
     boxes: npt.NDArray[np.float64]
+    """Boxes of these cells, (n, 6) metres."""
     lands: MeshPart
+    """Lands that are painted on the ground."""
     land_ranges: npt.NDArray[np.int64]
+    """First index and count of each cell of the lands."""
     land_boxes: npt.NDArray[np.float64]
+    """Boxes of these cells."""
     quays: MeshPart
+    """Quay walls."""
     waters: tuple[tuple[float, MeshPart], ...]
+    """Sheets of the waters, by level (m)."""
     sea: float | None
+    """Level of a water that covers the whole city, metres; None without one."""
 
 
 def build_town_ground(city: City) -> TownGround:
-    """The ground and the waters of a city."""
+    """Return the ground and the waters of a city."""
     bounds = shapely.box(*city.bounds)
     shapes = [shape_of(water) for water in city.waters]
     for water, shape in zip(city.waters, shapes, strict=True):
@@ -75,7 +88,7 @@ def build_town_ground(city: City) -> TownGround:
 
 
 def _grid(bounds: Extent) -> list[Extent]:
-    """Cells over the bounds; their common borders are the same numbers."""
+    """Return cells over the bounds; neighbours have exactly equal borders."""
     west, south, east, north = bounds
     side = max(CELL_M, max(east - west, north - south) / MOST_CELLS)
     xs = np.linspace(west, east, max(round((east - west) / side), 1) + 1).tolist()
@@ -84,7 +97,7 @@ def _grid(bounds: Extent) -> list[Extent]:
 
 
 def _sides(bounds: Extent) -> list[Extent]:
-    """What lies around the bounds: a strip on each side."""
+    """Return the surroundings of the bounds as a strip on each side."""
     west, south, east, north = bounds
     return [
         (-REACH_M, -REACH_M, REACH_M, south),
@@ -95,7 +108,7 @@ def _sides(bounds: Extent) -> list[Extent]:
 
 
 def _cells(shapes: list[shapely.Geometry]) -> DividedGround:
-    """Ground of several shapes."""
+    """Return the ground of several shapes."""
     colour, style = SURFACES["ground"]
     number = surface_id("ground")
     wanted = [shape for shape in shapes if not shape.is_empty]
@@ -105,7 +118,7 @@ def _cells(shapes: list[shapely.Geometry]) -> DividedGround:
 
 
 def _divided(parts: list[MeshPart]) -> DividedGround:
-    """Several parts as one."""
+    """Return several parts as one, with the ranges and boxes of each."""
     some = [part for part in parts if len(part.index)]
     counts = np.array([len(part.index) for part in some], np.int64)
     points = [part.vertices["position"] for part in some]
@@ -114,14 +127,14 @@ def _divided(parts: list[MeshPart]) -> DividedGround:
 
 
 def _pieces(shape: shapely.Geometry, cells: list[Extent]) -> list[shapely.Geometry]:
-    """A shape cut along the cells' borders, and what of it lies beyond them all."""
-    found = [shapely.clip_by_rect(shape, *cell) for cell in cells]
+    """Return a shape cut along the cells' borders, with the rest beyond all cells."""
+    inside = [shapely.clip_by_rect(shape, *cell) for cell in cells]
     beyond = shape.difference(shapely.box(*cells[0][:2], *cells[-1][2:]))
-    return [piece for piece in (*found, beyond) if not piece.is_empty]
+    return [piece for piece in (*inside, beyond) if not piece.is_empty]
 
 
 def _lands(city: City) -> DividedGround:
-    """Even lands, the last one on top."""
+    """Return the even lands, the last one on top."""
     parts = []
     for number, land in enumerate(reversed([land for land in city.lands if is_flat(land)])):
         colour, style = SURFACES.get(land.surface, SURFACES["concrete"])
@@ -133,18 +146,18 @@ def _lands(city: City) -> DividedGround:
 
 
 def _edges(city: City, level: float) -> MeshPart:
-    """The walls of even lands down into a sea that is all around them."""
+    """Return the walls of even lands down into the sea around them."""
     even = [land for land in city.lands if is_flat(land)]
     return joined(walls(land.polygon, level - BED_M, land.top_m, QUAY, CLASSES["concrete"]) for land in even)
 
 
 def shape_of(water: Water) -> shapely.Geometry:
-    """A water with its holes."""
+    """Return a water with its holes."""
     return shapely.make_valid(shapely.Polygon(water.polygon, water.holes))
 
 
 def outwards(city: City, water: shapely.Geometry, reach_m: float = REACH_M) -> shapely.Geometry:
-    """What lies beyond the bounds, as far as `reach_m` at least, behind the stretches of them that a water covers."""
+    """Return the continuation of a water beyond the bounds, at least to `reach_m`, where it touches them."""
     west, south, east, north = city.bounds
     centre = np.array([(west + east) / 2.0, (south + north) / 2.0])
     border = shapely.box(*city.bounds).exterior.intersection(water.buffer(0.5))
@@ -155,7 +168,7 @@ def outwards(city: City, water: shapely.Geometry, reach_m: float = REACH_M) -> s
         points = np.asarray(line.coords)
         side = max(east - west, north - south)
         far = centre + (points - centre) * (4.0 * reach_m / side)
-        if line.length < RIVER_SHARE * side:  # a river; as a wedge it would be a sea at the horizon
+        if line.length < RIVER_SHARE * side:  # a river: a wedge would be a sea at the horizon
             far = points.mean(axis=0) + (points - points.mean(axis=0)) * 0.3
             far += (points.mean(axis=0) - centre) * RIVER_GOES
         stretches.append(shapely.make_valid(shapely.Polygon(np.concatenate([points, far[::-1]]))))
@@ -168,6 +181,6 @@ def _waters(
     levels: dict[float, list[MeshPart]] = {}
     for water, shape, far in zip(city.waters, shapes, beyond, strict=True):
         parts = levels.setdefault(water.level_m, [])
-        for one in (shape, far):
-            parts += [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(one)]
+        for surface in (shape, far):
+            parts += [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(surface)]
     return tuple((level, joined(parts)) for level, parts in sorted(levels.items()))

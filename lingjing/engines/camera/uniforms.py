@@ -1,4 +1,4 @@
-"""What the programs of a picture are told: the camera, the air and the light, as uniform values."""
+"""Uniform values of the programs of a picture: camera, air and light."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from lingjing.scene.camera_geometry import SPACE_M, camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
 FAR_M = 40_000.0
+"""Far plane of a camera in the air, metres (chosen)."""
+
+# Linear colours of the sky (chosen): by day without and with clouds, and at night.
 HORIZON, ZENITH = np.array([0.42, 0.53, 0.62]), np.array([0.075, 0.20, 0.47])
 GREY, GREY_ABOVE = np.array([0.46, 0.49, 0.52]), np.array([0.40, 0.44, 0.49])
 NIGHT = np.array([0.011, 0.015, 0.026])
 
 
 def bay_near(pose: CameraPose) -> float:
-    """The near plane where nothing is known of what is close."""
+    """Return the near plane if the distances of nearby things are not known, metres."""
     return 0.05 if pose.position[2] < 10.0 else 0.4
 
 
 def view(pose: CameraPose, near: float) -> dict[str, object]:
-    """The camera. From high up the far plane lies beyond all country and sea."""
+    """Return the uniforms of the camera. From high above the far plane lies beyond all country and sea."""
     right, down, axis = camera_axes(pose)
     focal = focal_px(pose)
     far = max(FAR_M, 1.5 * hypot(*pose.position))
@@ -46,7 +49,7 @@ def view(pose: CameraPose, near: float) -> dict[str, object]:
 
 
 def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
-    """The light and the air."""
+    """Return the uniforms of light and air."""
     return {
         "u_sun": light.sun,
         "u_sunlight": light.sunlight,
@@ -65,8 +68,10 @@ def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
 
 
 def space(light: Light, height_m: float) -> dict[str, object]:
-    """What is other about the sky for an eye so high: from orbit it is black but for the haze at the horizon, and
-    clouds are no part of it."""
+    """Return the uniforms of the sky that differ for an eye in space; empty below `HIGH_M`.
+
+    From orbit the sky is black except for the haze at the horizon, and it has no clouds.
+    """
     if height_m <= HIGH_M:
         return {}
     left = 1.0 - min((height_m - HIGH_M) / (SPACE_M - HIGH_M), 1.0)
@@ -75,14 +80,16 @@ def space(light: Light, height_m: float) -> dict[str, object]:
 
 
 def haze(light: Light) -> tuple[float, float, float]:
-    """The haze as a developed colour: the sky's at the horizon (`shaders.COMMON`)."""
+    """Return the haze as a developed colour, equal to the sky's at the horizon (`common.glsl`)."""
     v = np.sqrt(1.0 - np.exp(-1.9 * np.maximum(light.haze, 0.0)))
     return vector_of(v + 0.55 * (v * v * (3.0 - 2.0 * v) - v))
 
 
 def _sky(light: Light) -> dict[str, tuple[float, float, float]]:
-    """The sky's colour as top + rise h + low (1 - h)^2 over the sine h of the elevation: blue or grey, or the night's,
-    and the dusk's glow."""
+    """Return the coefficients of the sky's colour, top + rise h + low (1 - h)^2 over the sine h of the elevation.
+
+    They mix blue, grey and night, and add the glow of dusk.
+    """
     day = light.gloom * (1.0 - light.dark)
     clear, grey = day * (1.0 - light.cloud), day * light.cloud
     dusk = np.array(light.dusk)

@@ -1,4 +1,4 @@
-"""Meshes on the GPU: vertices, indices, room for instances, and the vertex arrays that draw them."""
+"""Meshes on the GPU: vertices, indices, space for instances, and the vertex arrays that draw them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,25 @@ from lingjing.engines.camera.mesh_rows import VertexIndex
 from lingjing.engines.camera.meshes import Mesh
 
 VERTEX = (("3f", "in_position"), ("3f", "in_normal"), ("4f", "in_colour"))
+"""A vertex of `meshes` as attributes: formats and names."""
 INSTANCE = (("4f", "in_row0"), ("4f", "in_row1"), ("4f", "in_row2"), ("1f", "in_plane"), ("1u", "in_id"))
+"""A row of `instances.ROW` as attributes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """An indexed mesh with room for `capacity` instances; `lit` draws it, `shadow` its shadow."""
+    """An indexed mesh with space for instances."""
 
     buffers: tuple[moderngl.Buffer, ...]
+    """Vertices and indices."""
     instances: moderngl.Buffer
+    """Buffer of the instances."""
     lit: moderngl.VertexArray
+    """Vertex array that draws it."""
     shadow: moderngl.VertexArray
+    """Vertex array that draws its planar shadow."""
     capacity: int
+    """Most instances."""
 
     def place(self, rows: Rows) -> None:
         """Write the instances of the next drawing."""
@@ -45,7 +52,7 @@ def upload(
     mesh: tuple[Mesh, VertexIndex],
     capacity: int,
 ) -> Model:
-    """A mesh of (vertices, indices) for (lit, shadow) programs."""
+    """Return a model of a mesh (vertices, indices) for (lit, shadow) programs."""
     vertices = context.buffer(np.ascontiguousarray(mesh[0], np.float32).tobytes())
     indices = context.buffer(np.ascontiguousarray(mesh[1], np.uint32).tobytes())
     instances = context.buffer(reserve=capacity * ROW.itemsize)
@@ -68,14 +75,17 @@ def upload_still(
     plane: float,
     number: int,
 ) -> Model:
-    """A mesh in world coordinates: one instance whose shadow falls on `plane` (m) and whose id is `number`."""
+    """Return a model of a mesh in world coordinates.
+
+    It has one instance, whose shadow falls on `plane` (m) and whose id is `number`.
+    """
     model = upload(context, programs, mesh, 1)
     model.place(row(matrix((0.0, 0.0, 0.0), 0.0, 0.0, 0.0), plane, number))
     return model
 
 
 def rows_array(context: moderngl.Context, program: moderngl.Program, model: Model) -> moderngl.VertexArray:
-    """A vertex array of a model's instances for another program."""
+    """Return a vertex array of a model's instances for another program."""
     vertices, indices = model.buffers
     return context.vertex_array(
         program,
@@ -86,6 +96,6 @@ def rows_array(context: moderngl.Context, program: moderngl.Program, model: Mode
 
 
 def _layout(program: moderngl.Program, parts: Sequence[tuple[str, str]], rate: str) -> tuple[str, ...]:
-    """Buffer format and names, with padding for attributes the program does not read."""
+    """Return buffer format and names, with padding for attributes that the program does not read."""
     sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in parts]
     return (" ".join(sizes) + rate, *(name for _, name in parts if name in program))

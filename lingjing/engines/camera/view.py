@@ -1,7 +1,7 @@
-"""What one picture shows of a city: which tiles in full and how finely, which blocks, which cells of the ground.
+"""The selection of one picture: tiles and their fineness, blocks, and cells of the ground.
 
-Pure functions of the pose, the light and what the skyline and the ground say of the city, so a picture never depends on
-what was drawn before.
+All functions depend only on the pose, the light, the skyline and the ground, so a picture does not depend on earlier
+ones.
 """
 
 from __future__ import annotations
@@ -30,54 +30,69 @@ from lingjing.scene.tiles import TileKey
 from lingjing.trace.records import CameraPose
 
 FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 2600.0
-"""How far towers and lower blocks are drawn."""
+"""Distances to which towers and lower blocks are drawn, metres (chosen)."""
 MAPPED_FROM = 0.55
-"""From this share of the reach of full tiles on the ground begins to wear the map."""
+"""Share of the reach of full tiles from which the ground shows the map (chosen)."""
 DETAIL_PX = 4.0
-"""Details show where a metre is this many pixels or more."""
+"""Pixels per metre down to which details are drawn (chosen)."""
 STEEP_DEG, LEVELLED = 80.0, 2.0
-"""From this tilt on a picture has one level of detail, for what is within so many reaches of full tiles: only towers of
-half a kilometre bring the closest tile that much closer than the others."""
+"""Tilt (degrees) from which a picture has one level of detail, for tiles within so many reaches of full tiles (chosen).
+
+Only towers of half a kilometre bring the closest tile that much closer than the others.
+"""
 LARGE_NEAR_M = 100.0
-"""How close to the eye the cells of lands and ground are `close`."""
+"""Distance from the eye within which cells of lands and ground are `close`, metres (chosen)."""
 
 
 class Cells(NamedTuple):
-    """Ranges of a sheet's indices that are drawn alike: close to the eye or not, with the map on them or not."""
+    """Ranges of a sheet's indices that are drawn in the same way."""
 
     close: bool
+    """True near the eye."""
     mapped: bool
+    """True with the map."""
     runs: tuple[tuple[int, int], ...]
+    """First index and count of each range."""
 
 
 @dataclass(frozen=True, slots=True)
 class TownView:
-    """What one picture shows: full tiles near to far, which of them the shadow map reaches, which show their details
-    and which no grain, ranges of far blocks near to far and of those still farther, tiles that may throw shadows into
-    it, ranges of the ground and of the lands on it; `high`: whether the eye sees the country around the city as well.
-    Such an eye looks down through the air: how far it sees does not depend on the visibility at the ground."""
+    """The selection of one picture."""
 
     full: tuple[TileKey, ...]
+    """Full tiles, near to far."""
     shaded: frozenset[TileKey]
+    """Those within reach of the shadow map."""
     detailed: frozenset[TileKey]
+    """Those with details."""
     blunt: frozenset[TileKey]
+    """Those without grain."""
     far: tuple[tuple[int, int], ...]
+    """Ranges of far blocks, near to far."""
     farther: tuple[tuple[int, int], ...]
+    """Ranges of blocks without windows, near to far."""
     casters: tuple[TileKey, ...]
+    """Tiles that may cast shadows into the picture."""
     ground: tuple[Cells, ...]
+    """Cells of the ground."""
     lands: tuple[Cells, ...]
+    """Cells of the lands on it."""
     window: ShadowWindow
+    """Window of the shadow map."""
     reach_m: float
+    """Distance to which tiles are full, metres."""
     high: bool
+    """True if the eye is high enough to see the country around the city. Its sight does not depend on the visibility at
+    the ground."""
 
     @property
     def reaching(self) -> bool:
-        """Whether anything in it is too far off to show its grain: far blocks show none then."""
+        """True if anything is too far away to show its grain; far blocks show none then."""
         return bool(self.blunt or self.farther)
 
 
 def choose(sky: Skyline, town_ground: TownGround, pose: CameraPose, visibility_m: float, light: Light) -> TownView:
-    """What a picture needs."""
+    """Return the selection of a picture."""
     eye = pose.position
     away = distances(sky.boxes, eye)
     seen = boxes_in_sight(sky.boxes, pose)
@@ -116,8 +131,11 @@ def choose(sky: Skyline, town_ground: TownGround, pose: CameraPose, visibility_m
 def _levelled(
     away: npt.NDArray[np.float64], seen: npt.NDArray[np.bool_], pose: CameraPose, reach: float
 ) -> npt.NDArray[np.float64]:
-    """The distances that decide how finely tiles are drawn. Seen from straight above all of a city is about as far, and
-    an edge between two levels would cross the middle of the picture: there the closest tile decides for all."""
+    """Return the distances that decide on the fineness of tiles.
+
+    From straight above, all of a city is about equally far, and an edge between two levels would cross the middle of
+    the picture. There the closest tile decides for all.
+    """
     if pose.tilt_deg <= STEEP_DEG or not seen.any():
         return away
     return np.where(seen & (away <= LEVELLED * reach), away[seen].min(), away)
@@ -128,7 +146,7 @@ def _filled(ranges: npt.NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
 
 
 def _farthest(boxes: npt.NDArray[np.float64], eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
-    """Distance of the farthest corner of each box from a point."""
+    """Return the distance of the farthest corner of each box from a point, metres."""
     at = np.asarray(eye)
     off = np.maximum(np.abs(boxes[:, :3] - at), np.abs(boxes[:, 3:] - at))
     return np.asarray(np.linalg.norm(off, axis=1))
@@ -137,7 +155,7 @@ def _farthest(boxes: npt.NDArray[np.float64], eye: tuple[float, float, float]) -
 def _cells(
     ranges: npt.NDArray[np.int64], boxes: npt.NDArray[np.float64], pose: CameraPose, reach: float
 ) -> tuple[Cells, ...]:
-    """The cells of a sheet in sight; those whose every point is nearer than the map do without it."""
+    """Return the cells of a sheet in sight. Those completely nearer than the map are drawn without it."""
     shown = boxes_in_sight(boxes, pose)
     mapped = _farthest(boxes, pose.position) > MAPPED_FROM * reach
     close = distances(boxes, pose.position) < LARGE_NEAR_M
@@ -150,7 +168,7 @@ def _cells(
 
 
 def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The wanted ranges (first, count), neighbours joined."""
+    """Return the selected ranges (first, count), neighbours joined."""
     runs: list[tuple[int, int]] = []
     for first, count in ranges[wanted & (ranges[:, 1] > 0)].tolist():
         if runs and sum(runs[-1]) == first:

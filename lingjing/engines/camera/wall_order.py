@@ -1,8 +1,8 @@
-"""Which walls are drawn, and in which order: those that face the eye; what the sun reaches first, each near to far.
+"""The order of walls: those that face the eye, first those that the sun reaches, each near to far.
 
-What faces away would be culled only after its corners had been moved, half of the work on distant blocks. A wall turned
-away from the sun needs no look into the shadow map, and a wall behind another that is drawn already costs next to
-nothing. Pure functions of the walls, the eye and the sun.
+The GPU would cull back faces only after their vertices were transformed, which is half of the work on distant blocks. A
+wall turned away from the sun needs no look-up in the shadow map. A wall behind another one costs almost nothing if it
+is drawn later. All functions depend only on the walls, the eye and the sun.
 """
 
 from __future__ import annotations
@@ -18,23 +18,24 @@ from lingjing.engines.camera.mesh_rows import MeshPart, VertexIndex
 CornerArray = npt.NDArray[np.float32]
 Ranges = Sequence[tuple[int, int]]
 EDGE_ON_M = 0.02
-"""A triangle whose plane passes the eye as closely as this is left to the rasteriser to judge."""
+"""Distance of the eye from a triangle's plane up to which culling is left to the rasteriser, metres (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Planes:
-    """Triangles (n, 3) of a part as indices of its vertices, and their planes (n, 4): outward unit normal, and what is
-    added to its product with a point for the point's height over the plane, metres."""
+    """The triangles of a part with their planes."""
 
     triangles: VertexIndex
+    """Indices of vertices, (n, 3)."""
     planes: CornerArray
+    """Planes (n, 4): outward unit normal, and the offset that makes its product with (point, 1) the height, metres."""
 
     def facing(self, eye: tuple[float, float, float]) -> npt.NDArray[np.bool_]:
-        """Which triangles (n,) an eye may see the front of."""
+        """Return which triangles (n,) may show their front to an eye."""
         return np.asarray(self.planes @ (*eye, 1.0) > -EDGE_ON_M)
 
     def among(self, ranges: Ranges, eye: tuple[float, float, float]) -> VertexIndex:
-        """The indices, in order, of those triangles in ranges (first index, count) that face an eye."""
+        """Return the indices, in order, of the triangles in ranges (first index, count) that face an eye."""
         some = np.concatenate([np.arange(first // 3, (first + count) // 3) for first, count in ranges])
         seen: VertexIndex = self.triangles[some[self.planes[some] @ (*eye, 1.0) > -EDGE_ON_M]]
         return seen.ravel()
@@ -42,15 +43,21 @@ class Planes:
 
 @dataclass(frozen=True, slots=True)
 class Walls:
-    """Triangles of a part with their planes, corners (n, 3, 3), metres, and shaded normals (n, 3)."""
+    """The walls of a part."""
 
     planes: Planes
+    """Triangles and planes."""
     corners: CornerArray
+    """Corners, (n, 3, 3) metres."""
     normals: CornerArray
+    """Normals of shading, (n, 3)."""
 
     def ordered(self, eye: tuple[float, float, float], sun: tuple[float, float, float]) -> tuple[VertexIndex, int, int]:
-        """(all indices, in drawing order what faces the eye and then the rest; how many are of walls that face both the
-        eye and the sun; how many face the eye). Shadows are thrown by all of them."""
+        """Return (indices, lit count, facing count).
+
+        All indices are in drawing order: first the walls that face the eye, then the rest, because all cast shadows.
+        The counts are those of indices of walls that face both eye and sun, and of walls that face the eye.
+        """
         facing = self.planes.facing(eye)
         away = self.normals @ np.asarray(sun, np.float32) <= 0.0
         offset = self.corners - np.asarray(eye, np.float32)
@@ -60,7 +67,7 @@ class Walls:
 
 
 def planes_of(part: MeshPart) -> Planes:
-    """The triangles of a part and their planes, turned to the side that their normals are shaded for."""
+    """Return the triangles of a part and their planes, oriented as their normals of shading."""
     triangles = part.index.reshape(-1, 3)
     corners = part.vertices["position"][triangles].astype(np.float64)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -72,7 +79,7 @@ def planes_of(part: MeshPart) -> Planes:
 
 
 def walls_of(part: MeshPart) -> Walls:
-    """The walls of a part."""
+    """Return the walls of a part."""
     planes = planes_of(part)
     triangles = planes.triangles
     return Walls(planes, part.vertices["position"][triangles], part.vertices["normal"][triangles[:, 0]])

@@ -1,7 +1,7 @@
-"""`WaterPass`: draws the open sea and the lakes of a town, with the waves, the ripples and the shore as textures.
+"""`WaterPass`: the open sea and the lakes of a town, with waves, ripples and shore as textures.
 
-The owner of the GL context sets the uniforms of `programs` as it does for its own, `values` among them, and chooses
-what drawing may write. From high over the sea, cheaper fragments draw it to the horizon.
+The owner of the GL context sets the uniforms of `programs` as it does for its own, with `values`, and chooses what
+drawing may write. From high above, simpler fragment shaders draw the sea to the horizon.
 """
 
 from __future__ import annotations
@@ -24,19 +24,23 @@ from lingjing.scene.camera_geometry import focal_px
 from lingjing.trace.records import CameraPose
 
 SEA_SPAN_M = 30_000.0
-"""How far `water.vert.glsl` spreads the sea."""
+"""Distance to which `water.vert.glsl` spreads the sea, metres."""
 
 SWELL_UNIT, RIPPLE_UNIT, SHORE_UNIT = 0, 1, 2
+"""Texture units of swell, ripples and shore."""
 
 Lake = tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]
-"""Level, array and its buffers."""
+"""Level (m), vertex array and its buffers."""
 
 
 class WaterPass:
-    """Owns four programs, the textures of waves and shore, and the lakes; `unload` frees those, `release` all."""
+    """Owner of four programs, the textures of waves and shore, and the lakes.
+
+    `unload` frees the lakes and the shore, `release` the rest.
+    """
 
     def __init__(self, context: moderngl.Context, corners: npt.NDArray[np.float32]) -> None:
-        """`corners` are those of a quad of two triangles, -1 to 1."""
+        """Compile the programs; `corners` are those of a quad of two triangles, -1 to 1."""
         self._context = context
         self._near_sea, self._near_lake = self._program("water.vert"), self._program("lake.vert")
         self._far_sea, self._far_lake = self._program("water.vert", "ALOFT"), self._program("lake.vert", "ALOFT")
@@ -57,7 +61,7 @@ class WaterPass:
 
     @property
     def programs(self) -> tuple[moderngl.Program, ...]:
-        """Whose uniforms the owner sets before each picture."""
+        """Programs whose uniforms the owner sets before each picture."""
         return self._near_sea, self._near_lake, self._far_sea, self._far_lake
 
     def load(self, ground: Ground) -> None:
@@ -69,13 +73,13 @@ class WaterPass:
         self._level, self._bounds = ground.level_m, (west, south, 1.0 / (east - west), 1.0 / (north - south))
 
     def load_lakes(self, near: Iterable[tuple[float, MeshPart]], far: Iterable[tuple[float, MeshPart]]) -> None:
-        """Take over a town's waters, (level, surface); those `far` are seen from high up alone."""
+        """Take over a town's waters, (level, surface); those in `far` are drawn only from high above."""
         near = tuple(near)
         self._lakes = [self._lake(self._near_lake, *water) for water in near]
         self._far_lakes = [self._lake(self._far_lake, *water) for water in (*near, *far)]
 
     def prepare(self, pose: CameraPose, sea: tuple[SeaSurface, SeaSurface]) -> None:
-        """Show the sea as it is now: swell and ripples."""
+        """Upload swell and ripples of the present time, and bind the textures."""
         if self._sea is not sea:
             packed = [sea[0].packed(), sea[1].packed(self._lace)]
             for texture, (pixels, _) in zip(self._waves, packed, strict=True):
@@ -90,7 +94,7 @@ class WaterPass:
             texture.filter = smallest, moderngl.LINEAR
 
     def values(self) -> dict[str, object]:
-        """The uniforms of the waters, after `prepare`."""
+        """Return the uniforms of the waters, after `prepare`."""
         assert self._sea is not None
         return {
             "u_swell": SWELL_UNIT,
@@ -104,7 +108,7 @@ class WaterPass:
         }
 
     def draw(self, *, sea: bool, high: bool) -> None:
-        """The open sea, if there is one, then the lakes; `high`: from high over them."""
+        """Draw the open sea, if there is one, then the lakes; `high` is true for an eye high above."""
         if sea:
             (self._far_array if high else self._near_array).render()
         lake = self._far_lake if high else self._near_lake
@@ -113,7 +117,7 @@ class WaterPass:
             array.render()
 
     def unload(self) -> None:
-        """Free what belongs to a ground and its town."""
+        """Free everything that belongs to a ground and its town."""
         for _, array, buffers in (*self._lakes, *self._far_lakes):
             array.release()
             for buffer in buffers:
@@ -145,7 +149,9 @@ class WaterPass:
 
 
 def _close(pose: CameraPose, level: float) -> bool:
-    """Whether no pixel of the picture spans much more than a ripple's texel: then the sea needs no mipmaps, which
-    cost a software renderer twice the look-ups."""
+    """Return whether no pixel spans much more than a texel of the ripples.
+
+    The sea then needs no mipmaps, which double the look-ups of a software renderer.
+    """
     steepest = pose.tilt_deg > 80.0 and pose.hfov_deg < 100.0
     return steepest and (pose.position[2] - level) / focal_px(pose) < 1.7 * RIPPLE_M / SEA_SIZE

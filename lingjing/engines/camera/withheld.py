@@ -1,8 +1,8 @@
-"""What a picture keeps back: classes without what is hidden, boxes without what is too faint to be seen.
+"""The redaction of pictures: class ids without hidden entities, boxes without entities too faint to see.
 
-Both ask what would be drawn without some entities, so a part of the picture is drawn again without them: where they, or
-what they change about the town, show. The second drawing is the first one's, pixel for pixel, wherever they do not
-matter. A picture that shows none of them is not drawn again.
+Both need the picture without some entities. The part of the picture where these entities, or their changes to the town,
+may show is drawn again without them. Everywhere else the second drawing equals the first, pixel by pixel. A picture
+that shows none of them is not drawn again.
 """
 
 from __future__ import annotations
@@ -25,39 +25,48 @@ from lingjing.scene.city import Pieces
 from lingjing.trace.records import Box, CameraPose
 
 ALL, WITHOUT_HIDDEN, WITHOUT_TARGETS = range(3)
-"""The variants of the town (`Renderer.vary`): everything, without what is hidden, without any target."""
+"""Variants of the town (`Renderer.vary`): everything, without hidden entities, without targets."""
 
 Numbers = dict[str, int]
-"""Entity id → its number in the instance."""
+"""Index of an entity in the instance, by id."""
 
 
 Staged = Callable[[Collection[str], int], Scenery]
-"""The scenery without some entities, in one of the variants."""
+"""Function that returns the scenery without some entities, in one of the variants."""
 
 CLIPPED = 0.85
-"""From this share of a near plane on another one shows that nothing lies before it (`culling.near_plane`'s reserve)."""
+"""Ratio of another near plane to a near plane from which nothing lies before the latter (the margin of
+`culling.near_plane`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture to take: from where, with depth and class ids or without, and of what."""
+    """A requested picture."""
 
     pose: CameraPose
+    """Pose of the camera."""
     depth: bool
+    """True with a depth picture."""
     semantic: bool
+    """True with class ids."""
     staged: Staged
+    """The scenery."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShownPicture:
-    """What is handed out of a picture: colours and depth, class ids if they are declared, the boxes of what can be
-    seen, and of the targets that nobody can."""
+    """The parts of a picture that agents may receive, and its boxes."""
 
     rgb: npt.NDArray[np.uint8]
+    """Colours."""
     depth: npt.NDArray[np.float32] | None
+    """Distances, metres; None if not requested."""
     semantic: npt.NDArray[np.uint8] | None
+    """Class ids; None if not requested."""
     boxes: tuple[Box, ...]
+    """Boxes of visible entities."""
     faint: tuple[Box, ...]
+    """Boxes of targets that are too faint to see."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +77,11 @@ class _Again:
 
 
 class Withheld:
-    """What the pictures of one instance keep back. An entity with a hidden value is hidden as a whole: its outline
-    would tell its place, and how many stand in a queue."""
+    """The redaction of the pictures of one instance.
+
+    An entity with a hidden value is hidden completely: its outline would reveal its place, or the number of people in a
+    queue.
+    """
 
     def __init__(self, entities: Sequence[Entity]) -> None:
         numbered = list(enumerate(entities))
@@ -85,14 +97,16 @@ class Withheld:
         load: Callable[[tuple[int, int]], Pieces],
         ground: Callable[[float, float], float],
     ) -> None:
-        """Take note of what the entities change about a town, in the order of `ALL`, `WITHOUT_HIDDEN`,
-        `WITHOUT_TARGETS`; `load` and `ground` as in `effects.altered`."""
+        """Take over the changes of the entities to a town, in the order `ALL`, `WITHOUT_HIDDEN`, `WITHOUT_TARGETS`.
+
+        `load` and `ground` are as in `effects.altered`.
+        """
         whole, public, bare = variants
         self._volumes = altered(whole, public, load, ground)
         self._alike &= (public.tiles, public.faced) == (bare.tiles, bare.faced)
 
     def take(self, renderer: Renderer, shot: Shot) -> ShownPicture:
-        """Draw a picture, and again what that takes."""
+        """Draw a picture, and parts of it again if necessary."""
         whole, public_m = shot.staged((), ALL), None
         if shot.semantic and self.hidden:
             public_m = renderer.near_plane(shot.pose, shot.staged(self.hidden, WITHOUT_HIDDEN))
@@ -106,8 +120,11 @@ class Withheld:
         return ShownPicture(drawn.rgb, drawn.depth, semantic, seen, faint)
 
     def _near(self, renderer: Renderer, pose: CameraPose, whole: Scenery, public_m: float | None) -> float | None:
-        """The near plane of a picture that names classes: that without what is hidden, unless this cuts something off;
-        None for the picture's own. Where two surfaces meet the near plane decides which one shows."""
+        """Return the near plane of a picture with class ids; None for the picture's own.
+
+        It is that of the picture without hidden entities, unless this one cuts something off. The near plane decides
+        which of two touching surfaces shows.
+        """
         if public_m is None:
             return None
         own_m = renderer.near_plane(pose, whole)
@@ -116,7 +133,7 @@ class Withheld:
     def _public(
         self, renderer: Renderer, shot: Shot, drawn: Buffers, boxes: Sequence[Box], near_m: float
     ) -> _Again | None:
-        """The picture without what is hidden, where that matters; None where it does not."""
+        """Return the part of the picture without hidden entities; None if it would not differ."""
         size = shot.pose.width, shot.pose.height
         places = [pixels_of((box,), *size) for box in boxes if box.entity in self.hidden]
         places += [place for volume in self._volumes if (place := spanned(volume, shot.pose)) is not None]
@@ -126,12 +143,12 @@ class Withheld:
     def _judged(
         self, renderer: Renderer, shot: Shot, drawn: Buffers, boxes: tuple[Box, ...], public: _Again | None
     ) -> tuple[tuple[Box, ...], tuple[Box, ...]]:
-        """The boxes of what can be seen, and of what is too faint."""
+        """Return the boxes of visible entities and of those that are too faint."""
         size = shot.pose.width, shot.pose.height
         place = around(pixels_of((box,), *size) for box in boxes if box.entity in self.targets)
         if place is None:
             return boxes, ()
-        bare = public if self._alike else None  # it covers every target's pixels
+        bare = public if self._alike else None  # it already covers every target's pixels
         if bare is None:
             bare = self._again(renderer, shot, self.targets, WITHOUT_TARGETS, place, drawn.near_m)
         return judged(boxes, self.targets, drawn.rgb, drawn.ids, bare.place, bare.rgb)

@@ -1,7 +1,7 @@
 """`EffectPass`: draws rows of billboards and decals with the camera's uniforms.
 
-The owner of the GL context sets the uniforms of `programs` as it does for its own, binds the noise texture, and chooses
-what drawing may write: colour, ids and depth for `bodies`; colour alone (no alpha) for `clouds` and `decals`.
+The owner of the GL context sets the uniforms of `programs` as it does for its own, and binds the noise texture. It
+chooses what drawing may write: colour, ids and depth for `bodies`; colour alone (no alpha) for `clouds` and `decals`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ _BILLBOARD = ("3f 3f 1f 4f 4f 1u/i", "in_place", "in_axis", "in_size", "in_paint
 _CLOUD = ("3f 3f 1f 4f 4f 4x/i", *_BILLBOARD[1:-1])
 _DECAL = ("3f 3f 4f 2f/i", "in_place", "in_lie", "in_paint", "in_style")
 LIFT = 0.09
-"""What a light adds to the developed colour at its middle."""
+"""Amount that a light adds to the developed colour at its middle (chosen)."""
 
 
 class EffectPass:
-    """Owns three programs and a unit quad; `release` frees them."""
+    """Owner of three programs and a unit quad; `release` frees them."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -35,22 +35,22 @@ class EffectPass:
 
     @property
     def programs(self) -> tuple[moderngl.Program, ...]:
-        """Whose uniforms the owner sets before each picture."""
+        """Programs whose uniforms the owner sets before each picture."""
         return self._body, self._cloud, self._decal
 
     def bodies(self, rows: Rows) -> None:
-        """Flames and spray, opaque, with their ids; `rows["id"]` holds what the id buffer shall hold."""
+        """Draw flames and spray, opaque; `rows["id"]` holds the values for the id buffer."""
         self._context.disable(moderngl.BLEND)
         self._draw(self._body, rows[rows["id"] > 0], _BILLBOARD)
 
     def clouds(self, rows: Rows, eye: tuple[float, float, float]) -> None:
-        """Smoke, mist and glow, farthest first."""
+        """Draw smoke, mist and glow, farthest first."""
         soft = rows[rows["id"] == 0]
         away = np.linalg.norm(soft["place"] - np.asarray(eye, np.float32), axis=1)
         self._blended(self._cloud, soft[np.argsort(-away, kind="stable")], _CLOUD)
 
     def decals(self, rows: Rows) -> None:
-        """Wet and scorched ground, in order; then the light on it, which makes what is there brighter."""
+        """Draw wet and scorched ground, in order, then the light on it, which brightens the picture."""
         shining = rows["kind"] >= POOL
         self._decal["u_lift"] = 1.0
         self._blended(self._decal, rows[~shining], _DECAL)
@@ -58,8 +58,11 @@ class EffectPass:
             self._shine(rows[shining])
 
     def _shine(self, rows: Rows) -> None:
-        """Light on the ground: twice up to doubled, so that dark ground keeps its texture, and lifted a little, so
-        that black ground shows it."""
+        """Draw light on the ground.
+
+        It doubles the colour at most twice, so that dark ground keeps its texture, and adds a little, so that black
+        ground shows it.
+        """
         self._context.enable(moderngl.BLEND)
         for lift, factor in ((1.0, moderngl.DST_COLOR), (1.0, moderngl.DST_COLOR), (LIFT, moderngl.ONE)):
             self._decal["u_lift"] = lift

@@ -1,6 +1,6 @@
-"""Fire: flames that are its body, a glow, smoke that the wind carries off, scorched ground.
+"""Fire: flames, which are the body of the target, with glow, smoke in the wind and scorched ground.
 
-`heat` (0..1) scales all of it; a fire that is `out` leaves its scorch and a thin white steam.
+`heat` (0..1) scales all of it. A fire that is `out` leaves its scorch and a thin white steam.
 """
 
 from __future__ import annotations
@@ -27,39 +27,49 @@ from lingjing.engines.camera.effects.particles import (
 from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.mission.instance import Weather
 
+# Linear colours of flames, glow, smoke (young to old), and light on the ground (chosen).
 FLAME_HEART = (0.80, 0.50, 0.10)
 GLOW = (0.75, 0.24, 0.03)
 SOOT = ((0.030, 0.026, 0.022), (0.075, 0.070, 0.065), (0.16, 0.155, 0.15))
 FIRELIGHT = (0.86, 0.46, 0.12)
 POOL_REACH, LIT_REACH = 3.2, 2.2
-"""Radius of the light that a fire throws after dark on the ground and on its smoke, in bed radii and flame heights."""
+"""Radius of a fire's light after dark on the ground and on its smoke, in bed radii plus flame heights (chosen)."""
 STEAM = (0.60, 0.61, 0.62)
+"""Linear colour of the steam of a fire that is out (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class FireScale:
-    """How large a fire is: radius of its bed and height of its flames (m), numbers of flames and puffs, how long a
-    puff lives (s) and how wide it grows (m)."""
+    """The size of a fire."""
 
     radius_m: float
+    """Radius of its bed, metres."""
     height_m: float
+    """Height of its flames, metres."""
     flames: int
+    """Number of flames."""
     puffs: int
+    """Number of puffs of smoke."""
     life_s: float
+    """Lifetime of a puff, seconds."""
     puff_m: float
+    """Width of an old puff, metres."""
 
 
 BUILDING = FireScale(radius_m=3.6, height_m=3.2, flames=110, puffs=130, life_s=15.0, puff_m=7.5)
-"""Seen from 110 m above: some 70 pixels of flames and a plume ten times as long."""
+"""A fire of a building. From 110 m above it has some 70 pixels of flames and a plume ten times as long."""
 GROUND = FireScale(radius_m=0.65, height_m=1.35, flames=60, puffs=60, life_s=7.0, puff_m=1.7)
-"""Seen by a dog from 2 to 20 m."""
+"""A fire on the ground, for a dog at 2 to 20 m."""
 
 
 def fire(
     seed: int, place: Floats, blaze: FireScale, heat: float, time_s: float, weather: Weather,
     inward: tuple[float, float] = (0.0, 0.0),
 ) -> Effects:  # fmt: skip
-    """A fire on a place; `heat` 0 is out. What it scorches lies `inward` of it (m, east and north): on its roof."""
+    """Return a fire at a place; `heat` 0 is out.
+
+    Its scorch is shifted by `inward` (m, east and north), so that it lies on the roof.
+    """
     size = max(heat, 0.0) ** 0.5
     scorch = decal(
         (float(place[0]) + inward[0], float(place[1]) + inward[1], float(place[2])),
@@ -114,7 +124,7 @@ def _glow(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float
 
 
 def _smoke(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float, weather: Weather) -> Rows:
-    """Puffs from the lee side of the bed, so that the flames stay in sight from above."""
+    """Return the puffs of smoke. They start at the lee side of the bed, so that the flames stay visible from above."""
     count = max(8, round(blaze.puffs * size))
     age, number = stream(seed + 7, time_s, count, blaze.life_s)
     away = _drift(seed, weather)
@@ -132,14 +142,14 @@ def _smoke(seed: int, place: Floats, blaze: FireScale, size: float, time_s: floa
 
 
 def _halo(place: Floats, blaze: FireScale, size: float, strength: float) -> Rows:
-    """What the air about a fire shows of it after dark."""
+    """Return the glow of the air around a fire after dark."""
     points = place + np.outer([0.5, 0.8, 1.0], [0.0, 0.0, blaze.height_m * size])
     wide = (blaze.radius_m + blaze.height_m) * size * np.array([0.9, 1.5, 2.3])
     return billboards(points, wide, GLOW, np.array([0.20, 0.15, 0.11]) * strength, soft=1.0, glow=1.0, shape=DROP)
 
 
 def _lit_smoke(smoke: Rows, place: Floats, blaze: FireScale, strength: float) -> Rows:
-    """The smoke over a fire after dark, lit from under it."""
+    """Return the smoke over a fire after dark, lit from below."""
     away = np.linalg.norm(smoke["place"] - np.asarray(place, np.float32), axis=1)
     reach = LIT_REACH * (blaze.radius_m + blaze.height_m)
     lit: Rows = smoke[away < reach].copy()
@@ -159,6 +169,6 @@ def _wisps(seed: int, place: Floats, blaze: FireScale, time_s: float, weather: W
 
 
 def _drift(seed: int, weather: Weather) -> Floats:
-    """How the smoke moves (m/s): with the wind, never quite still."""
+    """Return the velocity of the smoke (m/s): with the wind, and never exactly 0."""
     lazy = wind_of(0.7, 360.0 * float(chance(seed, 9, 1)[0]))
     return 0.8 * wind_of(weather.wind_mps, weather.wind_from_deg) + lazy

@@ -1,4 +1,4 @@
-"""A fractured span: jagged ends with bent rods at both sides of the gap, a slab hanging into it, rubble underneath."""
+"""A fractured span: jagged ends with bent rods at both sides of the gap, a hanging slab, and rubble below."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ from lingjing.engines.camera.meshes import Mesh, box, merge, prism
 from lingjing.engines.camera.models.shapes import at, limb, turned
 from lingjing.mission.appearance import LinearRgb
 
+# Linear colours (chosen).
 BROKEN: LinearRgb = (0.46, 0.43, 0.39)
 ASPHALT: LinearRgb = (0.055, 0.055, 0.058)
 ROD: LinearRgb = (0.16, 0.06, 0.03)
 TEETH = 9
+"""Number of jagged pieces at each end (chosen)."""
 
 
 def fracture(
     seed: int, place: Floats, heading_deg: float, gap_m: float, width_m: float, thickness_m: float, drop_m: float
 ) -> Effects:
-    """What a broken span shows about a gap of `gap_m` in a deck along the heading whose top is at `place`; rubble lies
-    `drop_m` under it."""
+    """Return the effects of a gap of `gap_m` in a deck along the heading.
+
+    The deck's top is at `place`, and the rubble lies `drop_m` below it.
+    """
     shape = (seed % 8, round(gap_m, 1), round(width_m, 1), round(thickness_m, 1), round(drop_m, 0))
     where = (float(place[0]), float(place[1]), float(place[2]))
     rows = matrix(where, heading_deg, 0.0, 0.0)
@@ -39,7 +43,8 @@ def fracture(
 
 @cache
 def rubble(variant: int, gap_m: float, width_m: float, thickness_m: float, drop_m: float) -> Mesh:
-    """One mesh: the origin is the deck's top in the middle of the gap, y along the bridge."""
+    """Return the mesh of the whole fracture: the origin is the deck's top in the middle of the gap, y along the
+    bridge."""
     return merge(
         *(_edge(variant, side, gap_m, width_m, thickness_m) for side in (-1.0, 1.0)),
         _slab(variant, gap_m, width_m, thickness_m),
@@ -72,7 +77,7 @@ def _edge(variant: int, side: float, gap: float, width: float, thick: float) -> 
 
 
 def _slab(variant: int, gap: float, width: float, thick: float) -> Mesh:
-    """A third of the deck hangs down from one end."""
+    """Return a third of the deck that hangs down from one end."""
     side = 1.0 if variant % 2 else -1.0
     long, wide = 0.78 * gap, 0.52 * width
     slab = merge(
@@ -90,7 +95,7 @@ def _slab(variant: int, gap: float, width: float, thick: float) -> Mesh:
 
 
 def _debris(variant: int, gap: float, width: float, drop: float) -> Mesh:
-    """Slabs and lumps that stick out of the water or lie on the ground."""
+    """Return slabs and lumps that stick out of the water or lie on the ground."""
     count = 12
     x, y, size, turn = (chance(variant, salt, count) for salt in (21, 22, 23, 24))
     pieces = []

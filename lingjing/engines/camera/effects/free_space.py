@@ -1,5 +1,7 @@
-"""What has room where: which way a queue faces, so that nobody stands in a wall, a parked car or a road; how far from
-the edge of a roof what lies on it must be."""
+"""Free space near targets: the direction of a queue, and the distance of a fire from the edge of a roof.
+
+A queue faces a direction in which its people stand neither in a wall, nor in a parked car, nor on a road.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +17,29 @@ from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
 from lingjing.scene.lines import project
 
 ELBOW_M = 0.6
-"""Room that somebody needs on each side."""
+"""Space that a person needs on each side, metres (chosen)."""
 SHUNNED_M = {"steam_vent": 1.4}
-"""Radius about things that block no way but that nobody would queue at, by class."""
+"""Radius around things that block no way but at which no queue stands, by class, metres (chosen)."""
 TURN_DEG = 15.0
+"""Step of the headings that are tried, degrees (chosen)."""
 TURNS_DEG = tuple(sign * TURN_DEG * k for k in range(13) for sign in (1.0, -1.0))
-"""From the queue's own heading to the opposite one, small turns first."""
+"""Turns from the queue's declared heading to the opposite one, small ones first, degrees."""
 
 ROOF_MARGIN_M = 4.8
-"""What a fire scorches about itself on a roof ends within this."""
+"""Distance from the edge of a roof within which a fire's scorch would reach over it, metres."""
 
 _KEPT_FREE_M = {**BODIES_M, **SHUNNED_M}
+"""Radius around things in which nobody can stand, by class, metres."""
 
 PlanPoint = tuple[float, float]
 
 
 def facing(entity: Entity, near: Iterable[Pieces]) -> float:
-    """Bearing (deg) that a queue faces: its entity's own if all of its people have room behind it, else the nearest one
-    to it for which they have; if there is none, the one for which most have."""
+    """Return the heading of a queue, degrees.
+
+    It is the declared one if all people have space behind it, else the nearest heading at which they have. If there is
+    none, it is the heading at which most have.
+    """
     x, y, _ = entity.position
     count = people_in_line(entity.properties.get("people"))
     spacing_m = spacing_in_line(entity.properties.get("spacing_m"))
@@ -48,8 +55,10 @@ def facing(entity: Entity, near: Iterable[Pieces]) -> float:
 
 
 def inward(position: Vector, near: Iterable[Pieces]) -> PlanPoint:
-    """How far (m, east and north) a place on a roof is moved to be `ROOF_MARGIN_M` from its edges, if the roof is wide
-    enough; (0, 0) for one on none."""
+    """Return the shift (m, east and north) that moves a place on a roof `ROOF_MARGIN_M` from its edges.
+
+    It is (0, 0) if the roof is too narrow or if there is none.
+    """
     x, y, z = position
     roofs = (b.polygon for p in near for b in p.buildings if abs(b.top_m - z) < STEP_M and contains(b.polygon, x, y))
     roof = next(roofs, ())
@@ -64,7 +73,7 @@ def inward(position: Vector, near: Iterable[Pieces]) -> PlanPoint:
 
 
 class _Obstacles:
-    """What nobody stands in, of pieces near a place."""
+    """The obstacles near a place in which a person cannot stand."""
 
     def __init__(self, near: Iterable[Pieces], about: PlanPoint, reach_m: float) -> None:
         self._walls: list[Polygon] = []
@@ -80,7 +89,7 @@ class _Obstacles:
                 self._strips += [((a[:2], b[:2]), 0.5 * lane.width_m) for a, b in pairwise(lane.shape)]
 
     def free(self, spot: PlanPoint) -> bool:
-        """Whether somebody can stand there."""
+        """Return whether a person can stand at a place."""
         x, y = spot
         return (
             not any(area_distance(wall, x, y) < ELBOW_M for wall in self._walls)
@@ -90,7 +99,7 @@ class _Obstacles:
 
 
 def _touches(polygon: Polygon, about: PlanPoint, reach_m: float) -> bool:
-    """Whether a polygon's bounds come within reach of a place."""
+    """Return whether a polygon's bounds come within reach of a place."""
     return all(
         min(values) <= here + reach_m and max(values) >= here - reach_m
         for values, here in zip(zip(*polygon, strict=True), about, strict=True)

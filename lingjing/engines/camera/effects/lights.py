@@ -1,4 +1,4 @@
-"""Blue lights that flash by turns on a fire engine's roof."""
+"""Blue lights on a fire engine's roof, which flash alternately."""
 
 from __future__ import annotations
 
@@ -10,15 +10,21 @@ from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.mission.instance import Weather
 
 FLASH_HZ = 2.2
+"""Flashes of a light per second (chosen)."""
 LAMPS = ((-0.66, 3.35, 3.16), (0.66, 3.35, 3.16), (1.05, -4.15, 3.18), (-1.05, -4.15, 3.18))
-"""In the body's frame, m; the first and third flash together."""
+"""Positions in the body's frame, metres; the first and third flash together."""
 BLUE = (0.10, 0.30, 0.80)
+"""Linear colour of the lights (chosen)."""
+
 ON_GROUND = (0.20, 0.45, 1.0)
+"""Linear colour of their light on the street (chosen)."""
+
 POOL_M = 11.0
+"""Radius of their light on the street, metres (chosen)."""
 
 
 def blue_lights(place: Floats, heading_deg: float, time_s: float, weather: Weather) -> Effects:
-    """Bright lamps and their halos; after dark also what they throw on the street."""
+    """Return bright lamps and their halos; after dark also their light on the street."""
     right, along = ahead(heading_deg)
     points = np.array([place + right * x + along * y + np.array([0.0, 0.0, z]) for x, y, z in LAMPS])
     first = int(time_s * 2.0 * FLASH_HZ) % 2

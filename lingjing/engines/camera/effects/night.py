@@ -1,7 +1,7 @@
-"""What shines after dark: pools of light on the ground, halos, the lights that vehicles, vessels and aircraft carry.
+"""Lights after dark: pools of light on the ground, halos, and the lights of vehicles, vessels and aircraft.
 
-By day and at dusk (`darkness` 0) there is nothing of it, and a picture is the same as without. A pool (`POOL`, `BEAM`)
-multiplies what is drawn under it, so that what lies in it keeps its texture.
+By day and at dusk (`darkness` 0) there are none, and a picture is the same as without this module. A pool (`POOL`,
+`BEAM`) multiplies the picture below it, so that the texture remains.
 """
 
 from __future__ import annotations
@@ -21,9 +21,14 @@ from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
 FIRST_DARK = 0.10
-"""Share of the night (`Light.dark`) that must have come before anything of this shows: at sunset none has."""
+"""Share of the night (`Light.dark`) from which lights show (chosen): at sunset none does."""
 DRIVEN = ("car", "taxi", "delivery_van", "truck", "bus", "fire_truck", "motorcycle")
+"""Looks with head and tail lights."""
+
 LOW_BEAM_M, BEAM_WIDE_M = 13.0, 2.9
+"""Length and half width of headlights on the road, metres (chosen)."""
+
+# Linear colours (chosen).
 HEADLIGHT: LinearRgb = (0.95, 0.90, 0.72)
 TAIL_GLOW: LinearRgb = (0.60, 0.05, 0.03)
 RED, GREEN, WHITE = (0.80, 0.03, 0.02), (0.03, 0.70, 0.20), (0.80, 0.78, 0.70)
@@ -31,14 +36,18 @@ RED, GREEN, WHITE = (0.80, 0.03, 0.02), (0.03, 0.70, 0.20), (0.80, 0.78, 0.70)
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A light that a body carries: place in its frame (m), colour, half width of lamp and of halo (m), and whether it
-    blinks."""
+    """A light that a body carries."""
 
     place: tuple[float, float, float]
+    """Position in the body's frame, metres."""
     colour: LinearRgb
+    """Linear colour."""
     lamp_m: float
+    """Half width of the lamp, metres."""
     halo_m: float
+    """Half width of its halo, metres."""
     blinks: bool = False
+    """True if it blinks."""
 
 
 CARRIED: dict[str, tuple[Lamp, ...]] = {
@@ -53,24 +62,25 @@ CARRIED: dict[str, tuple[Lamp, ...]] = {
         Lamp((0.0, -0.2, -0.08), WHITE, 0.045, 0.28, blinks=True),
     ),
 }
-"""Look → its lights after dark: red to port, green to starboard."""
+"""Lights after dark for each look: red to port, green to starboard."""
 BLINK_S, BLINK_ON = 1.0, 0.3
+"""Period of blinking (s), and share of it with light (chosen)."""
 
 
 def darkness(weather: Weather) -> float:
-    """How much of the night has come: 0 by day and until sunset, 1 in the dark."""
+    """Return the share of the night: 0 by day and until sunset, 1 in the dark."""
     dark = light_of(weather, 1.0).dark
     return max(0.0, (dark - FIRST_DARK) / (1.0 - FIRST_DARK))
 
 
 def pool(place: Floats, radius_m: float, colour: LinearRgb, strength: float) -> Rows:
-    """A round pool of light on what is drawn at a place; `strength` 0..1."""
+    """Return a round pool of light at a place; `strength` is 0..1."""
     return decal((float(place[0]), float(place[1]), float(place[2])), (radius_m, radius_m), 0.0, colour, strength,
                  POOL, 0.0)  # fmt: skip
 
 
 def carried(look: str, state: BodyState, time_s: float, weather: Weather) -> Effects:
-    """The lights that a body of a look carries after dark."""
+    """Return the lights that a body of a look carries after dark."""
     dark = darkness(weather)
     lamps = [lamp for lamp in CARRIED[look] if not lamp.blinks or time_s % BLINK_S < BLINK_ON]
     if dark <= 0.0:
@@ -85,7 +95,7 @@ def carried(look: str, state: BodyState, time_s: float, weather: Weather) -> Eff
 
 
 def road_light(bodies: Sequence[tuple[BodyState, str]], weather: Weather) -> Rows:
-    """What headlights and tail lights of vehicles throw on the road after dark: rows of `DECAL`."""
+    """Return the light of vehicles' head and tail lights on the road after dark: rows of `DECAL`."""
     dark = darkness(weather)
     driven = [(state, SIZES.get(look, SIZES["car"])) for state, look in bodies if look in DRIVEN]
     if dark <= 0.0 or not driven:

@@ -1,6 +1,6 @@
-"""Rows of effects and the chance that places them: billboards, decals, extra meshes; hashes for jitter.
+"""Rows of effects (billboards, decals, extra meshes) and the hashes that place them.
 
-Colours are linear RGB; what glows stays under 0.8, so that the picture's tone curve keeps its hue.
+Colours are linear RGB. Glowing ones stay below 0.8, so that the tone curve of the picture keeps their hue.
 """
 
 from __future__ import annotations
@@ -31,9 +31,12 @@ BILLBOARD = np.dtype(
         ("id", "u4"),
     ]
 )
-"""A quad that faces the camera: centre (world, m), half of its length as a world vector (0: round), half width (m),
-colour, opacity 0..1, softness (0 crisp, 1 fading from the centre), glow (1: its own light, 0: the sun's and sky's),
-shape (`PUFF`, `FLAME`, `DROP`), seed of its ragged edge, and 1 if it is the body of its entity."""
+"""A quad that faces the camera.
+
+`place`: centre (world, m). `axis`: half of its length as a world vector (0: round). `size`: half width (m). `colour`,
+`alpha`: colour and opacity 0..1. `soft`: 0 crisp, 1 fading from the centre. `glow`: 1 its own light, 0 that of sun and
+sky. `shape`: `PUFF`, `FLAME` or `DROP`. `seed`: of its ragged edge. `id`: 1 if it is the body of its entity.
+"""
 
 DECAL = np.dtype(
     [
@@ -46,13 +49,20 @@ DECAL = np.dtype(
         ("seed", "f4"),
     ]
 )
-"""A flat blot: centre (world, m), half extents right and ahead (m), heading (radians), colour, opacity, kind (`BLOT`,
-`WET`, `PAINT`; light on the ground: `POOL`, round, and `BEAM`, a cone ahead), seed."""
+"""A flat blot on the ground.
+
+`place`: centre (world, m). `half`: half extents to the right and ahead (m). `heading`: radians. `colour`, `alpha`:
+colour and opacity. `kind`: `BLOT`, `WET`, `PAINT`; light on the ground: `POOL`, round, and `BEAM`, a cone ahead.
+`seed`: of its edge.
+"""
 
 Rows = npt.NDArray[np.void]
 
 PUFF, FLAME, DROP = 0.0, 1.0, 2.0
+"""Shapes of billboards, as in the shaders."""
+
 BLOT, WET, PAINT, POOL, BEAM = 0.0, 1.0, 2.0, 3.0, 4.0
+"""Kinds of decals, as in the shaders."""
 
 
 def _none(dtype: np.dtype[np.void]) -> Rows:
@@ -61,35 +71,42 @@ def _none(dtype: np.dtype[np.void]) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class EffectSolid:
-    """A mesh with its entity's id: `rows` (3, 4) is model-to-world, `plane` the elevation its shadow falls on (m)."""
+    """A mesh with the id of its entity."""
 
     key: str
+    """Name of the mesh."""
     mesh: Mesh
+    """The mesh."""
     rows: Floats
+    """Model-to-world matrix, (3, 4)."""
     plane: float
+    """Elevation of the plane of its shadow, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What one entity or prop shows beside its model."""
+    """The effects of one entity or prop in addition to its model."""
 
     billboards: Rows = field(default_factory=lambda: _none(BILLBOARD))
+    """Rows of `BILLBOARD`."""
     decals: Rows = field(default_factory=lambda: _none(DECAL))
+    """Rows of `DECAL`."""
     solids: tuple[EffectSolid, ...] = ()
+    """Further meshes."""
 
 
 def seed_of(name: str) -> int:
-    """A number that is the same for a name in every process."""
+    """Return a number for a name; it is the same in every process."""
     return zlib.crc32(name.encode())
 
 
 def chance(seed: int, salt: int, count: int) -> Floats:
-    """`count` uniform values in [0, 1) of a seed and a salt, by an integer hash."""
+    """Return `count` uniform values in [0, 1) for a seed and a salt, from an integer hash."""
     return hashed(np.arange(count, dtype=np.uint64) + np.uint64((seed * 2_654_435_761 + salt * 97_003) & 0xFFFFFFFF))
 
 
 def hashed(numbers: npt.NDArray[np.uint64]) -> Floats:
-    """Uniform values in [0, 1), one a number (a 32-bit finaliser of two rounds)."""
+    """Return a uniform value in [0, 1) for each number (a 32-bit finaliser of two rounds)."""
     mask = np.uint64(0xFFFFFFFF)
     n = numbers & mask
     n = ((n ^ (n >> np.uint64(16))) * np.uint64(0x7FEB352D)) & mask
@@ -99,9 +116,10 @@ def hashed(numbers: npt.NDArray[np.uint64]) -> Floats:
 
 
 def stream(seed: int, time_s: float, count: int, life_s: float) -> tuple[Floats, npt.NDArray[np.uint64]]:
-    """`count` particles that are born one after the other and live `life_s`: (age 0..1, number of each birth).
+    """Return `count` particles with lifetime `life_s` that are born one after another: (age 0..1, number of each
+    birth).
 
-    The number of a birth grows for ever, so a particle that is reborn gets other chances.
+    The number of births grows without limit, so a particle that is born again has other random values.
     """
     phase = time_s / life_s + np.arange(count) / count
     born = np.floor(phase)
@@ -122,7 +140,7 @@ def billboards(
     seed: npt.ArrayLike = 0.0,
     body: bool = False,
 ) -> Rows:
-    """Rows of `BILLBOARD` from columns; `place` (n, 3) says how many."""
+    """Return rows of `BILLBOARD` from columns; `place` (n, 3) determines their number."""
     rows = np.zeros(len(place), BILLBOARD)
     rows["place"], rows["size"], rows["colour"], rows["alpha"] = place, size, colour, alpha
     rows["axis"], rows["soft"], rows["glow"], rows["shape"] = axis, soft, glow, shape
@@ -139,7 +157,7 @@ def decal(
     kind: float,
     seed: float,
 ) -> Rows:
-    """One row of `DECAL`."""
+    """Return one row of `DECAL`."""
     rows = np.zeros(1, DECAL)
     rows["place"], rows["half"], rows["heading"], rows["colour"] = place, half, radians(heading_deg), colour
     rows["alpha"], rows["kind"], rows["seed"] = alpha, kind, seed
@@ -147,18 +165,18 @@ def decal(
 
 
 def ahead(heading_deg: float) -> tuple[Floats, Floats]:
-    """World vectors to the right of a heading and along it."""
+    """Return the world vectors to the right of a heading and along it."""
     h = radians(heading_deg)
     return np.array([cos(h), -sin(h), 0.0]), np.array([sin(h), cos(h), 0.0])
 
 
 def wind_of(speed_mps: float, from_deg: float) -> Floats:
-    """World velocity (m/s) of a wind that comes from a bearing."""
+    """Return the world velocity (m/s) of a wind from a bearing."""
     return -speed_mps * ahead(from_deg)[1]
 
 
 def ramp(stops: npt.ArrayLike, at: Floats) -> Floats:
-    """Colours (n, 3) along evenly spaced stops (m, 3) at 0..1."""
+    """Return colours (n, 3) along evenly spaced stops (m, 3) at 0..1."""
     colours = np.asarray(stops, np.float64)
     where = np.linspace(0.0, 1.0, len(colours))
     return np.stack([np.interp(at, where, colours[:, k]) for k in range(3)], axis=1)

@@ -1,4 +1,4 @@
-"""Which look of an entity and which prop shows which effect."""
+"""The effects of each look of entities and of each prop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HERE = Site()
 
 
 def effects_of(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site = HERE) -> Effects:
-    """What an entity in a state shows at a time beside its model; `site` is what it stands on (`site_of`)."""
+    """Return the effects of an entity in a state at a time; `site` holds its surroundings (`site_of`)."""
     build = EFFECTS.get(look_of(entity))
     return NOTHING if build is None else build(entity, state, time_s, weather, site)
 
@@ -31,7 +31,7 @@ SHOWING = frozenset({"steam", "steam_vent", "fountain"})
 
 
 def prop_effects(prop: Prop, time_s: float, weather: Weather) -> Effects:
-    """What a prop shows beside its model."""
+    """Return the effects of a prop."""
     place = np.array(prop.position, float)
     if prop.model in ("steam", "steam_vent"):
         return water.steam(seed_of(prop.id), place, 1.4 * prop.scale, time_s, weather)
@@ -45,10 +45,10 @@ def _place(state: BodyState) -> Floats:
 
 
 def _share(state: BodyState, entity: Entity, name: str) -> float:
-    """A stock of 0..1 that the engine tells, else what it starts with."""
-    for given in (state.resources.get(name), entity.properties.get(name), entity.properties.get(f"{name}_share")):
-        if isinstance(given, int | float):
-            return min(max(float(given), 0.0), 1.0)
+    """Return a stock of 0..1: that of the state, or else the declared initial one, or else 1."""
+    for value in (state.resources.get(name), entity.properties.get(name), entity.properties.get(f"{name}_share")):
+        if isinstance(value, int | float):
+            return min(max(float(value), 0.0), 1.0)
     return 1.0
 
 
@@ -94,4 +94,4 @@ EFFECTS: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]]
     "fire_truck": _lights,
     **{look: _carried(look) for look in night.CARRIED},
 }
-"""Look → its effects."""
+"""Functions that build the effects of each look."""

@@ -1,7 +1,7 @@
-"""What targets do to the static city: a gap in a bridge, a building in the colour that its mission names.
+"""Changes of the static city by targets: a gap in a bridge, a building in the colour that its mission declares.
 
-All are pure functions of tiles and the mission's entities: `changes_of` looks at the tiles near each of them and gives
-the changed tiles, the buildings whose pixels are an entity's, and what each effect must know of its surroundings.
+All functions depend only on tiles and the mission's entities. `changes_of` searches the tiles near each entity. It
+returns the changed tiles, the buildings whose pixels belong to an entity, and the surroundings that each effect needs.
 """
 
 from __future__ import annotations
@@ -27,50 +27,62 @@ AWARE = (
     "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
     "queue_of_people", "building_fire",
 )  # fmt: skip
-"""Looks that depend on what they stand on."""
+"""Looks that depend on their surroundings."""
 NEAR_M = 40.0
-"""A target belongs to the bridge or building within this distance of it, the nearest one."""
+"""Largest distance of a target from its bridge or building, metres; the nearest one counts (chosen)."""
 TILES_M = 80.0
-"""How far around a target tiles are looked at: an anchored building's first corner may be as far."""
+"""Distance around a target within which tiles are searched, metres: the first corner of an anchored building may be as
+far."""
 VERGE_M = 0.8
-"""From a road's edge to the middle of what stands there."""
+"""Distance from a road's edge to the middle of things beside it, metres (chosen)."""
 GAP_M = 8.0
+"""Length of a fracture's gap without the property `width_m`, metres (chosen)."""
 BESIDE_M, OVER_M = 30.0, 6.0
-"""How far (m) a bridge reaches beside its path, and what stands on it above it."""
+"""Distances (m) that a bridge extends beside its path, and that things on it rise above it."""
 Path = tuple[Vector, ...]
 WorldBox = tuple[float, float, float, float, float, float]
-"""West, south, low, east, north, high (m)."""
+"""A box in the world: west, south, low, east, north, high; metres."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """Surroundings of a target: the ground's elevation under it; for one on a bridge the deck's axis, width, thickness
-    and top; for one on a pipe the pipe's axis and radius; for a queue the bearing in which it has room; for one on a
-    road how far to its right the road ends; for one on a roof how far (m, east and north) to be off its edges."""
+    """The surroundings of a target."""
 
     ground_m: float = 0.0
+    """Elevation of the ground below it, metres."""
     heading_deg: float | None = None
+    """Heading of its bridge or pipe, or a free heading of a queue, degrees; None keeps its own."""
     width_m: float = 12.0
+    """Width of its bridge, metres."""
     thickness_m: float = 1.2
+    """Thickness of its bridge, metres."""
     deck_m: float | None = None
+    """Elevation of its bridge's deck, metres; None off bridges."""
     radius_m: float = 0.4
+    """Radius of its pipe, metres."""
     kerb_m: float = KERB_M
+    """Distance to its right at which its road ends, metres."""
     inward: tuple[float, float] = (0.0, 0.0)
+    """Shift (m, east and north) that moves it off the edges of its roof."""
 
 
 @dataclass(frozen=True, slots=True)
 class TownChanges:
-    """What a mission changes: whole tiles by their key, building id → number of the entity that it is and that
-    building's tile, entity id → its surroundings."""
+    """The changes of a town by a mission."""
 
     tiles: dict[tuple[int, int], Pieces] = field(default_factory=dict)
+    """Changed tiles, by key."""
     faced: dict[str, int] = field(default_factory=dict)
+    """Index of the entity that a building stands for, by building id."""
     places: dict[str, tuple[int, int]] = field(default_factory=dict)
+    """Key of the tile of each of these buildings."""
     sites: dict[str, Site] = field(default_factory=dict)
+    """Surroundings of each entity, by id."""
 
     def content(self, key: tuple[int, int]) -> tuple[Pieces | None, dict[str, int]]:
-        """What it makes of a tile: the changed pieces, and the entities that buildings of the tile are."""
+        """Return the changed pieces of a tile (None without a change), and the entities that its buildings stand
+        for."""
         mine = {building: number for building, number in self.faced.items() if self.places[building] == key}
         return self.tiles.get(key), mine
 
@@ -82,9 +94,11 @@ def changes_of(
     without: Collection[str] = (),
     razed: bool = False,
 ) -> TownChanges:
-    """What the entities of a mission change about a city. `near` gives the tiles about a point (`Tiles.near`), `ground`
-    the elevation of ground or water at one. For the entities `without` the city stands as if they were not; if `razed`,
-    a building that is one of them is not there either."""
+    """Return the changes of a city by a mission's entities.
+
+    `near` returns the tiles around a point (`Tiles.near`), `ground` the elevation of ground or water. Entities in
+    `without` change nothing; with `razed`, a building that stands for one of them is removed.
+    """
     made = TownChanges()
     for number, entity in enumerate(entities):
         if look_of(entity) not in AWARE:
@@ -109,16 +123,18 @@ def changes_of(
 
 
 def altered(
-    one: TownChanges,
-    other: TownChanges,
+    first: TownChanges,
+    second: TownChanges,
     load: Callable[[tuple[int, int]], Pieces],
     ground: Callable[[float, float], float],
 ) -> tuple[WorldBox, ...]:
-    """Where two sets of changes differ in shape: a box for each tile that does. `load` gives a tile as it is built
-    (`Tiles.load`), `ground` the elevation of ground or water at a place."""
-    found = []
-    for key in sorted({*one.tiles, *other.tiles}):
-        sides = [_spanning(side.tiles.get(key) or load(key)) for side in (one, other)]
+    """Return the boxes in which two sets of changes differ in shape, one for each tile that differs.
+
+    `load` returns a tile without changes (`Tiles.load`), `ground` the elevation of ground or water.
+    """
+    boxes = []
+    for key in sorted({*first.tiles, *second.tiles}):
+        sides = [_spanning(side.tiles.get(key) or load(key)) for side in (first, second)]
         points = [
             (x, y, z)
             for mine, others in (sides, sides[::-1])
@@ -128,9 +144,9 @@ def altered(
         if points:
             low, high = ([pick(values) for values in zip(*points, strict=True)] for pick in (min, max))
             floor = min(ground(x, y) for x, y, _ in points)
-            found.append((low[0] - BESIDE_M, low[1] - BESIDE_M, min(low[2], floor) - OVER_M,
+            boxes.append((low[0] - BESIDE_M, low[1] - BESIDE_M, min(low[2], floor) - OVER_M,
                           high[0] + BESIDE_M, high[1] + BESIDE_M, high[2] + OVER_M))  # fmt: skip
-    return tuple(found)
+    return tuple(boxes)
 
 
 def _spanning(pieces: Pieces) -> list[Bridge | Road | Solid]:
@@ -147,20 +163,21 @@ def _outline(piece: Bridge | Road | Solid) -> Iterator[Vector]:
         yield from ((x, y, z) for x, y in piece.polygon for z in (piece.base_m, piece.top_m))
 
 
-def _razed(pieces: Pieces, gone: Collection[str]) -> Pieces:
-    """The pieces without some buildings; the very same object if none of them is in it."""
-    left = tuple(building for building in pieces.buildings if building.id not in gone)
+def _razed(pieces: Pieces, removed: Collection[str]) -> Pieces:
+    """Return the pieces without some buildings; the same object if it has none of them."""
+    left = tuple(building for building in pieces.buildings if building.id not in removed)
     return pieces if len(left) == len(pieces.buildings) else msgspec.structs.replace(pieces, buildings=left)
 
 
 def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
-    """The surroundings of an entity among the pieces near it; `ground_m` is the elevation that things fall to."""
+    """Return the surroundings of an entity among the pieces near it; `ground_m` is the elevation of the ground."""
     x, y, _ = entity.position
     look = look_of(entity)
     if look == "bridge_fracture":
-        found = _nearest([(bridge, bridge.path) for piece in near for bridge in piece.bridges], x, y)
-        if found is not None:
-            bridge, deck = found
+        spans = [(bridge, bridge.path) for piece in near for bridge in piece.bridges]
+        nearest = _nearest(spans, x, y)
+        if nearest is not None:
+            bridge, deck = nearest
             top_m = between(deck.start, deck.end, deck.share)[2]
             return Site(ground_m, deck.heading_deg, bridge.width_m, bridge.thickness_m, top_m)
     if look == "pipeline_leak":
@@ -177,12 +194,12 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
 
 
 def with_change(pieces: Pieces, entity: Entity, painted: Collection[str], site: Site) -> Pieces:
-    """The pieces with the bridge broken, or the buildings `painted`, that an entity is; the very same object if none of
-    them is among them."""
+    """Return the pieces with the entity's bridge broken or its buildings in `painted`; the same object if it has none
+    of them."""
     if look_of(entity) == "bridge_fracture" and not entity.dormant:
         pieces = _broken(pieces, entity, site)
-    given = entity.properties.get("colour")
-    colour = COLOURS.get(given) if isinstance(given, str) else None
+    name = entity.properties.get("colour")
+    colour = COLOURS.get(name) if isinstance(name, str) else None
     if colour is None or not any(building.id in painted for building in pieces.buildings):
         return pieces
     buildings = tuple(
@@ -193,7 +210,7 @@ def with_change(pieces: Pieces, entity: Entity, painted: Collection[str], site: 
 
 
 def faced(buildings: Sequence[Building], entity: Entity) -> tuple[str, ...]:
-    """The building that an entity is: the one that it was anchored to, else the nearest of these."""
+    """Return the id of the building that an entity stands for: its anchor, or else the nearest of `buildings`."""
     if look_of(entity) != "reference_building":
         return ()
     anchored = entity.properties.get("building")
@@ -205,19 +222,19 @@ def faced(buildings: Sequence[Building], entity: Entity) -> tuple[str, ...]:
 
 
 def gap_of(entity: Entity) -> float:
-    """Length of the gap of a fracture along its bridge, m."""
-    given = entity.properties.get("width_m", GAP_M)
-    return max(2.0, float(given)) if isinstance(given, int | float) else GAP_M
+    """Return the length of a fracture's gap along its bridge, metres."""
+    width = entity.properties.get("width_m", GAP_M)
+    return max(2.0, float(width)) if isinstance(width, int | float) else GAP_M
 
 
 def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, Path]:
-    """What is left of a path on both sides of the `gap_m` of it about the point nearest to (x, y)."""
+    """Return the rest of a path on both sides of a gap of `gap_m` around its point nearest to (x, y)."""
     at = project(path, x, y).at_m
     return section(path, 0.0, at - 0.5 * gap_m), section(path, at + 0.5 * gap_m, inf)
 
 
 def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
-    """From an entity on a lane over the lanes to its right to what stands at the kerb, m."""
+    """Return the distance from an entity on a lane over the lanes to its right to things at the kerb, metres."""
     x, y, _ = entity.position
     best = (NEAR_M, KERB_M)
     for road in (road for pieces in near for road in pieces.roads):
@@ -230,7 +247,7 @@ def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
 
 
 def _broken(pieces: Pieces, entity: Entity, site: Site) -> Pieces:
-    """The pieces without what lay in the gap: deck, lanes, railings."""
+    """Return the pieces without those in the gap: deck, lanes, railings."""
     gap = gap_of(entity)
     bridges = tuple(part for bridge in pieces.bridges for part in _cut_bridge(bridge, entity, gap))
     roads = tuple(part for road in pieces.roads for part in (_cut_road(road, entity, gap) if road.bridge else (road,)))
@@ -241,7 +258,7 @@ def _broken(pieces: Pieces, entity: Entity, site: Site) -> Pieces:
 
 
 def _cut_solid(solid: Solid, entity: Entity, site: Site, gap: float) -> tuple[Solid, ...]:
-    """What stands on the deck (a railing, a kerb) on both sides of the gap."""
+    """Return the parts of a solid on the deck (a railing, a kerb) on both sides of the gap."""
     if site.deck_m is None or site.heading_deg is None or not site.deck_m - 0.3 <= solid.base_m <= site.deck_m + 3.0:
         return (solid,)
     x, y, _ = entity.position
@@ -258,7 +275,7 @@ def _cut_solid(solid: Solid, entity: Entity, site: Site, gap: float) -> tuple[So
 
 
 def _clipped(polygon: Polygon, inside: list[float]) -> Polygon:
-    """The part of a convex polygon whose corners' values are positive (Sutherland and Hodgman, one edge)."""
+    """Return the part of a convex polygon whose corners' values are positive (Sutherland and Hodgman, one edge)."""
     out = []
     for k, (here, value) in enumerate(zip(polygon, inside, strict=True)):
         (bx, by), after = polygon[(k + 1) % len(polygon)], inside[(k + 1) % len(polygon)]
@@ -290,9 +307,9 @@ def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
 
 
 def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, LinePlace[Vector]] | None:
-    """The thing whose path comes nearest, and where."""
+    """Return the thing with the nearest path, and the place on it; None if none is within `NEAR_M`."""
     places = [(thing, project(path, x, y)) for thing, path in things if len(path) > 1]
-    thing, place = min(places, key=lambda one: one[1].off_m, default=(None, None))
+    thing, place = min(places, key=lambda entry: entry[1].off_m, default=(None, None))
     return None if thing is None or place is None or place.off_m > NEAR_M else (thing, place)
 
 

@@ -1,4 +1,4 @@
-"""Water under pressure: the jet of a leak that is its body, mist, wet ground; steam from a vent, a fountain's jets."""
+"""Water under pressure: the jet of a leak, which is the body of the target, mist, wet ground, steam and fountains."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.mission.instance import Weather
 
 GRAVITY = 9.81
+"""Gravity, m/s^2."""
+
+# Linear colours (chosen).
 SPRAY = (0.66, 0.72, 0.76)
 MIST = (0.62, 0.65, 0.68)
 PUDDLE = (0.022, 0.026, 0.030)
@@ -29,7 +32,7 @@ PUDDLE = (0.022, 0.026, 0.030)
 def leak(
     seed: int, place: Floats, heading_deg: float, ground_m: float, flow: float, time_s: float, weather: Weather
 ) -> Effects:
-    """A jet sideways out of a pipe that runs along the heading; `flow` 0..1, 0 leaves the wet ground."""
+    """Return a sideways jet out of a pipe along the heading; `flow` is 0..1, and 0 leaves only the wet ground."""
     right, along = ahead(heading_deg)
     side = right if seed % 2 else -right
     speed = 6.8 * max(flow, 0.0) ** 0.5
@@ -111,7 +114,7 @@ def _wet(seed: int, place: Floats, landing: Floats, heading_deg: float, ground_m
 
 
 def steam(seed: int, place: Floats, height_m: float, time_s: float, weather: Weather) -> Effects:
-    """White puffs above a vent: what may be taken for smoke."""
+    """Return white puffs above a vent, which resemble smoke."""
     age, number = stream(seed, time_s, 30, 5.0)
     stray = np.stack([hashed(number * np.uint64(9) + np.uint64(k)) - 0.5 for k in range(3)], axis=1)
     points = (
@@ -125,7 +128,7 @@ def steam(seed: int, place: Floats, height_m: float, time_s: float, weather: Wea
 
 
 def fountain(seed: int, place: Floats, time_s: float) -> Effects:
-    """Eight arcs of water into a basin."""
+    """Return eight arcs of water into a basin."""
     count = 64
     age, number = stream(seed, time_s, count, 1.0)
     bearing = 6.2832 * (number % np.uint64(8)).astype(np.float64) / 8.0 + 0.1 * chance(seed, 1, count)

@@ -1,12 +1,13 @@
-"""What everything looks like: triangle meshes in the format of `camera.meshes`, built from numbers in this package.
+"""Models of everything that is drawn: triangle meshes in the format of `camera.meshes`, built from numbers.
 
-`catalogue` picks by name: `entity_parts` for a mission's entity, `ambient_parts` for background traffic, `prop_model`
-for a prop. Its tables take from `sea`, `air`, `dog`, `vehicles`, `people`, `nature`, `street` and `places`, which are
-made with `shapes` and painted from `palette`. What moves, burns and drips about them is in `camera.effects`.
+`catalogue` selects a model by name: `entity_parts` for an entity of a mission, `ambient_parts` for background traffic,
+`prop_model` for a prop. Its tables refer to `sea`, `air`, `dog`, `vehicles`, `people`, `nature`, `street` and `places`.
+These build meshes with `shapes` in the colours of `palette`. Moving parts such as flames and water are in
+`camera.effects`.
 
-Frames: x right, y ahead, z up, metres. Vehicles, people and props have their origin in the middle of their footprint
-on the ground, floating things at the waterline, a quadrotor 0.2 m over its legs' ends, a dog in its trunk if its joints
-are told and at its feet if not.
+Frames: x right, y ahead, z up; metres. The origin of vehicles, people and props is the middle of their footprint on the
+ground. It is the waterline of floating things, and 0.2 m over the ends of a quadrotor's legs. A dog has it in its trunk
+if its joints are known, otherwise at its feet.
 
 Prop models (those with variants are marked *). Sea: buoy_orange, buoy_red, buoy_yellow, life_ring, crate, jerrycan,
 sailboat, driftwood*, barrel*, seaweed*, tarpaulin*, rowing_boat*, dinghy*, fishing_boat*. Plants: rock*, tree*, pine*
@@ -14,8 +15,8 @@ sailboat, driftwood*, barrel*, seaweed*, tarpaulin*, rowing_boat*, dinghy*, fish
 and yards: lamp, park_lamp, bench, bin*, bollard, cone, hydrant, traffic_light, bus_stop, fence (3 m along x),
 container*, container_long*, pallets*, crates*, drums*, tank*, silo, chimney, steam (steams), fountain (sprays),
 water_tank, rooftop_unit*, parasol*, stall*, billboard*, gantry. Standing: car*, taxi, delivery_van*, truck*, bus*,
-motorcycle*, person*; parked_car*, parked_truck*, parked_van* and steam_vent are other names of car, truck,
-delivery_van and steam.
+motorcycle*, person*; parked_car*, parked_truck*, parked_van* and steam_vent are other names of car, truck, delivery_van
+and steam.
 """
 
 from __future__ import annotations

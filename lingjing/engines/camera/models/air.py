@@ -1,4 +1,4 @@
-"""What flies: the quadrotor, a small high-winged aeroplane, a satellite."""
+"""Models of aircraft and satellites."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from lingjing.engines.camera.models.shapes import limb, mirrored, pane, quad, sh
 from lingjing.mission.appearance import LinearRgb
 
 GLASS: LinearRgb = (0.015, 0.02, 0.026)
+"""Linear colour of glass (chosen)."""
 
 
 @cache
 def quadrotor() -> Mesh:
-    """A 1 m quadrotor; the origin is the body's, its legs end 0.2 m under it."""
+    """Return a quadrotor of 1 m; the origin is in its body, and its legs end 0.2 m below."""
     parts = [
         ellipsoid((0.0, 0.0, 0.03), (0.13, 0.19, 0.07), WHITE, 0.4),
         box((0.0, 0.0, 0.09), (0.12, 0.22, 0.05), GREY, 0.3),
@@ -41,7 +42,7 @@ def quadrotor() -> Mesh:
 
 @cache
 def fixed_wing() -> Mesh:
-    """A single-engined high-winged aeroplane of 11 m span, its wheels 1.2 m under the origin."""
+    """Return a single-engined high-winged aeroplane of 11 m span, its wheels 1.2 m below the origin."""
     red: LinearRgb = (0.55, 0.05, 0.04)
 
     def ring(y: float, half: float, low: float, high: float) -> tuple[float, list[tuple[float, float]]]:
@@ -78,7 +79,7 @@ def fixed_wing() -> Mesh:
 
 @cache
 def satellite() -> Mesh:
-    """A bus in gold foil with two solar wings and a dish towards the ground."""
+    """Return a bus in gold foil with two solar wings and a dish towards the ground."""
     gold, cells = (0.62, 0.42, 0.10), (0.02, 0.04, 0.16)
     return merge(
         box((0.0, 0.0, 0.0), (1.2, 1.2, 1.6), gold, 0.8),

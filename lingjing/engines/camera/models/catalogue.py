@@ -1,11 +1,12 @@
-"""Names → models: what an entity, a body of the background traffic or a prop looks like.
+"""Names to models, for entities, background traffic and props.
 
-An entity's type declares its `look`, the name of a model, and its `part`s, which are drawn beside it. One without a
-look is the shape, size and colour that it declares, beside its parts. One without look, size and parts is a metre cube,
-so that a new plug-in's entity is seen.
-Chance (colours, clothes) comes from the entity's index or a hash of a body's id. Some looks have no model of their
-own: `congestion` is its vehicles, a fire or spray is an effect, a reference building is the building and people before
-its door.
+An entity's type declares its `look`, the name of a model, and its `part`s, which are drawn with it. An entity without a
+look is drawn with its declared shape, size and colour. An entity without look, size and parts is a cube of one metre,
+so that an entity of a new plug-in is visible.
+
+Random choices (colours, clothes) come from the entity's index or a hash of a body's id. Some looks have no model of
+their own. `congestion` is its vehicles, a fire or spray is an effect, and a reference building is the building with
+people before its door.
 """
 
 from __future__ import annotations
@@ -27,32 +28,47 @@ from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.trace.records import BodyState
 
 MOST_IN_LINE = 40
+"""Most people that a queue shows (chosen)."""
+
 SPACING_M = 0.8
+"""Distance between people in a queue without a declared one, metres (chosen)."""
+
 PIPE_RADIUS_M = 0.4
+"""Radius of a pipe without a known one, metres (chosen)."""
+
 UNPAINTED = COLOURS["grey"]
+"""Colour of a body without a declared one."""
+
 STROLL_M = 2.5
-"""Somebody who walks up and down before a house goes so far to both sides."""
+"""Distance to both sides of a person who walks up and down before a house, metres (chosen)."""
 STROLL_MPS = 1.1
+"""Speed of that person, m/s (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnEntity:
-    """Who is drawn: `number` feeds its looks, `properties` are its entity's; `kerb_m` is how far to its right the road
-    ends, `pipe_m` the radius of the pipe it is on, `facing_deg` the bearing that it is drawn facing, where its
-    surroundings leave it no room for its own, `served` whether what it waited for was done to it."""
+    """An entity in a state, as the input of a model."""
 
     number: int
+    """Index of the entity, which selects variants of its look."""
     state: BodyState
+    """Its state."""
     time_s: float
+    """Simulated time, seconds."""
     properties: Mapping[str, Datum]
+    """Its properties."""
     kerb_m: float = places.KERB_M
+    """Distance to its right at which its road ends, metres."""
     pipe_m: float = PIPE_RADIUS_M
+    """Radius of the pipe that it is on, metres."""
     facing_deg: float | None = None
+    """Heading at which it has space, degrees; None keeps its own."""
     served: bool = False
+    """True if its interaction is done."""
 
     @property
     def speed_mps(self) -> float:
-        """Over the ground."""
+        """Speed over the ground, m/s."""
         return hypot(self.state.velocity[0], self.state.velocity[1])
 
 
@@ -63,9 +79,9 @@ def entity_parts(
     entity: Entity, state: BodyState, time_s: float, kerb_m: float = places.KERB_M, pipe_m: float = PIPE_RADIUS_M,
     facing_deg: float | None = None,
 ) -> Parts:  # fmt: skip
-    """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise.
+    """Return the meshes of an entity in its body's frame (x right, y ahead, z up); empty for looks without a model.
 
-    `kerb_m`, `pipe_m` and `facing_deg` are what its surroundings are (`town_changes.Site`).
+    `kerb_m`, `pipe_m` and `facing_deg` are its surroundings (`town_changes.Site`).
     """
     look, own = look_of(entity), tuple(map(_part, entity.parts))
     if look in MODELS:
@@ -88,7 +104,7 @@ def entity_parts(
 
 
 def look_of(entity: Entity) -> str:
-    """The name of the model that an entity's type declares; "" for none."""
+    """Return the name of the model that an entity's type declares; empty if there is none."""
     return str(entity.properties.get("look", ""))
 
 
@@ -103,7 +119,7 @@ def _measured(entity: Entity) -> bool:
 
 
 def _body(entity: Entity) -> Parts:
-    """The shape, size and colour that an entity declares; a metre cube without any size."""
+    """Return the shape, size and colour that an entity declares; a cube of one metre without any size."""
     if not _measured(entity):
         return (painted(ModelPart("unknown", unknown()), _colour(entity)),)
     size, shape, colour = entity_size(entity), shape_of(entity), str(entity.properties.get("colour", "grey"))
@@ -113,12 +129,12 @@ def _body(entity: Entity) -> Parts:
 
 
 def _colour(entity: Entity) -> str:
-    """What a body is to be painted; "" for a body of its model's own colours, and for what is no body."""
+    """Return the declared colour of a body; empty for the model's own colours and for entities without a body."""
     return "" if solid_size(entity) is None else str(entity.properties.get("colour", ""))
 
 
 def painted(part: ModelPart, colour: str) -> ModelPart:
-    """A part whose paint, the colour that most of its surface has, is another one."""
+    """Return a part with the colour that covers most of its surface replaced."""
     return (
         part
         if colour not in COLOURS
@@ -127,13 +143,13 @@ def painted(part: ModelPart, colour: str) -> ModelPart:
 
 
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
-    """The meshes of a body of the background traffic, by its `kind`."""
+    """Return the meshes of a body of background traffic, by its `kind`."""
     build = MODELS.get(state.kind, _unknown)
     return build(DrawnEntity(zlib.crc32(state.id.encode()), state, time_s, {}))
 
 
 def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Mesh]:
-    """(key, mesh) of the `index`-th entity of a look at a time, standing still."""
+    """Return (key, mesh) of the `index`-th entity of a look at a time, at rest."""
     build = MODELS.get(kind, _unknown)
     parts = build(DrawnEntity(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
     if len(parts) == 1:
@@ -142,7 +158,7 @@ def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Mesh]:
 
 
 def prop_model(model: str, variant: int) -> tuple[str, Mesh]:
-    """(key, mesh) of a prop's model."""
+    """Return (key, mesh) of a prop's model."""
     if model in VARIED:
         build, count = VARIED[model]
         return f"{model}-{variant % count}", build(variant % count)
@@ -153,7 +169,7 @@ def prop_model(model: str, variant: int) -> tuple[str, Mesh]:
 
 @cache
 def unknown() -> Mesh:
-    """What has no model: a grey metre cube standing on its position."""
+    """Return the model of an unknown look: a grey cube of one metre that stands on its position."""
     return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
 
 
@@ -198,19 +214,19 @@ def _swimmer(who: DrawnEntity) -> Parts:
     return (ModelPart(f"person-{look}-{pose}", sea.person(look, pose)),)
 
 
-def people_in_line(given: object) -> int:
-    """How many people a queue shows that is said to have so many."""
-    count = int(given) if isinstance(given, int | float) else 4
+def people_in_line(people: object) -> int:
+    """Return the number of people that a queue shows for a declared number."""
+    count = int(people) if isinstance(people, int | float) else 4
     return max(0, min(count, MOST_IN_LINE))
 
 
-def spacing_in_line(given: object) -> float:
-    """How far apart people stand in a queue that is said to have that spacing (m)."""
-    return float(given) if isinstance(given, int | float) else SPACING_M
+def spacing_in_line(spacing_m: object) -> float:
+    """Return the distance between people of a queue for a declared one, metres."""
+    return float(spacing_m) if isinstance(spacing_m, int | float) else SPACING_M
 
 
 def _queue(who: DrawnEntity) -> Parts:
-    """People in a line behind the position, who sway a little."""
+    """Return people in a line behind the position, who sway a little."""
     turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
     line = [ModelPart("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
     behind = radians(turn_deg)
@@ -226,12 +242,12 @@ def _queue(who: DrawnEntity) -> Parts:
 
 
 def _residents(who: DrawnEntity) -> Parts:
-    """Two people who talk before a house's door and one who walks up and down beside them (the paper's VDN profile)."""
+    """Return two people who talk before a house's door, and one who walks beside them (the paper's VDN profile)."""
     looks = [(3 * who.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
     round_m = 4.0 * STROLL_M
-    gone = (STROLL_MPS * who.time_s) % round_m
-    back = gone > 0.5 * round_m
-    place = STROLL_M - abs(gone - 0.5 * round_m)
+    walked = (STROLL_MPS * who.time_s) % round_m
+    back = walked > 0.5 * round_m
+    place = STROLL_M - abs(walked - 0.5 * round_m)
     pose = people.pose_of(STROLL_MPS, who.time_s, 0.0)
     return (
         _figure(looks[0], people.STAND, at((1.5, 2.4, 0.0), -66.0)),
@@ -248,7 +264,7 @@ def _leak(who: DrawnEntity) -> Parts:
 
 
 def _kerbside(look: Callable[[DrawnEntity], Parts]) -> Callable[[DrawnEntity], Parts]:
-    """Moved from where kerbs are by default to where this one is."""
+    """Return a function that moves a model from the default kerb to the kerb of its road."""
 
     def moved(who: DrawnEntity) -> Parts:
         rows = at((who.kerb_m - places.KERB_M, 0.0, 0.0))
@@ -292,7 +308,7 @@ MODELS: dict[str, Callable[[DrawnEntity], Parts]] = {
     "reference_building": _residents,
     "queue_of_people": _queue,
 }
-"""Look, or kind of background traffic → its meshes."""
+"""Functions that build the meshes of each look and of each kind of background traffic."""
 
 _PARKED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "car": (lambda v: vehicles.motorcar(vehicles.SHAPES[v % 3], v // 3), 3 * len(vehicles.PAINTS)),
@@ -304,6 +320,6 @@ _PARKED: dict[str, tuple[Callable[[int], Mesh], int]] = {
 }
 _PARKED |= {"parked_car": _PARKED["car"], "parked_truck": _PARKED["truck"], "parked_van": _PARKED["delivery_van"]}
 VARIED = sea.VARIED | nature.VARIED | street.VARIED | _PARKED
-"""Prop models that come in several looks, picked by the prop's option `variant`."""
+"""Prop models with several variants, which the prop's option `variant` selects."""
 SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"taxi": vehicles.taxi, "steam_vent": street.SINGLE["steam"]}
-"""Prop models of one look."""
+"""Prop models without variants."""

@@ -1,8 +1,8 @@
-"""The robot dog: a trunk and twelve links posed by the angles of its joints.
+"""The robot dog: a trunk and twelve links, placed by the angles of its joints.
 
-Dimensions after Unitree's data sheet of the Go2. Joints in the order front left, front right, rear left, rear right,
-each hip (about the forward axis), thigh and calf (about the left axis), radians, all zero with straight legs. The
-origin is the trunk's; a dog whose joints nobody has told stands with its feet on its position.
+Dimensions follow Unitree's data sheet of the Go2. Joints are in the order front left, front right, rear left, rear
+right. Each has a hip (about the forward axis), a thigh and a calf (about the left axis), in radians; all are 0 with
+straight legs. The origin is that of the trunk. A dog without known joints stands with its feet on its position.
 """
 
 from __future__ import annotations
@@ -18,21 +18,28 @@ from lingjing.engines.camera.models.shapes import ModelPart, Placement, limb, mi
 from lingjing.mission.appearance import LinearRgb
 
 LEG_M = 0.213
+"""Length of thigh and of calf, metres."""
+
 HIP_AHEAD_M, HIP_ASIDE_M, THIGH_ASIDE_M = 0.1934, 0.0465, 0.0955
+"""Position of a hip ahead of and beside the trunk's origin, and of the thigh beside the hip; metres."""
+
 STANDING = (0.0, 0.9, -1.8) * 4
+"""Joint angles of a dog without known joints, radians."""
+
 FOOT_M = 0.023
+"""Radius of a foot, metres."""
 STANDING_M = 2.0 * LEG_M * cos(0.9) + FOOT_M
-"""Height of the trunk's origin over the ground in `STANDING`."""
+"""Height of the trunk's origin over the ground in `STANDING`, metres."""
 
 SILVER: LinearRgb = (0.46, 0.47, 0.48)
 DARK: LinearRgb = (0.05, 0.05, 0.055)
 
 _TO_MODEL: Placement = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""The joints' axes are those of ahead, left, up; models have right, ahead, up."""
+"""Rotation from the axes of joints (ahead, left, up) to those of models (right, ahead, up)."""
 
 
 def dog_parts(joints: tuple[float, ...]) -> tuple[ModelPart, ...]:
-    """Trunk, hips, thighs and calves for twelve angles; standing on the origin for none."""
+    """Return trunk, hips, thighs and calves for twelve angles; without angles the dog stands on the origin."""
     known = len(joints) == 12
     angles = joints if known else STANDING
     lift = np.array([0.0, 0.0, 0.0 if known else STANDING_M])
@@ -67,7 +74,7 @@ def _about_left(angle: float) -> Placement:
 
 @cache
 def trunk() -> Mesh:
-    """The body with its head, a lidar dome and a handle."""
+    """Return the trunk with its head, a lidar dome and a handle."""
 
     def ring(y: float, half: float, low: float, high: float) -> tuple[float, list[tuple[float, float]]]:
         return y, [(-0.7 * half, low), (-half, 0.4 * low + 0.6 * high), (-0.7 * half, high), (0.7 * half, high),
@@ -89,7 +96,7 @@ def trunk() -> Mesh:
 
 @cache
 def hip_link() -> Mesh:
-    """The motor between trunk and thigh, the same on both sides."""
+    """Return the motor between trunk and thigh, equal on both sides."""
     return merge(
         cylinder((-0.075, 0.0, 0.0), (0.075, 0.0, 0.0), (0.045, 0.045), SILVER, 0.4, sides=10),
         cylinder((0.0, -0.045, 0.0), (0.0, 0.045, 0.0), (0.042, 0.042), DARK, 0.3, sides=10),
@@ -98,7 +105,7 @@ def hip_link() -> Mesh:
 
 @cache
 def thigh_link() -> Mesh:
-    """A tapering beam from the hip to the knee."""
+    """Return a tapering beam from the hip to the knee."""
     return merge(
         cylinder((-0.026, 0.0, 0.0), (0.026, 0.0, 0.0), (0.047, 0.047), DARK, 0.4, sides=10),
         limb((0.0, 0.0, 0.0), (0.0, 0.006, -LEG_M), (0.040, 0.022), SILVER, 8),
@@ -108,7 +115,7 @@ def thigh_link() -> Mesh:
 
 @cache
 def calf_link() -> Mesh:
-    """A thin shank and a rubber foot."""
+    """Return a thin shank and a rubber foot."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.012, -0.10), (0.018, 0.014), DARK, 6),
         limb((0.0, 0.012, -0.10), (0.0, 0.0, -LEG_M), (0.014, 0.012), DARK, 6),

@@ -1,4 +1,4 @@
-"""Rocks and plants. The bay's trees are rich; streets and parks take the light ones, under 150 triangles each."""
+"""Rocks and plants. The trees of the bay are rich; streets and parks have simple ones of less than 150 triangles."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ def _helipad() -> Mesh:
 LEAVES: tuple[LinearRgb, ...] = (
     (0.070, 0.135, 0.032), (0.095, 0.160, 0.040), (0.052, 0.110, 0.040), (0.120, 0.150, 0.035), (0.085, 0.120, 0.025),
 )  # fmt: skip
-"""Greens of crowns."""
+"""Linear colours of crowns (chosen)."""
 
 
 def _street_tree(variant: int) -> Mesh:
-    """A lime or a plane, 7 m."""
+    """Return a lime or a plane of 7 m."""
     leaf = LEAVES[variant]
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 3.2), (0.17, 0.11), WOOD, 5),
@@ -73,7 +73,7 @@ def _street_tree(variant: int) -> Mesh:
 
 
 def _poplar(variant: int) -> Mesh:
-    """A slim upright tree, 10 m."""
+    """Return a slim upright tree of 10 m."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 2.2), (0.16, 0.12), WOOD, 5),
         blob((0.0, 0.0, 5.8), (1.15, 1.1, 4.3), LEAVES[(variant + 2) % len(LEAVES)], variant, rows=6, sides=7),
@@ -81,7 +81,7 @@ def _poplar(variant: int) -> Mesh:
 
 
 def _birch(variant: int) -> Mesh:
-    """A light tree with a white trunk, 8 m."""
+    """Return a light tree with a white trunk, 8 m."""
     leaf: LinearRgb = ((0.150, 0.185, 0.045), (0.120, 0.170, 0.050))[variant]
     return merge(
         limb((0.0, 0.0, 0.0), (0.1, 0.0, 4.5), (0.12, 0.07), (0.55, 0.54, 0.50), 5),
@@ -91,7 +91,7 @@ def _birch(variant: int) -> Mesh:
 
 
 def _conifer(variant: int) -> Mesh:
-    """A spruce of three tiers, 9 m."""
+    """Return a spruce of three tiers, 9 m."""
     green: LinearRgb = ((0.025, 0.075, 0.030), (0.040, 0.090, 0.040))[variant]
     tiers = [
         limb((0.0, 0.0, 0.9 + 2.2 * k), (0.0, 0.0, 4.6 + 2.2 * k), (2.0 - 0.5 * k, 0.03), green, 8) for k in range(3)
@@ -102,7 +102,7 @@ def _conifer(variant: int) -> Mesh:
 
 
 def _palm(variant: int) -> Mesh:
-    """A palm with eight drooping fronds, 7 m."""
+    """Return a palm with eight drooping fronds, 7 m."""
     green: LinearRgb = (0.085, 0.150, 0.035)
     fronds = []
     for k in range(8):
@@ -126,7 +126,7 @@ def _bush(variant: int) -> Mesh:
 
 
 def _hedge() -> Mesh:
-    """Three metres of clipped hedge along x."""
+    """Return three metres of clipped hedge along x."""
     return box((0.0, 0.0, 0.5), (3.0, 0.6, 1.0), (0.055, 0.105, 0.030))
 
 

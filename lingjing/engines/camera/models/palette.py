@@ -1,4 +1,4 @@
-"""Paints that several models share: linear RGB 0..1."""
+"""Colours that several models share: linear RGB 0..1 (chosen)."""
 
 from __future__ import annotations
 

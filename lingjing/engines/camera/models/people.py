@@ -1,4 +1,4 @@
-"""People on foot: standing or in one of the phases of a step, in several clothes; the soles are at z = 0."""
+"""People on foot, at rest or in a phase of a step, in several clothes; the soles are at z = 0."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Vector
 
 PHASES = 4
+"""Phases of a step."""
 STAND = PHASES
-"""The pose after the phases of a step: standing."""
+"""The pose after the phases of a step: at rest."""
 STEP_S = 1.1
-"""Time of two steps at a walk."""
+"""Time of two steps of a walk, seconds (chosen)."""
 
 OUTFITS: tuple[tuple[LinearRgb, LinearRgb], ...] = (
     ((0.10, 0.16, 0.32), (0.06, 0.07, 0.10)),
@@ -27,12 +28,12 @@ OUTFITS: tuple[tuple[LinearRgb, LinearRgb], ...] = (
     ((0.34, 0.14, 0.30), (0.05, 0.05, 0.06)),
     ((0.20, 0.40, 0.50), (0.36, 0.33, 0.28)),
 )
-"""Jacket and trousers of the n-th person."""
+"""Linear colours of jacket and trousers of the n-th person (chosen)."""
 
 
 @cache
 def pedestrian(look: int, pose: int) -> Mesh:
-    """A person of 1.75 m in a pose (`STAND` or a phase of walking)."""
+    """Return a person of 1.75 m in a pose (`STAND` or a phase of a step)."""
     coat, trousers = OUTFITS[look % len(OUTFITS)]
     skin, hair = SKINS[look % len(SKINS)], HAIRS[(look // 2) % len(HAIRS)]
     stride = 0.0 if pose == STAND else 0.52 * sin(2.0 * pi * pose / PHASES + 0.4)
@@ -77,7 +78,7 @@ def _arm(side: float, swing: float, sleeve: LinearRgb, skin: LinearRgb) -> list[
 
 
 def pose_of(speed_mps: float, time_s: float, offset: float) -> int:
-    """The pose of somebody who moves at a speed: standing below a slow walk, else a phase of the step."""
+    """Return the pose of a person at a speed: `STAND` below a slow walk, else a phase of the step."""
     if speed_mps < 0.25:
         return STAND
     return int((time_s / STEP_S * max(speed_mps / 1.35, 0.5) + offset) * PHASES) % PHASES

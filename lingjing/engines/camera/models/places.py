@@ -1,6 +1,6 @@
-"""What marks a place of a mission: a destination's sign, parcels and lockers, a warehouse's dock, a pipe's clamp.
+"""Things at places of a mission: a destination's sign, parcels and lockers, a warehouse's dock, a pipe's clamp.
 
-Signs and lockers of places on a road stand at its kerb: to the right of the position, as seen along the heading.
+Signs and lockers of places on a road stand at its kerb, to the right of the position as seen along the heading.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from lingjing.engines.camera.models.shapes import at, limb, turned
 from lingjing.mission.appearance import LinearRgb
 
 KERB_M = 2.4
-"""From the position on a lane to what stands at its kerb."""
+"""Distance from a position on a lane to things at its kerb, metres (chosen)."""
+# Linear colours (chosen).
 SIGN_BLUE: LinearRgb = (0.02, 0.13, 0.48)
 CARD: LinearRgb = (0.42, 0.28, 0.14)
 TAPE: LinearRgb = (0.62, 0.52, 0.36)
@@ -32,7 +33,7 @@ def _parcel(x: float, y: float, z: float, size: tuple[float, float, float], shad
 
 @cache
 def parking_sign() -> Mesh:
-    """A blue sign with a white P at the kerb, seen from both sides."""
+    """Return a blue sign with a white P at the kerb, visible from both sides."""
     letter = [
         (-0.12, 0.0, 0.09, 0.62), (0.02, 0.265, 0.28, 0.09), (0.02, 0.0, 0.28, 0.09), (0.14, 0.13, 0.09, 0.30),
     ]  # fmt: skip
@@ -49,7 +50,7 @@ def parking_sign() -> Mesh:
 
 @cache
 def parcel_station(served: bool) -> Mesh:
-    """A yellow parcel locker at the kerb; parcels wait beside it until it is served, then they are inside."""
+    """Return a yellow parcel locker at the kerb; parcels stand beside it until it is served."""
     doors = [
         box((KERB_M - 0.32, -0.99 + 0.5 * k + 0.24, 0.45 + 0.58 * row), (0.02, 0.44, 0.50), WHITE)
         for k in range(4) for row in range(3)
@@ -67,7 +68,7 @@ def parcel_station(served: bool) -> Mesh:
 
 @cache
 def doorstep(served: bool) -> Mesh:
-    """A door mat, a delivery box and a plant beside it; once served, parcels lie on the mat."""
+    """Return a door mat with a delivery box and a plant beside it; once served, parcels lie on the mat."""
     parts = [
         box((0.0, 0.0, 0.012), (1.3, 0.8, 0.024), (0.30, 0.07, 0.04)),
         box((0.0, 0.0, 0.027), (1.0, 0.5, 0.006), (0.46, 0.34, 0.20)),
@@ -84,7 +85,8 @@ def doorstep(served: bool) -> Mesh:
 
 @cache
 def dock() -> Mesh:
-    """A warehouse's loading bay at the kerb: an orange totem with a white box on it, pallets, a hand truck's load."""
+    """Return a warehouse's loading bay at the kerb: an orange totem with a white box, pallets and a loaded hand
+    truck."""
     parcels = [
         _parcel(KERB_M + 1.2 + 0.9 * (k % 3), 1.6 - 1.1 * (k // 3), 0.14, (0.75, 0.75, 0.7), 0.9 + k / 10)
         for k in range(6)
@@ -103,7 +105,7 @@ def dock() -> Mesh:
 
 @cache
 def crowd_barrier() -> Mesh:
-    """A metre of barrier with a bar, at the head of a queue."""
+    """Return a metre of barrier with a bar, for the head of a queue."""
     return merge(
         *(box((x, 0.0, 0.5), (0.05, 0.05, 1.0), GREY) for x in (-0.9, 0.9)),
         box((0.0, 0.0, 0.95), (1.8, 0.04, 0.10), (0.55, 0.05, 0.04)),
@@ -112,7 +114,7 @@ def crowd_barrier() -> Mesh:
 
 @cache
 def clamp(radius_m: float) -> Mesh:
-    """An orange sleeve about a pipe along y, with bolts: a leak that is sealed."""
+    """Return an orange sleeve with bolts around a pipe along y: a sealed leak."""
     r = radius_m * 1.12
     bolts = [
         turned(box((0.0, y, 0.0), (0.16, 0.10, 0.22), BLACK), at((r * cos(a), 0.0, r * sin(a))))
@@ -123,7 +125,7 @@ def clamp(radius_m: float) -> Mesh:
 
 @cache
 def cracked_pipe(radius_m: float) -> Mesh:
-    """A rusty, torn flange about a pipe along y: where a leak is."""
+    """Return a rusty, torn flange around a pipe along y: the place of a leak."""
     r = radius_m * 1.10
     rust: LinearRgb = (0.20, 0.07, 0.025)
     return merge(
@@ -134,7 +136,7 @@ def cracked_pipe(radius_m: float) -> Mesh:
 
 @cache
 def embers() -> Mesh:
-    """A charred heap of boards and drums, what burns on the ground."""
+    """Return a charred heap of boards and drums that burns on the ground."""
     char: LinearRgb = (0.025, 0.020, 0.018)
     boards = [
         turned(box((0.0, 0.0, 0.0), (0.13, 1.2, 0.06), char if k % 2 else (0.06, 0.035, 0.02)),

@@ -1,4 +1,4 @@
-"""The sea's models, waterline at z = 0: a person in the water, the lifeboat, boats, buoys and flotsam."""
+"""Models of the sea, waterline at z = 0: a person in the water, the lifeboat, boats, buoys and flotsam."""
 
 from __future__ import annotations
 
@@ -33,15 +33,18 @@ CLOTHES: tuple[tuple[LinearRgb, bool], ...] = (
     ((0.55, 0.06, 0.06), False),
     ((0.10, 0.12, 0.10), False),
 )
-"""Upper body of the n-th person: colour, and whether it is a life vest. The dark ones are harder to find."""
+"""Upper body of the n-th person: linear colour, and whether it is a life vest. Dark ones are harder to detect."""
 
 POSES = 4
+"""Phases of waving."""
+
 WAVE_PERIOD_S = 2.0
+"""Time of one wave of the arms, seconds (chosen)."""
 
 
 @cache
 def person(look: int, pose: int) -> Mesh:
-    """A person up to the chest in the water: head, shoulders, arms in one of `POSES` phases of waving."""
+    """Return a person up to the chest in the water: head, shoulders, arms in one of `POSES` phases of waving."""
     colour, vest = CLOTHES[look]
     skin, hair = SKINS[look % len(SKINS)], HAIRS[look % len(HAIRS)]
     parts = [
@@ -73,7 +76,7 @@ def _arm(side: float, swing: float, skin: LinearRgb, sleeve: LinearRgb) -> list[
 
 
 def _hull(length: float, beam: float, depth: float, colour: LinearRgb, inside: LinearRgb, draught: float) -> Mesh:
-    """An open hull: outer skin, inner skin, floor and gunwale; the stern is flat, the bow a point."""
+    """Return an open hull: outer skin, inner skin, floor and gunwale; the stern is flat, the bow is a point."""
     stations = np.linspace(-0.5, 0.5, 9)
     shape = np.clip(1.0 - np.maximum(stations + 0.05, 0.0) ** 2 * 3.3 - np.maximum(-stations - 0.2, 0) * 0.35, 0.02, 1)
     outer, inner, rim = [], [], []
@@ -98,7 +101,7 @@ def _hull(length: float, beam: float, depth: float, colour: LinearRgb, inside: L
 
 @cache
 def lifeboat() -> Mesh:
-    """An 8 m orange rescue boat with a wheelhouse aft, a grey fender and a white foredeck."""
+    """Return an 8 m orange rescue boat with a wheelhouse aft, a grey fender and a white foredeck."""
     fender = [
         cylinder((s * 1.36, -3.9, 0.75), (s * 1.36, 1.4, 0.85), (0.17, 0.17), GREY, sides=8) for s in (-1.0, 1.0)
     ] + [cylinder((s * 1.36, 1.4, 0.85), (s * 0.25, 4.0, 1.15), (0.17, 0.14), GREY, sides=8) for s in (-1.0, 1.0)]

@@ -1,4 +1,4 @@
-"""Shapes that models are made of, beside the primitives of `camera.meshes`, and `ModelPart`, what they give."""
+"""Shapes for models, in addition to the primitives of `camera.meshes`, and `ModelPart`."""
 
 from __future__ import annotations
 
@@ -16,19 +16,23 @@ from lingjing.mission.instance import Vector
 
 Placement = npt.NDArray[np.float64]
 HERE: Placement = np.eye(3, 4)
+"""The identity: the part stays in the body's frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelPart:
-    """A mesh of an entity: `key` names it for good, `rows` (3, 4) puts it into the body's frame."""
+    """A mesh of an entity."""
 
     key: str
+    """Name that always stands for this mesh."""
     mesh: Mesh
+    """The mesh."""
     rows: Placement = field(default_factory=lambda: HERE)
+    """Matrix (3, 4) from the part's frame to the body's."""
 
 
 def turned(mesh: Mesh, rows: Placement) -> Mesh:
-    """The mesh carried by a rigid (3, 4) transformation."""
+    """Return the mesh moved by a rigid (3, 4) transformation."""
     moved = mesh.copy()
     moved[:, :3] = mesh[:, :3] @ rows[:, :3].T + rows[:, 3]
     moved[:, 3:6] = mesh[:, 3:6] @ rows[:, :3].T
@@ -36,7 +40,7 @@ def turned(mesh: Mesh, rows: Placement) -> Mesh:
 
 
 def at(place: Vector, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Placement:
-    """(3, 4): rolled about y, pitched about x (up), turned clockwise about z, then moved."""
+    """Return the (3, 4) matrix that rolls about y, pitches about x (up), turns clockwise about z, then moves."""
     y, p, r = radians(yaw_deg), radians(pitch_deg), radians(roll_deg)
     yaw = np.array([[cos(y), sin(y), 0.0], [-sin(y), cos(y), 0.0], [0.0, 0.0, 1.0]])
     nod = np.array([[1.0, 0.0, 0.0], [0.0, cos(p), -sin(p)], [0.0, sin(p), cos(p)]])
@@ -47,7 +51,7 @@ def at(place: Vector, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: fl
 def shell(
     sections: Sequence[tuple[float, Sequence[tuple[float, float]]]], colour: LinearRgb, gloss: float = 0.0
 ) -> Mesh:
-    """A skin through open cross-sections as `loft`, with flat ends."""
+    """Return a skin through open cross-sections as `loft`, with flat ends."""
     ends = []
     for y, ring in (sections[0], sections[-1]):
         corners = [(x, y, z) for x, z in ring]
@@ -56,7 +60,7 @@ def shell(
 
 
 def quad(a: Vector, b: Vector, c: Vector, d: Vector, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
-    """Two triangles over four corners in order."""
+    """Return two triangles over four corners in order."""
     return flat([(a, b, c), (a, c, d)], colour, gloss)
 
 
@@ -68,7 +72,7 @@ def pane(
     lift: float = 0.012,
     away: Vector = (0.0, 0.0, 0.0),
 ) -> Mesh:
-    """A quad shrunk to a share about its middle and lifted off its plane, away from a point inside the model."""
+    """Return a quad shrunk to a share about its middle and lifted off its plane, away from a point inside the model."""
     p = np.array(corners, float)
     middle = p.mean(axis=0)
     normal = np.cross(p[1] - p[0], p[2] - p[0])
@@ -80,7 +84,7 @@ def pane(
 
 
 def wheel(x: float, y: float, radius: float, width: float) -> Mesh:
-    """A wheel that stands on z = 0, its axle across, with a grey hub."""
+    """Return a wheel that stands on z = 0, its axle across, with a grey hub."""
     out = x + (0.5 * width + 0.005) * (1.0 if x > 0 else -1.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 7)
     rim = [(out, y + 0.55 * radius * cos(a), radius + 0.55 * radius * sin(a)) for a in angle]
@@ -90,12 +94,12 @@ def wheel(x: float, y: float, radius: float, width: float) -> Mesh:
 
 
 def limb(start: Vector, end: Vector, radii: tuple[float, float], colour: LinearRgb, sides: int = 6) -> Mesh:
-    """An arm, a leg or a strut without its end caps."""
+    """Return an arm, a leg or a strut without end caps."""
     return cylinder(start, end, radii, colour, sides=sides)[: 6 * sides]
 
 
 def blob(centre: Vector, radii: Vector, colour: LinearRgb, seed: int, rows: int = 4, sides: int = 7) -> Mesh:
-    """A lumpy, leafy ellipsoid, darker underneath and inside."""
+    """Return a lumpy, leafy ellipsoid, darker below and inside."""
     mesh = ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), colour, rows=rows, sides=sides)
     p = mesh[:, :3].astype(np.float64)
     bump = (
@@ -109,7 +113,7 @@ def blob(centre: Vector, radii: Vector, colour: LinearRgb, seed: int, rows: int 
 
 
 def mirrored(mesh: Mesh) -> Mesh:
-    """The mesh and its mirror image across x = 0."""
+    """Return the mesh with its mirror image across x = 0."""
     other = mesh.copy()
     other[:, 0] *= -1.0
     other[:, 3] *= -1.0

@@ -1,6 +1,6 @@
-"""What stands about in streets, yards and harbours: furniture, goods, tanks; the distractors among them.
+"""Things in streets, yards and harbours: furniture, goods, tanks, and distractors.
 
-Origin: the middle of the footprint on the ground; the front looks ahead (+y).
+The origin is the middle of the footprint on the ground; the front looks ahead (+y).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CARD: LinearRgb = (0.42, 0.28, 0.14)
 
 
 def _lamp() -> Mesh:
-    """An 8 m street lamp, its arm ahead."""
+    """Return an 8 m street lamp, its arm ahead."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 7.8), (0.10, 0.06), STEEL, 6),
         limb((0.0, 0.0, 7.7), (0.0, 1.8, 8.1), (0.05, 0.04), STEEL, 5),
@@ -102,7 +102,7 @@ def _bus_stop() -> Mesh:
 
 
 def _fence() -> Mesh:
-    """Three metres of railing along x."""
+    """Return three metres of railing along x."""
     posts = [box((-1.45 + 0.725 * k, 0.0, 0.6), (0.05, 0.05, 1.2), STEEL) for k in range(5)]
     return merge(*posts, *(box((0.0, 0.0, z), (3.0, 0.04, 0.05), STEEL) for z in (0.3, 0.7, 1.15)))
 
@@ -126,7 +126,7 @@ def _container(variant: int, length: float) -> Mesh:
 
 
 def _pallets(variant: int) -> Mesh:
-    """Goods on two pallets."""
+    """Return goods on two pallets."""
     cloth: LinearRgb = ((0.62, 0.62, 0.60), CARD, (0.10, 0.22, 0.40))[variant]
     return merge(
         box((-0.65, 0.0, 0.07), (1.2, 0.9, 0.14), WOOD), box((0.65, 0.0, 0.07), (1.2, 0.9, 0.14), WOOD),
@@ -150,7 +150,7 @@ def _drums(variant: int) -> Mesh:
 
 
 def _tank(variant: int) -> Mesh:
-    """A storage tank, 8 m across and 6 m high."""
+    """Return a storage tank, 8 m across and 6 m high."""
     colour: LinearRgb = ((0.62, 0.62, 0.60), (0.50, 0.50, 0.48))[variant]
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 6.0), (4.0, 4.0), colour, 0.2, sides=24),
@@ -160,14 +160,14 @@ def _tank(variant: int) -> Mesh:
 
 
 def _chimney() -> Mesh:
-    """A 28 m stack with red rings."""
+    """Return a 28 m stack with red rings."""
     rings = [cylinder((0.0, 0.0, z), (0.0, 0.0, z + 1.6), (r, r - 0.03), RED, sides=12)
              for z, r in ((25.6, 0.98), (20.6, 1.11))]  # fmt: skip
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 28.0), (1.6, 0.9), (0.48, 0.46, 0.43), sides=12), *rings)
 
 
 def _steam() -> Mesh:
-    """A steel vent; its steam is an effect."""
+    """Return a steel vent; its steam is an effect."""
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.1), (0.28, 0.24), STEEL, 0.4, sides=9),
         cylinder((0.0, 0.0, 1.25), (0.0, 0.0, 1.45), (0.42, 0.05), STEEL, 0.4, sides=9),
@@ -186,7 +186,7 @@ def _parasol(variant: int) -> Mesh:
 
 
 def _stall(variant: int) -> Mesh:
-    """A market stall under a striped roof."""
+    """Return a market stall under a striped roof."""
     cloth: LinearRgb = (ORANGE, (0.50, 0.06, 0.05), (0.05, 0.20, 0.38))[variant]
     strips = []
     for k in range(6):
@@ -209,7 +209,7 @@ def _billboard(variant: int) -> Mesh:
 
 
 def _rooftop_unit(variant: int) -> Mesh:
-    """An air conditioner for a flat roof."""
+    """Return an air conditioner for a flat roof."""
     size = (1.8, 1.2, 1.1) if variant == 0 else (2.8, 1.6, 1.4)
     fans = [cylinder((x, 0.0, size[2]), (x, 0.0, size[2] + 0.1), (0.42, 0.42), BLACK, sides=10)
             for x in ((0.0,) if variant == 0 else (-0.7, 0.7))]  # fmt: skip
@@ -225,7 +225,7 @@ def _water_tank() -> Mesh:
 
 
 def _gantry() -> Mesh:
-    """A harbour crane, 30 m high, its boom ahead."""
+    """Return a harbour crane, 30 m high, its boom ahead."""
     paint: LinearRgb = (0.07, 0.20, 0.42)
     legs = [limb((x, y, 0.0), (0.6 * x, y, 24.0), (0.55, 0.45), paint, 4) for x in (-7.0, 7.0) for y in (-6.0, 6.0)]
     return merge(

@@ -1,6 +1,6 @@
-"""What drives: cars in several shapes and colours, van, truck, bus, fire truck, motorcycle and bicycle with riders.
+"""Road vehicles: cars in several shapes and colours, van, truck, bus, fire truck, motorcycle and bicycle with riders.
 
-Origin: the middle of the footprint on the ground. Dimensions are those of `scene.sizes.SIZES`.
+The origin is the middle of the footprint on the ground. Dimensions are those of `scene.sizes.SIZES`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from lingjing.engines.camera.models.shapes import limb, mirrored, pane, quad, sh
 from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Vector
 
+# Linear colours (chosen).
 GLASS: LinearRgb = (0.015, 0.02, 0.026)
 LAMP: LinearRgb = (0.78, 0.78, 0.72)
 TAIL: LinearRgb = (0.45, 0.02, 0.02)
@@ -24,7 +25,7 @@ PAINTS: tuple[LinearRgb, ...] = (
     (0.74, 0.74, 0.73), (0.40, 0.42, 0.44), (0.03, 0.03, 0.035), (0.10, 0.11, 0.13), (0.05, 0.10, 0.27),
     (0.42, 0.03, 0.03), (0.66, 0.66, 0.64), (0.05, 0.13, 0.09), (0.33, 0.27, 0.19), (0.20, 0.21, 0.22),
 )  # fmt: skip
-"""Of cars as they are seen: mostly white, silver and dark."""
+"""Colours of cars in usual proportions: mostly white, silver and dark."""
 
 _BODIES: dict[str, list[tuple[float, float, float, float]]] = {
     "sedan": [(-2.25, 0.72, 0.36, 0.80), (-2.14, 0.85, 0.24, 0.95), (-1.3, 0.90, 0.22, 0.96), (0.95, 0.90, 0.22, 0.93),
@@ -34,7 +35,7 @@ _BODIES: dict[str, list[tuple[float, float, float, float]]] = {
     "suv": [(-2.3, 0.78, 0.45, 0.95), (-2.2, 0.89, 0.32, 1.10), (-1.3, 0.92, 0.30, 1.10), (1.00, 0.92, 0.30, 1.08),
             (2.05, 0.89, 0.32, 0.98), (2.3, 0.76, 0.42, 0.80)],
 }  # fmt: skip
-"""Shape → stations along the body: y, half width, sill, top (m)."""
+"""Stations along the body of each shape: y, half width, sill, top (m)."""
 _CABINS: dict[str, list[tuple[float, float, float, float, float]]] = {
     "sedan": [(-1.82, 0.76, 0.94, 0.72, 0.97), (-1.20, 0.81, 0.94, 0.63, 1.42), (0.10, 0.81, 0.93, 0.63, 1.46),
               (1.02, 0.80, 0.92, 0.74, 0.95)],
@@ -43,19 +44,19 @@ _CABINS: dict[str, list[tuple[float, float, float, float, float]]] = {
     "suv": [(-2.22, 0.80, 1.09, 0.74, 1.14), (-1.98, 0.84, 1.09, 0.70, 1.70), (0.20, 0.84, 1.08, 0.70, 1.74),
             (1.02, 0.83, 1.07, 0.76, 1.10)],
 }  # fmt: skip
-"""Shape → stations of the cabin: y, half width and height of its foot, of its roof."""
+"""Stations of the cabin of each shape: y, half width and height of its foot, half width and height of its roof (m)."""
 SHAPES = tuple(_BODIES)
 
 
 @cache
 def motorcar(shape: str, paint: int) -> Mesh:
-    """A `sedan`, `hatch` or `suv` in one of `PAINTS`; some 400 triangles."""
+    """Return a `sedan`, `hatch` or `suv` in one of `PAINTS`; about 400 triangles."""
     return _motorcar(shape, PAINTS[paint % len(PAINTS)])
 
 
 @cache
 def taxi() -> Mesh:
-    """A yellow sedan with a sign on its roof."""
+    """Return a yellow sedan with a sign on its roof."""
     return merge(_motorcar("sedan", YELLOW), box((0.0, -0.5, 1.53), (0.5, 0.2, 0.14), WHITE))
 
 
@@ -111,7 +112,7 @@ VAN_PAINTS: tuple[LinearRgb, ...] = ((0.76, 0.76, 0.74), (0.72, 0.47, 0.04), (0.
 
 @cache
 def van(paint: int) -> Mesh:
-    """A 5.9 m delivery van with a stripe along its sides."""
+    """Return a 5.9 m delivery van with a stripe along its sides."""
     colour = VAN_PAINTS[paint % len(VAN_PAINTS)]
     stripe: LinearRgb = (0.62, 0.10, 0.02) if paint % 2 == 0 else WHITE
 
@@ -142,7 +143,7 @@ BOX_PAINTS: tuple[LinearRgb, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.
 
 @cache
 def truck(paint: int) -> Mesh:
-    """A 9 m box truck, its cab in another colour than its box."""
+    """Return a 9 m box truck whose cab and box differ in colour."""
     cab: LinearRgb = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))[paint % 4]
     cargo = BOX_PAINTS[paint % len(BOX_PAINTS)]
     return merge(
@@ -184,7 +185,7 @@ BUS_PAINTS: tuple[LinearRgb, ...] = ((0.08, 0.30, 0.22), (0.66, 0.66, 0.64), (0.
 
 @cache
 def bus(paint: int) -> Mesh:
-    """A 12 m city bus with a band of windows."""
+    """Return a 12 m city bus with a band of windows."""
     colour = BUS_PAINTS[paint % len(BUS_PAINTS)]
     bars = [box((s * 1.285, y, 2.0), (0.02, 0.12, 1.0), colour) for s in (-1.0, 1.0) for y in (-4.4, -2.2, 0.0, 2.2)]
     return merge(
@@ -205,7 +206,7 @@ def bus(paint: int) -> Mesh:
 
 @cache
 def fire_truck() -> Mesh:
-    """A red fire engine with white stripes, roller shutters, a ladder on its roof and a bar of blue lights."""
+    """Return a red fire engine with white stripes, roller shutters, a ladder on its roof and a bar of blue lights."""
     rails = [box((0.45 + s * 0.26, -1.1, 3.2), (0.07, 6.2, 0.12), (0.62, 0.63, 0.64), 0.5) for s in (-1.0, 1.0)]
     rungs = [box((0.45, -4.0 + 0.58 * k, 3.2), (0.5, 0.06, 0.05), (0.62, 0.63, 0.64), 0.5) for k in range(11)]
     shutters = [
@@ -250,7 +251,7 @@ def _rider(y: float, seat: float, hands: Vector, coat: LinearRgb, head: LinearRg
 
 @cache
 def motorcycle(paint: int) -> Mesh:
-    """A motor scooter with a helmeted rider."""
+    """Return a motor scooter with a helmeted rider."""
     colour: LinearRgb = ((0.45, 0.04, 0.03), (0.05, 0.14, 0.35), (0.70, 0.70, 0.68))[paint % 3]
     coat: LinearRgb = ((0.08, 0.10, 0.16), (0.72, 0.50, 0.03), (0.20, 0.20, 0.20))[paint % 3]
     return merge(
@@ -268,7 +269,7 @@ def motorcycle(paint: int) -> Mesh:
 
 @cache
 def bicycle(paint: int) -> Mesh:
-    """A bicycle with its rider."""
+    """Return a bicycle with its rider."""
     coat: LinearRgb = ((0.10, 0.26, 0.34), (0.52, 0.06, 0.05), (0.66, 0.66, 0.62), (0.10, 0.28, 0.10))[paint % 4]
     return merge(
         *(cylinder((-0.03, y, 0.34), (0.03, y, 0.34), (0.33, 0.33), (0.07, 0.07, 0.075), sides=9)
