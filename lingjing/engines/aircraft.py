@@ -68,7 +68,7 @@ class FlightNotice:
     kind: str
     """`done`, `battery_empty`, `fuel_empty` or `collided`."""
     what: str = ""
-    """What the aircraft hit: the id of a body or solid, `ground` or `water`; empty without a collision."""
+    """Thing that the aircraft hit: the id of a body or solid, `ground` or `water`; empty without a collision."""
     speed_mps: float = 0.0
     """Speed at a collision, m/s; 0 otherwise."""
 

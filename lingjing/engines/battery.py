@@ -1,4 +1,4 @@
-"""A battery whose capacity follows from its endurance at a stated power."""
+"""A battery with a capacity that follows from its endurance at a stated power."""
 
 from __future__ import annotations
 

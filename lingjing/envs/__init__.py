@@ -14,7 +14,7 @@ entry points of packages. It imports the module that stands before the colon of 
 Modules:
 
 - `environments`: the two environment classes and their registration.
-- `stepping`: an episode whose decisions come from the caller.
+- `stepping`: an episode with decisions from the caller.
 - `codec`: one agent's observations and actions as arrays.
 - `vocabulary`: the numbers that stand for names in these arrays.
 """

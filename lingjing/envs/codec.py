@@ -57,7 +57,7 @@ _FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "nam
 
 @dataclass(frozen=True, slots=True)
 class ObservedCamera:
-    """A camera whose pictures the agent receives, and the size of these pictures in observations."""
+    """A camera with pictures that the agent receives, and the size of these pictures in observations."""
 
     entity: str
     """Id of the entity that carries the camera."""

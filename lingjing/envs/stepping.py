@@ -1,4 +1,4 @@
-"""Episodes whose decisions come from the caller; both environments step them.
+"""Episodes with decisions from the caller; both environments step them.
 
 A built-in or user policy plays the agents that the caller does not play, behind the same barrier as in any episode. The
 engines' world is kept from episode to episode. After an infrastructure abort the next `begin` opens a new episode.

@@ -132,7 +132,7 @@ def path(boundaries: Iterable[WorldBoundary], entity: str) -> Iterator[BodyState
             yield from (state for state in snapshot.states if state.id == entity)
 
 
-def everybody(instance: Instance, tick: int) -> tuple[DecisionRecord, ...]:
+def busy_decisions(instance: Instance, tick: int) -> tuple[DecisionRecord, ...]:
     """Return the commands of a busy episode: every body sets off at the first boundary, and some look around later.
 
     They are the same for every world.
@@ -172,7 +172,7 @@ def digests(kernel: Kernel, ticks: Iterable[int]) -> list[str]:
     """Return two digests of each boundary of a busy episode: one of everything but the pixels, one of the pixels."""
     digests_of_boundaries = []
     for tick in ticks:
-        record = kernel.step(everybody(kernel.instance, tick)).record
+        record = kernel.step(busy_decisions(kernel.instance, tick)).record
         digests_of_boundaries.append(f"{record.digest} {kernel.state.frames_digest}")
     return digests_of_boundaries
 

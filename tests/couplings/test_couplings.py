@@ -182,7 +182,7 @@ def test_goods_taken_on_at_the_warehouse_make_a_van_slower(play: Start) -> None:
     assert full.now("van").position[0] < empty.now("van").position[0] - 2.0
 
 
-def test_what_one_engine_is_told_shows_to_the_agents_of_another(world: World) -> None:
+def test_a_command_to_one_engine_is_observed_by_agents_of_another(world: World) -> None:
     """The dog's agent tells the van's driver to drive on or not. The driver observes only the van and this message."""
     inputs = []
     for walk in (True, False):

@@ -47,7 +47,7 @@ def test_far_land_lies_before_the_water_under_it(height: float) -> None:
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
-def test_far_lands_wear_the_map() -> None:
+def test_distant_lands_show_the_map() -> None:
     engine = CameraEngine()
     ready(engine, instance(), shore())
     frame = look(engine, (-800.0, 0.0, 2000.0))
@@ -58,7 +58,7 @@ def test_far_lands_wear_the_map() -> None:
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
-def test_a_body_that_touches_a_camera_aloft_leaves_the_depth_its_exactness() -> None:
+def test_a_body_at_a_camera_in_the_air_does_not_coarsen_depth() -> None:
     engine = CameraEngine()
     ready(engine)
     renderer = engine._renderer
@@ -75,7 +75,7 @@ def test_a_body_that_touches_a_camera_aloft_leaves_the_depth_its_exactness() -> 
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
-def test_what_is_drawn_blunt_keeps_its_place_and_its_mean_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tiles_without_grain_keep_their_place_and_mean_colour(monkeypatch: pytest.MonkeyPatch) -> None:
     engine = CameraEngine()
     ready(engine)
     place = (0.0, 0.0, 150.0)

@@ -26,7 +26,7 @@ def engine() -> Iterator[CameraEngine]:
     made.close()
 
 
-def test_everything_is_where_it_is_and_as_far_away(engine: CameraEngine) -> None:
+def test_every_object_has_its_pixel_and_its_depth(engine: CameraEngine) -> None:
     ready(engine)
     frame, inland = look(engine, (0.0, -20.0, 120.0)), look(engine, (-45.0, 50.0, 120.0))
     for picture, east, north, up, cls in (
@@ -140,7 +140,7 @@ def test_traffic_is_drawn_by_its_kind_and_leaves_with_its_boundary(engine: Camer
     assert empty.semantic is not None and not (empty.semantic == cls).any()
 
 
-def test_who_has_not_come_yet_is_not_drawn(engine: CameraEngine) -> None:
+def test_an_entity_before_its_appearance_is_not_drawn(engine: CameraEngine) -> None:
     car = entity("car", "car", (-60.0, 0.0, 0.0), dormant=True)
     episode = instance(car, events=(EventSpec(name="e", tick=2, appear=("car",)),))
     ready(engine, episode)

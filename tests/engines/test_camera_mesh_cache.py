@@ -15,7 +15,7 @@ from lingjing.engines.camera import cityscape, mesh_cache
 from lingjing.engines.camera.building_meshes import building
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
-from lingjing.engines.camera.mesh_cache import MeshCache, Texture, kept_texture
+from lingjing.engines.camera.mesh_cache import MeshCache, Texture, cached_texture
 from lingjing.engines.camera.noise import grain_texture
 from lingjing.engines.camera.structure_meshes import solid
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
@@ -67,23 +67,23 @@ def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: 
         made.append(1)
         return grain_texture()
 
-    first, second = kept_texture("grain", make), kept_texture("grain", make)
+    first, second = cached_texture("grain", make), cached_texture("grain", make)
     assert (first.shape, first.dtype, first.tobytes()) == (second.shape, second.dtype, second.tobytes())
     assert len(made) == 1
     (file,) = folder.iterdir()
     file.write_bytes(file.read_bytes()[:-1] + b"?")
-    assert kept_texture("grain", make).tobytes() == first.tobytes()
+    assert cached_texture("grain", make).tobytes() == first.tobytes()
     assert len(made) == 2
-    assert kept_texture("another", make).tobytes() == first.tobytes()
+    assert cached_texture("another", make).tobytes() == first.tobytes()
     assert len(list(folder.iterdir())) == 2
 
 
 def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.write_bytes(b"no folder")
     # The name is unique to this test: the temporary folder belongs to the process, and other tests keep textures there.
-    assert kept_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
+    assert cached_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
     monkeypatch.setenv(CACHE_OFF, "1")
-    assert kept_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
+    assert cached_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 
 
 def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:
@@ -111,7 +111,7 @@ def signed(data: bytes) -> bytes:
 
 
 def out_of_bounds(data: bytes) -> bytes:
-    """Return a file with a valid hash whose first index names a vertex that does not exist."""
+    """Return a file with a valid hash and a first index that names no vertex."""
     parts, *rest = msgspec.msgpack.decode(data[32:])
     parts["plain"] = (parts["plain"][0], np.uint32(1 << 30).tobytes() + parts["plain"][1][4:])
     return signed(msgspec.msgpack.encode([parts, *rest]))
@@ -153,7 +153,7 @@ def test_where_the_cache_is_off_nothing_is_read_or_kept(folder: Path, monkeypatc
     assert sorted(folder.iterdir()) == before
 
 
-def test_a_disk_that_takes_no_more_costs_time_alone(folder: Path) -> None:
+def test_a_full_disk_costs_only_time(folder: Path) -> None:
     make, made = counted()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
@@ -168,7 +168,7 @@ def test_a_disk_that_takes_no_more_costs_time_alone(folder: Path) -> None:
     assert good == bytes_of(mesh())
 
 
-def test_a_folder_that_cannot_be_made_costs_time_alone(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_created_costs_only_time(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.parent.mkdir(exist_ok=True)
     folder.parent.write_text("a file where the folder should be")
     monkeypatch.setattr("lingjing.data._temporary_cache", lambda: "")

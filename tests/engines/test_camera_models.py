@@ -14,7 +14,7 @@ from lingjing.engines.camera.effects import (
     prop_effects,
     site_of,
 )
-from lingjing.engines.camera.effects.town_changes import faced, split, with_change
+from lingjing.engines.camera.effects.town_changes import facing_building, split, with_change
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.models import MODELS, ambient_parts, entity_model, entity_parts, look_of, prop_model
 from lingjing.engines.camera.models.catalogue import SINGLE, VARIED
@@ -324,10 +324,12 @@ def test_the_reference_building_is_painted_and_named() -> None:
 
     tile = Tile(key=(0, 0), buildings=(house("near", 0.0), house("far", 30.0)))
     home = thing("reference_building", (5.0, -3.0, 0.0), properties={"colour": "red"})
-    changed = with_change(tile, home, faced(tile.buildings, home), Site(0.0))
+    changed = with_change(tile, home, facing_building(tile.buildings, home), Site(0.0))
     assert changed.buildings[1] == tile.buildings[1] and changed.buildings[0].colour[0] > changed.buildings[0].colour[1]
-    assert faced(tile.buildings, home) == ("near",)
+    assert facing_building(tile.buildings, home) == ("near",)
     anchored = thing("reference_building", (5.0, -3.0, 0.0), properties={"colour": "red", "building": "far"})
-    assert faced(tile.buildings, anchored) == ("far",)
+    assert facing_building(tile.buildings, anchored) == ("far",)
     made = changes_of(lambda x, y, radius: (tile,), lambda x, y: 0.0, [BREAK, home])
-    assert made.faced == {"near": 1} and set(made.tiles) == {(0, 0)} and set(made.sites) == {BREAK.id, home.id}
+    assert (
+        made.entity_buildings == {"near": 1} and set(made.tiles) == {(0, 0)} and set(made.sites) == {BREAK.id, home.id}
+    )

@@ -48,7 +48,7 @@ def test_lights_show_after_dark_and_change_nothing_before(kind: str) -> None:
     assert darkness(DAY) == darkness(SUNSET) == 0.0 and darkness(NIGHT) == 1.0
     assert np.array_equal(day.billboards, sunset.billboards) and np.array_equal(day.decals, sunset.decals)
     assert len(night.billboards) > len(day.billboards)
-    assert (night.billboards["id"] > 0).sum() == (day.billboards["id"] > 0).sum(), "light is nobody's body"
+    assert (night.billboards["id"] > 0).sum() == (day.billboards["id"] > 0).sum(), "light belongs to no body"
     assert not (day.decals["kind"] >= POOL).any()
 
 
@@ -61,7 +61,7 @@ def test_headlights_light_the_road_ahead_and_only_of_what_is_driven() -> None:
 
 
 @pytest.mark.parametrize(("weather", "lit"), [(DAY, False), (NIGHT, True)])
-def test_who_drives_sees_the_road_in_the_own_headlights_but_not_the_own_body(weather: Weather, lit: bool) -> None:
+def test_a_vehicles_camera_shows_its_headlights_but_not_its_body(weather: Weather, lit: bool) -> None:
     car = BodyState(id="a", position=(10.0, 0.0, 0.0), heading_deg=90.0)
     cast = stage((), (), {}, 0.0, weather, lambda x, y, z: 0.0, -9.0, (car, "car"))
     beams = cast.decals[cast.decals["kind"] == BEAM]
@@ -82,7 +82,7 @@ def test_a_queue_keeps_its_heading_where_it_has_room() -> None:
     assert [round(y, 1) for _, y in people_of(queue, [])] == [-0.8, -1.6, -2.4, -3.2, -4.0, -4.8]
 
 
-def test_nobody_queues_in_a_wall_or_on_a_road() -> None:
+def test_no_person_queues_in_a_wall_or_on_a_road() -> None:
     wall = Building(id="b", polygon=((-30.0, -20.0), (30.0, -20.0), (30.0, -4.0), (-30.0, -4.0)), base_m=0.0, top_m=9.0)
     lane = Lane(id="r_0", shape=((-6.0, -50.0, 0.0), (-6.0, 50.0, 0.0)), width_m=3.2)
     near = [Pieces(buildings=(wall,), roads=(Road(id="r", lanes=(lane,)),))]
@@ -95,14 +95,14 @@ def test_nobody_queues_in_a_wall_or_on_a_road() -> None:
     assert places[-1] == pytest.approx((-9.6 * sin(h), -9.6 * cos(h)), abs=0.2), "one straight line"
 
 
-def test_nobody_queues_at_a_steam_vent() -> None:
+def test_no_person_queues_at_a_steam_vent() -> None:
     vent = Prop(id="v", cls="steam_vent", model="steam_vent", position=(0.9, -4.6, 0.1))
     places = people_of(thing("queue_of_people", people=5.0), [Pieces(props=(vent,))])
     assert len(places) == 5
     assert all(hypot(x - 0.9, y + 4.6) > 1.8 for x, y in places)
 
 
-def test_what_a_fire_scorches_lies_on_its_roof() -> None:
+def test_the_scorch_of_a_fire_lies_on_its_roof() -> None:
     roof = Building(id="b", polygon=((0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0)), base_m=0.0, top_m=12.0)
     fire = thing("building_fire")
     for place, moved in (

@@ -1,4 +1,4 @@
-"""Pictures from orbit: a city by the sea in a wide-area frame, whose country and sea reach as far as the picture."""
+"""Pictures from orbit: a city by the sea in a wide-area frame, with country and sea as far as the picture."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ import pytest
 from lingjing.dsl import compile_text
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.engine import CameraEngine
-from lingjing.engines.camera.surroundings import SPAN_M, build_surroundings
+from lingjing.engines.camera.far_country import SPAN_M, build_far_country
 from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.mission.instance import CameraSpec, Instance
 from lingjing.mission.instantiate import instantiate
@@ -165,7 +165,7 @@ def test_a_land_goes_on_the_way_its_borders_run_out() -> None:
     pier = Land(polygon=box(150, -50, 450, 50), top_m=0.0, surface="concrete")
     city = City(id="c", origin=(31.0, 121.5), bounds=(-500.0, -500.0, 500.0, 500.0), waters=(sea,),
                 lands=(Land(polygon=coast, top_m=0.0, surface="grass"), pier))  # fmt: skip
-    country = build_surroundings(city, build_town_ground(city))
+    country = build_far_country(city, build_town_ground(city))
     assert country.waters == ()
     points = country.lands.vertices["position"].astype(float)
     assert set(country.lands.vertices["id"].tolist()) == {CLASSES["grass"]} and np.ptp(points[:, 2]) == 0.0

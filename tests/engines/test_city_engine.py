@@ -113,7 +113,7 @@ def test_the_radius_is_inclusive(drift, east, happens):
     assert bool(play.events) == happens
 
 
-def test_mirrors_are_moved_on_to_the_end_of_the_interval(drift):
+def test_mirrors_are_extrapolated_to_the_end_of_the_interval(drift):
     play = drift(Weather())
     unlock(play)
     play.step((afloat(51.0, velocity=(-3.0, 0.0, 0.0)),))
@@ -145,6 +145,6 @@ def test_the_rescued_are_taken_along(drift):
         ("unlock.rescue", "kernel", "victim[9]", "unknown_resource"),
     ],
 )
-def test_what_is_no_unlock_is_refused(drift, verb, origin, target, reason):
+def test_commands_other_than_unlocks_are_refused(drift, verb, origin, target, reason):
     receipt = drift().command(target, verb, origin=origin)
     assert (receipt.status, receipt.reason) == ("rejected", reason)

@@ -61,7 +61,7 @@ def test_the_range_is_inclusive(silent, metres, out):
     assert silent(metres) == out
 
 
-def test_without_a_range_everybody_hears_everybody(silent):
+def test_without_a_range_all_assets_are_linked(silent):
     assert not silent(1e6, range_m=None)
 
 
@@ -73,7 +73,7 @@ def test_a_tower_between_two_dogs_shortens_the_range(silent):
     assert not silent(399.0, msgspec.structs.replace(DRY, buildings=(block(60.0, x=-200.0),)))  # it stands behind
 
 
-def test_who_flies_over_the_roofs_is_heard(silent):
+def test_an_asset_above_the_roofs_is_linked(silent):
     city = msgspec.structs.replace(DRY, buildings=(block(60.0),))
     assert silent(399.0, city, z=50.0)
     assert not silent(399.0, city, z=70.0)
@@ -93,7 +93,7 @@ def test_far_below_the_line_an_edge_costs_nothing():
     assert losses == sorted(losses)
 
 
-def test_a_bridge_overhead_is_in_nobodys_way(silent):
+def test_a_bridge_overhead_is_no_obstacle(silent):
     deck = Bridge(id="deck", path=((200.0, -50.0, 12.0), (200.0, 50.0, 12.0)), width_m=20.0, pier_spacing_m=0.0)
     assert not silent(399.0, msgspec.structs.replace(DRY, bridges=(deck,)))
 
@@ -105,7 +105,7 @@ def test_fog_shortens_the_range(silent):
     assert (silent(270.0, weather=fog), silent(290.0, weather=fog), silent(290.0)) == (False, True, False)
 
 
-def test_the_city_engine_says_so_at_every_boundary_and_looks_anew_at_each_tick(player, instance_of):
+def test_missing_links_are_reported_at_every_boundary_and_updated_each_tick(player, instance_of):
     """A pair is in the instance's order; between two ticks the last answer holds."""
     instance = commanded(instance_of, [dog(1, 0.0), dog(2, 500.0), dog(3, 50.0)])
     played = player(CityEngine(), instance, DRY, "city")

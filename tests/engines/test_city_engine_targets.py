@@ -143,7 +143,7 @@ def test_driving_past_a_fire_does_not_put_it_out(play):
     assert played.events == []
 
 
-def test_how_long_an_interaction_lasts_is_the_types_to_say(play):
+def test_a_type_declares_how_long_an_interaction_lasts(play):
     played = play(fire(lasting_s=0.0), TRUCK)
     played.step((at("truck", 30.0),))
     assert [event.time_s for event in played.events] == [0.5]
@@ -232,7 +232,7 @@ def test_a_stock_of_the_target_runs_out(play):
     assert (played.state.status, played.state.resources) == ("collected", {"content": 0.0, "cargo@boat": 200.0})
 
 
-def test_giving_without_end_is_the_authors_mistake(instance_of):
+def test_an_unlimited_gift_is_a_usage_error(instance_of):
     spring = target("spring", act("fill", "road", 10.0, gives="load"))
     instance = instance_of([spring, van(1)])
     with pytest.raises(UsageError, match="`fill` of `spring` gives `van\\[1\\]` `load` without end"):
@@ -252,7 +252,7 @@ def test_a_jam_blocks_whatever_is_recorded_and_is_cleared_by_its_event(play):
     assert played.state.status == "cleared"
 
 
-def test_what_has_not_appeared_is_dormant_and_left_alone(play):
+def test_a_target_before_its_appearance_is_dormant(play):
     late = msgspec.structs.replace(point(demand=50.0), dormant=True)
     comes = EventSpec(name="order", tick=1, appear=("point[1]",))
     played = play(late, van(1), events=(comes,))
@@ -270,7 +270,7 @@ def test_an_actor_that_is_not_there_or_a_wreck_does_nothing(play, status):
     assert played.events == []
 
 
-def test_by_a_role_acts_whoever_its_agents_control_and_nobody_else_of_their_engine(play):
+def test_a_role_acts_only_with_the_bodies_of_its_agents(play):
     helped = target("crash", act("help", "medic", 30.0))
     medic = AgentSpec(
         id="medic", name="medic", index=0, role="medic", controls=("dog",), commands=("dog",), observes=()
@@ -344,7 +344,7 @@ def test_a_state_lives_until_something_declared_changes_it(play):
         assert played.state.resources == {plain: 1.0, "riders@bus": 3.0}
 
 
-def test_who_boards_a_queue_leaves_it_and_it_grows_on(play):
+def test_people_who_board_leave_the_queue_and_it_keeps_growing(play):
     board = act("board", "road", 10.0, gives="riders", source="people")
     shop = target("shop", board, state=("people",), people=4, arrivals_hz=0.05)
     played = play(shop, actor("bus", "road", state=("riders",), riders=0.0))
@@ -374,14 +374,14 @@ def test_two_interactions_work_off_two_states_and_goods_leave_a_fire_alone(play)
     assert [event.kind for event in played.events] == ["drop", "cool", "wash"]
 
 
-def test_who_has_not_declared_what_is_moved_takes_no_part(play):
+def test_an_actor_without_the_moved_state_takes_no_part(play):
     played = play(point(), TRUCK)
     played.run(5.0, (at("truck", 0.0),))
     assert played.events == []
     assert played.state.resources == {"demand": 250.0}
 
 
-def test_one_state_in_two_units_is_the_authors_mistake(instance_of):
+def test_one_state_in_two_units_is_a_usage_error(instance_of):
     for own in ({"source": "weight"}, {"up_to": "seats"}):
         named = target("crate", act("load", "road", 9.0, gives="load", **own), state=("weight",), weight=5.0)
         with pytest.raises(UsageError, match="`load` of `crate` moves `load` of `van\\[1\\]` in different units"):

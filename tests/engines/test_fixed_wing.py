@@ -45,7 +45,7 @@ def speeds(play):
 
 
 @pytest.mark.parametrize(("height_m", "status"), [(1.4, "grounded"), (2.3, "grounded"), (12.0, "loitering")])
-def test_what_begins_off_a_surface_flies(fly, height_m, status):
+def test_an_aircraft_that_starts_in_the_air_flies(fly, height_m, status):
     play = fly(wing(position=(0.0, 0.0, -3.5 + height_m)))
     play.run(20.0)
     assert play.state.status == status and not play.events
@@ -100,7 +100,7 @@ def test_wind_does_not_carry_it_off_its_circle(fly, turbulence):
     assert min(away) > guidance.circle_radius(40.0) - 90.0
 
 
-def test_a_parked_aircraft_is_shot_into_the_air_by_its_first_destination(fly, quay):
+def test_a_parked_aircraft_is_launched_by_its_first_destination(fly, quay):
     play = fly(wing(position=(0.0, 0.0, 1.9)), city=quay)
     assert play.state.status == "grounded"
     assert play.run(10.0).states[0].position == (0.0, 0.0, 1.9)
@@ -171,7 +171,7 @@ def test_flying_into_a_tower_names_the_building(fly, quay):
     assert play.state.status == "dead"
 
 
-def test_a_body_in_its_way_is_hit_and_one_that_is_gone_is_not(fly):
+def test_a_body_in_its_way_is_hit_and_an_absent_one_is_not(fly):
     bus = BodyState(id="traffic/3", kind="bus", position=(0.0, 300.0, 298.5), heading_deg=90.0)
     for status, hits in (("", [("wing[1]", "traffic/3")]), ("dormant", [])):
         play = fly()
@@ -200,7 +200,7 @@ def test_two_that_meet_both_fall(fly):
         ("setDestination", {"x": 1e7, "y": 0.0, "z": 300.0}, "fuel"),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_a_reason(fly, quay, verb, arguments, reason):
+def test_impossible_commands_are_refused_with_a_reason(fly, quay, verb, arguments, reason):
     receipt = fly(city=quay).command("wing[1]", verb, **arguments)
     assert (receipt.status, receipt.reason) == ("rejected", reason)
     assert receipt.detail and receipt.by == "plane"

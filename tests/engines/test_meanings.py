@@ -46,7 +46,7 @@ def test_every_property_that_an_engine_reads_is_on_the_page():
         ("rescue", "", False, "cleared", True),
     ],
 )
-def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard, word, absent):
+def test_an_entity_aboard_is_absent_for_every_status_word(name, status, aboard, word, absent):
     done = InteractionSpec(name=name, by="vessel", within_m=50.0, status=status, aboard=aboard)
     target = Entity(
         id="v",
@@ -61,7 +61,7 @@ def test_who_is_aboard_is_gone_whatever_the_author_calls_it(name, status, aboard
     assert is_absent(BodyState(id="v", position=(0.0, 0.0, 0.0), status=word), target) is absent
 
 
-def test_what_only_gives_is_never_served():
+def test_a_target_that_only_gives_is_never_served():
     """An open warehouse is not a served warehouse."""
     restock = InteractionSpec(name="restock", by="road", within_m=50.0, gives="load", up_to="payload", status="open")
     deliver = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load", status="settled")

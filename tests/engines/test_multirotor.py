@@ -207,7 +207,7 @@ def test_it_comes_down_on_a_roof_and_not_through_it(fly, quay):
         ("takeoff", {"altitude": 0.0}, "bad_argument"),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_a_reason(fly, quay, verb, arguments, reason):
+def test_impossible_commands_are_refused_with_a_reason(fly, quay, verb, arguments, reason):
     receipt = fly(city=quay).command("uav[1]", verb, **arguments)
     assert (receipt.status, receipt.reason) == ("rejected", reason)
     assert receipt.detail
@@ -358,7 +358,7 @@ def test_it_starts_from_a_roof_and_comes_down_on_one_softly(fly, street):
     ("height_m", "status"),
     [(0.2, "grounded"), (1.1, "grounded"), (1.3, "hovering"), (5.0, "hovering"), (7.0, "hovering")],
 )
-def test_what_begins_off_a_surface_hovers(fly, street, height_m, status):
+def test_a_multirotor_that_starts_in_the_air_hovers(fly, street, height_m, status):
     """Regression: at 5 m over bare ground it was grounded in the air for the whole episode."""
     for x, surface_m in ((0.0, 0.9), (100.0, 60.0)):
         play = fly(city=street, position=(x, 0.0, surface_m + height_m))
@@ -496,7 +496,7 @@ def test_the_wind_changes_when_the_mission_says_and_not_before(player, instance_
     assert stormy > 1.05 * calm
 
 
-def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea):
+def test_a_load_reduces_speed_and_endurance(player, instance_of, uav, open_sea):
     def flight(load_kg):
         entity = msgspec.structs.replace(uav(position=(0.0, 0.0, 100.0), load_kg=load_kg), state=(LOAD,))
         play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
@@ -510,7 +510,7 @@ def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea)
     assert heavy[1] > 1.3 * light[1]
 
 
-def test_what_the_book_says_is_on_board_and_too_much_is_refused(player, instance_of, uav, open_sea):
+def test_the_load_follows_the_accounts_and_an_overload_is_refused(player, instance_of, uav, open_sea):
     entity = msgspec.structs.replace(uav(position=(0.0, 0.0, -3.0), load_kg=0.2), state=(LOAD,))
     play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
     depot = BodyState(id="depot", position=(0.0, 0.0, 0.0), resources={"load@uav[1]": 0.5, "load@uav[2]": 9.0})

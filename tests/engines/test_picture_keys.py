@@ -32,7 +32,7 @@ def engine() -> Iterator[CameraEngine]:
     camera.close()
 
 
-def furnish(engine: CameraEngine, weather: str) -> None:
+def set_scene(engine: CameraEngine, weather: str) -> None:
     others = (entity(name, kind, (0.0, 0.0, 0.0)) for name, kind in OTHERS)
     ready(engine, instance(*others, weather=WEATHERS[weather]))
 
@@ -63,7 +63,7 @@ def alike(first: Frame, second: Frame) -> bool:
 
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_pictures_with_equal_keys_are_equal(engine: CameraEngine, weather: str) -> None:
-    furnish(engine, weather)
+    set_scene(engine, weather)
     chance = random.Random(4)
 
     def somewhere(name: str) -> BodyState:
@@ -88,12 +88,12 @@ def test_pictures_with_equal_keys_are_equal(engine: CameraEngine, weather: str) 
 
 @pytest.fixture
 def scene(engine: CameraEngine) -> States:
-    furnish(engine, "noon")
+    set_scene(engine, "noon")
     far = {name: state(name, 3000.0, 3000.0) for name, _ in OTHERS}
     return {**far, "uav": state("uav", 0.0, 0.0, 60.0), "car": state("car", -20.0, 0.0)}
 
 
-def test_what_shows_is_part_of_the_key(engine: CameraEngine, scene: States) -> None:
+def test_visible_changes_are_part_of_the_key(engine: CameraEngine, scene: States) -> None:
     before = key(engine, "nadir", scene)
     assert before == key(engine, "nadir", scene)
     for changed in (
@@ -109,7 +109,7 @@ def test_what_shows_is_part_of_the_key(engine: CameraEngine, scene: States) -> N
     assert key(engine, "front", scene) != before
 
 
-def test_what_is_elsewhere_is_not(engine: CameraEngine, scene: States) -> None:
+def test_changes_out_of_sight_are_no_part_of_the_key(engine: CameraEngine, scene: States) -> None:
     before = key(engine, "nadir", scene)
     for changed in (state("dog", -900.0, 0.0), state("boat", 900.0, -100.0, velocity=(6.0, 0.0, 0.0))):
         assert key(engine, "nadir", {**scene, changed.id: changed}) == before

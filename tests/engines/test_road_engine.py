@@ -118,7 +118,7 @@ def mission(
     return bare_instance(entities, scene=scene, clock=Clock(tick_s=10.0, sync_s=sync_s), events=events)
 
 
-def nobody(time_s: float) -> Sequence[BodyState]:
+def no_mirrors(time_s: float) -> Sequence[BodyState]:
     return ()
 
 
@@ -155,7 +155,7 @@ class Play:
         (receipt,) = self.engine.submit((command,))
         return receipt
 
-    def step(self, mirrors: Mirrors = nobody) -> Boundary:
+    def step(self, mirrors: Mirrors = no_mirrors) -> Boundary:
         seen = mirrors(self.time_s)
         self.steps += 1
         self.boundary = self.engine.advance(self.time_s, seen)
@@ -165,12 +165,12 @@ class Play:
         self.routes += self.boundary.routes
         return self.boundary
 
-    def run(self, seconds: float, mirrors: Mirrors = nobody) -> Boundary:
+    def run(self, seconds: float, mirrors: Mirrors = no_mirrors) -> Boundary:
         for _ in range(round(seconds / self.sync_s)):
             self.step(mirrors)
         return self.boundary
 
-    def until_ended(self, request: str, limit_s: float = 200.0, mirrors: Mirrors = nobody) -> Receipt:
+    def until_ended(self, request: str, limit_s: float = 200.0, mirrors: Mirrors = no_mirrors) -> Receipt:
         while self.time_s < limit_s:
             for receipt in self.step(mirrors).receipts:
                 if receipt.request == request and receipt.status != "running":
@@ -529,7 +529,7 @@ def test_lane_changes_are_motion(play: Start) -> None:
 # -- standing in the way
 
 
-def test_who_is_waited_for_makes_room(play: Start, city: City) -> None:
+def test_a_vehicle_that_blocks_others_makes_room(play: Start, city: City) -> None:
     played = play([vehicle("van", position=(60.0, -1.65)), vehicle("first", position=(100.0, -1.65))], city)
     drive = played.command("setDestination", x=350.0, y=-1.65)
     assert played.until_ended(drive.request, 90.0).status == "completed"
@@ -563,7 +563,7 @@ def corners(state: BodyState, size: Size) -> shapely.Polygon:
     return shapely.box(x - length, y - width, x + length, y + width)
 
 
-def test_who_has_arrived_leaves_the_lane_to_others(play: Start, city: City) -> None:
+def test_an_arrived_vehicle_leaves_the_lane(play: Start, city: City) -> None:
     first = vehicle("first", "truck", position=(100.0, -1.65))
     played = play([first, vehicle("second", "bus", position=(60.0, -1.65))], city)
     played.until_ended(played.command("setDestination", "first", x=300.0, y=-1.65).request)
@@ -592,7 +592,7 @@ def test_two_sent_to_one_place_leave_it_in_either_order(play: Start, city: City,
     assert not any(event.kind == "collided" for event in played.events)
 
 
-def test_who_was_halted_beside_a_parked_one_moves_up_and_lets_it_out(play: Start, city: City) -> None:
+def test_a_vehicle_halted_beside_a_parked_one_moves_up(play: Start, city: City) -> None:
     played = play([vehicle("first"), vehicle("second", position=(60.0, -1.65))], city)
     played.until_ended(played.command("setDestination", "first", x=300.0, y=-1.65).request)
     played.command("setDestination", "second", x=700.0, y=-1.65)
@@ -606,7 +606,7 @@ def test_who_was_halted_beside_a_parked_one_moves_up_and_lets_it_out(play: Start
     assert not any(event.kind == "collided" for event in played.events)
 
 
-def test_who_pulls_out_waits_for_who_comes_around_the_corner(play: Start, city: City) -> None:
+def test_a_vehicle_that_pulls_out_waits_for_traffic_around_the_corner(play: Start, city: City) -> None:
     played = play([vehicle("first"), vehicle("second", position=(120.0, -1.65))], city)
     played.until_ended(played.command("setDestination", "first", x=215.0, y=-1.65).request)
     played.command("setDestination", "second", x=700.0, y=-1.65)
@@ -620,7 +620,7 @@ def test_who_pulls_out_waits_for_who_comes_around_the_corner(play: Start, city: 
     assert where(played.boundary.states[1])[0] > where(played.boundary.states[0])[0]
 
 
-def test_who_is_parked_where_it_is_sent_stays(play: Start, city: City) -> None:
+def test_a_vehicle_parked_at_its_destination_stays(play: Start, city: City) -> None:
     played = play([vehicle()], city)
     played.until_ended(played.command("setDestination", x=350.0, y=-1.65).request)
     there, odometer = where(played.state), played.state.resources["odometer_m"]
@@ -721,7 +721,7 @@ def test_a_parked_truck_is_not_driven_through(play: Start, city: City) -> None:
     assert not any(event.kind == "collided" for event in played.events)
 
 
-def test_what_flies_or_floats_is_no_obstacle(play: Start, city: City) -> None:
+def test_aircraft_and_vessels_are_no_obstacles(play: Start, city: City) -> None:
     others = [other("uav", "quadrotor", "multirotor"), other("boat", "lifeboat", "vessel")]
     played = play([vehicle(), *others], city)
     uav = BodyState(id="uav", position=(170.0, -1.65, 20.0))

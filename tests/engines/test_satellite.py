@@ -90,7 +90,7 @@ def test_velocity_is_the_rate_of_the_position():
     assert [(b - a) / 2.0 for a, b in zip(before, after, strict=True)] == approx(velocity, abs=1e-4)
 
 
-def test_what_stands_over_a_place_is_in_its_zenith():
+def test_a_point_above_a_place_is_at_its_zenith():
     place = Horizon.at(31.0, 121.5)
     above = tuple(p + 500.0 * u for p, u in zip(place.place, place.up, strict=True))
     assert place.relative(above) == approx((0.0, 0.0, 500.0), abs=1e-9)
@@ -207,13 +207,13 @@ def test_the_next_pass_of_the_station_is_where_its_elevation_says(watch):
         ({"epoch": "next Tuesday"}, "`next Tuesday` is no epoch"),
     ],
 )
-def test_elements_and_dates_that_are_none_are_named(watch, wrong, words):
+def test_invalid_elements_and_dates_are_named(watch, wrong, words):
     with pytest.raises(UsageError, match=words) as caught:
         watch(satellite(**wrong))
     assert caught.value.hint
 
 
-def test_how_time_is_cut_changes_nothing(watch):
+def test_the_division_into_intervals_does_not_matter(watch):
     whole, half = watch(sync_s=1.0), watch(sync_s=0.5)
     whole.run(250.0)
     half.run(250.0)

@@ -69,9 +69,7 @@ def test_the_index_is_reserved_whole(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert status.st_blocks * 512 >= status.st_size, "every block is there"
 
 
-def test_a_folder_of_the_users_is_kept_and_one_that_cannot_be_used_is_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_users_folder_is_used_unless_it_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MESA_SHADER_CACHE_DISABLE", "")
     monkeypatch.setenv("MESA_SHADER_CACHE_DIR", str(tmp_path / "own"))
     context.place_shader_cache()

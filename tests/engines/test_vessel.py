@@ -111,7 +111,7 @@ def test_a_second_order_is_busy_and_stop_pre_empts(sail):
         ("takeoff", {}, "unknown_verb"),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_a_reason(sail, quay, verb, arguments, reason):
+def test_impossible_commands_are_refused_with_a_reason(sail, quay, verb, arguments, reason):
     receipt = sail(city=quay, position=(0.0, -100.0, -3.5)).command("boat", verb, **arguments)
     assert (receipt.status, receipt.reason) == ("rejected", reason)
     assert receipt.detail

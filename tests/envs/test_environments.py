@@ -56,7 +56,7 @@ def test_seeds_repeat(short: str) -> None:
         each.close()
 
 
-def test_what_is_shown_and_taken_lies_in_the_spaces(env: LingjingParallelEnv) -> None:
+def test_observations_and_actions_lie_in_the_spaces(env: LingjingParallelEnv) -> None:
     observations, _ = env.reset(seed=3)
     assert list(observations) == env.possible_agents
     score = 0.0
@@ -84,7 +84,7 @@ def test_a_command_and_a_message_arrive(env: LingjingParallelEnv) -> None:
 
 
 @pytest.mark.parametrize(("mode", "agent"), [("broadcast", "skipper"), ("star", "commander")])
-def test_gymnasium_makes_it_and_finds_nothing_wrong(short: str, mode: str, agent: str) -> None:
+def test_gymnasiums_checker_accepts_the_environment(short: str, mode: str, agent: str) -> None:
     """The check runs for an agent with a body and for an agent that only coordinates."""
     made = gymnasium.make(
         f"lingjing/ssr-{mode}-v0", agent=agent, others="random", mission=short, world="inline", picture_width=0
@@ -122,7 +122,7 @@ WRONG = (
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=str)
-def test_an_action_that_is_none_is_a_usage_error(wrong: object, env: LingjingParallelEnv) -> None:
+def test_an_invalid_action_is_a_usage_error(wrong: object, env: LingjingParallelEnv) -> None:
     space = env.action_space("skipper")
     fine = {**space.sample(), "command": 1, "message": 1, "to": 0}
     observations, _ = env.reset(seed=3)
@@ -207,7 +207,7 @@ def test_a_vector_runs_in_processes(short: str) -> None:
         made.close()
 
 
-def test_what_a_vehicle_carries_is_observed() -> None:
+def test_the_load_of_a_vehicle_is_observed() -> None:
     """States have the declared name (`load`), whatever the name in the graph is (`load_kg`)."""
     env = parallel_env("cd", mode="star", settings={"points": 5.0}, picture_width=0)
     try:

@@ -1,6 +1,6 @@
-"""Meshes of buildings: walls, whose windows a shader draws, and roofs.
+"""Meshes of buildings: walls, on which a shader draws windows, and roofs.
 
-A wall carries its facade as numbers (`Facade`): the width of a bay, the height of a storey, and the share of glass
+A wall carries its facade as numbers (`_Facade`): the width of a bay, the height of a storey, and the share of glass
 across and up. The shader draws the windows, so a tower has as few triangles as a hut. `colour.a` of a wall is its
 gloss. `layer` of a wall holds the seed of the building, because walls need no layer.
 """
@@ -34,7 +34,7 @@ from lingjing.scene.city import Building
 
 
 @dataclass(frozen=True, slots=True)
-class Facade:
+class _Facade:
     """The pattern of a wall."""
 
     bay_m: float
@@ -45,12 +45,12 @@ class Facade:
     """Share of a storey's height that is glass, 0..1."""
 
 
-FACADES: dict[str, Facade] = {
-    "punched": Facade(3.2, 0.44, 0.50),
-    "ribbon": Facade(6.0, 0.97, 0.46),
-    "curtain": Facade(1.6, 0.90, 0.86),
-    "blank": Facade(8.0, 0.0, 0.0),
-    "industrial": Facade(5.0, 0.62, 0.20),
+FACADES: dict[str, _Facade] = {
+    "punched": _Facade(3.2, 0.44, 0.50),
+    "ribbon": _Facade(6.0, 0.97, 0.46),
+    "curtain": _Facade(1.6, 0.90, 0.86),
+    "blank": _Facade(8.0, 0.0, 0.0),
+    "industrial": _Facade(5.0, 0.62, 0.20),
 }
 """Facades by name; dimensions are chosen."""
 

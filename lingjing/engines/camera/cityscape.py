@@ -21,6 +21,7 @@ from lingjing.engines.camera import programs
 from lingjing.engines.camera.classes import FIRST_ENTITY
 from lingjing.engines.camera.culling import ShadowWindow, boxes_in_sight, distances, light_matrix, near_plane
 from lingjing.engines.camera.effects import SHOWING, TownChanges
+from lingjing.engines.camera.far_country import build_far_country
 from lingjing.engines.camera.instances import Batch, prop_batches
 from lingjing.engines.camera.lamps import lamp_heads
 from lingjing.engines.camera.light import Light
@@ -29,7 +30,6 @@ from lingjing.engines.camera.mesh_rows import LAYOUT, MeshPart, VertexIndex, emp
 from lingjing.engines.camera.road_meshes import middles_of
 from lingjing.engines.camera.skyline import Skyline, build_skyline, with_tiles
 from lingjing.engines.camera.structure_meshes import GroundBelow
-from lingjing.engines.camera.surroundings import build_surroundings
 from lingjing.engines.camera.tile_mesh import CASTERS, TileMesh, crossings_of, mesh_tile
 from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.engines.camera.view import MAPPED_FROM, TownView, choose
@@ -40,7 +40,7 @@ from lingjing.scene.tiles import TileKey, Tiles
 from lingjing.trace.records import CameraPose
 
 KEPT_TILES, KEPT_PIECES = 48, 12
-"""Tiles that stay ready to draw, and tiles whose city data stay in memory to build further ones (chosen)."""
+"""Tiles that stay ready to draw, and tiles with city data in memory to build further ones (chosen)."""
 WARM_M = 400.0
 """Distance from a place within which tiles are loaded before the first picture, metres (chosen)."""
 ALOFT_M, TOUCHING_M = 5.0, 0.8
@@ -98,7 +98,7 @@ class Mode(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class UploadedPart:
+class _UploadedPart:
     """A part of a mesh on the GPU."""
 
     buffers: tuple[moderngl.Buffer, ...]
@@ -121,12 +121,12 @@ class UploadedPart:
 
 
 @dataclass(frozen=True, slots=True)
-class LoadedTile:
+class _LoadedTile:
     """A tile that is ready to draw."""
 
     mesh: TileMesh
     """Boxes and extent of the tile; its vertices are in `sheets`."""
-    sheets: Mapping[str, UploadedPart]
+    sheets: Mapping[str, _UploadedPart]
     """Parts on the GPU, by material."""
     walls: Walls | None
     """Walls and their planes, for their order; None without walls."""
@@ -152,7 +152,7 @@ class Cityscape:
         self._cache = MeshCache(city)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
-        self._residents: OrderedDict[tuple[TileKey, int], LoadedTile] = OrderedDict()
+        self._residents: OrderedDict[tuple[TileKey, int], _LoadedTile] = OrderedDict()
         self._differing: tuple[frozenset[TileKey], ...] = (frozenset(),)
         self.variant = 0
         self.town_ground = build_town_ground(city)
@@ -162,8 +162,8 @@ class Cityscape:
         self._ground = self._upload("ground", self.town_ground.ground, casts=False)
         self._quays = self._upload("plain", self.town_ground.quays, casts=False)
         self._lands = self._upload("paving", self.town_ground.lands, casts=False)
-        self.surroundings = build_surroundings(city, self.town_ground)
-        self._far_lands = self._upload("paving", self.surroundings.lands, casts=False)
+        self.far_country = build_far_country(city, self.town_ground)
+        self._far_lands = self._upload("paving", self.far_country.lands, casts=False)
         self._map = context.texture(self._skyline.map.shape[1::-1], 3, self._skyline.map.tobytes())
         self._map.repeat_x = self._map.repeat_y = False
         self._map.build_mipmaps()
@@ -177,16 +177,20 @@ class Cityscape:
         self.shade_matrix = np.eye(4)
         self.light_uniform: tuple[float, ...] = ()
 
-    def vary(self, variants: tuple[TownChanges, ...]) -> None:
+    def set_variants(self, variants: tuple[TownChanges, ...]) -> None:
         """Take over the changes of a mission; tiles that may have changed are built again.
 
         The first variant is drawn, or the one of the index in the attribute `variant`.
         """
         old, self._variants, self.variant = self._variants, variants, 0
-        if [(d.tiles, d.faced) for d in old] == [(d.tiles, d.faced) for d in variants]:
+        if [(d.tiles, d.entity_buildings) for d in old] == [(d.tiles, d.entity_buildings) for d in variants]:
             return
         for key, number in list(self._residents):
-            if number or old[0].faced != variants[0].faced or key in {*old[0].tiles, *variants[0].tiles}:
+            if (
+                number
+                or old[0].entity_buildings != variants[0].entity_buildings
+                or key in {*old[0].tiles, *variants[0].tiles}
+            ):
                 self._drop(self._residents.pop((key, number)))
         self._shade_is = None
         keys = {key for d in variants for key in (*d.tiles, *d.places.values())}
@@ -194,7 +198,7 @@ class Cityscape:
             frozenset(key for key in keys if d.content(key) != variants[0].content(key)) for d in variants
         )
 
-    def furnish(self, city: City, under: GroundBelow) -> None:
+    def replace_props(self, city: City, under: GroundBelow) -> None:
         """Take over a city that differs from the present one only in its props, which are in no mesh.
 
         Its pictures are those of a `Cityscape` that was built for that city.
@@ -208,8 +212,8 @@ class Cityscape:
             if number or key in changed or key not in self._number:
                 self._drop(self._residents.pop((key, number)))
             elif (tile := tiles.load(key)).props != old.load(key).props:
-                self._residents[key, number] = LoadedTile(
-                    resident.mesh, resident.sheets, resident.walls, *_furniture(tile)
+                self._residents[key, number] = _LoadedTile(
+                    resident.mesh, resident.sheets, resident.walls, *_props_of(tile)
                 )
 
     # -- choosing
@@ -241,7 +245,7 @@ class Cityscape:
             others_m = max(others_m, TOUCHING_M)
         return near_plane(pose, min(self._closest(view.full, pose), others_m))
 
-    def resident(self, key: TileKey) -> LoadedTile:
+    def resident(self, key: TileKey) -> _LoadedTile:
         """Return a tile, loaded if it was not."""
         slot = key, self.variant if key in self._differing[self.variant] else 0
         loaded = self._residents.get(slot)
@@ -264,27 +268,27 @@ class Cityscape:
         while len(self._residents) > KEPT_TILES:
             self._drop(self._residents.popitem(last=False)[1])
 
-    def _drop(self, resident: LoadedTile) -> None:
+    def _drop(self, resident: _LoadedTile) -> None:
         for sheet in resident.sheets.values():
             sheet.release()
 
-    def _ready(self, key: TileKey) -> LoadedTile:
-        changed, faced = self._variants[self.variant].content(key)
+    def _ready(self, key: TileKey) -> _LoadedTile:
+        changed, entity_buildings = self._variants[self.variant].content(key)
         pieces: Pieces = changed or self.tiles.load(key)
-        is_unchanged = changed is None and not faced
-        meshed = partial(self._meshed, key, pieces, faced)
+        is_unchanged = changed is None and not entity_buildings
+        meshed = partial(self._meshed, key, pieces, entity_buildings)
         mesh = self._cache.tile(key, meshed) if is_unchanged else meshed()
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
         walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
-        return LoadedTile(bare, sheets, walls, *_furniture(pieces))
+        return _LoadedTile(bare, sheets, walls, *_props_of(pieces))
 
-    def _meshed(self, key: TileKey, pieces: Pieces, faced: Mapping[str, int]) -> TileMesh:
+    def _meshed(self, key: TileKey, pieces: Pieces, entity_buildings: Mapping[str, int]) -> TileMesh:
         near = self._around(key)
         crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
         ways = tuple(road for tile in near for road in tile.roads)
-        drawn_as = {building: FIRST_ENTITY + number for building, number in faced.items()}
+        drawn_as = {building: FIRST_ENTITY + number for building, number in entity_buildings.items()}
         return mesh_tile(pieces, crossings, drawn_as, self._under, middles_of(ways))
 
     def _around(self, key: TileKey) -> tuple[Tile, ...]:
@@ -407,7 +411,7 @@ class Cityscape:
         self._context.disable(moderngl.CULL_FACE)
 
     def _draw(
-        self, sheets: Mapping[str, UploadedPart], name: str, mode: Mode, one_sided: bool, count: int = -1
+        self, sheets: Mapping[str, _UploadedPart], name: str, mode: Mode, one_sided: bool, count: int = -1
     ) -> None:
         if name in sheets and count:
             if one_sided:
@@ -416,7 +420,7 @@ class Cityscape:
                 self._context.disable(moderngl.CULL_FACE)
             sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
 
-    def _draw_walls(self, sheet: UploadedPart, index: VertexIndex, lit: int, seen: int, mode: Mode) -> None:
+    def _draw_walls(self, sheet: _UploadedPart, index: VertexIndex, lit: int, seen: int, mode: Mode) -> None:
         self._one_sided()
         sheet.buffers[1].write(index.tobytes())
         if not mode.sunlit:
@@ -467,15 +471,15 @@ class Cityscape:
             )
         return self._programs[name, mode]
 
-    def _upload(self, name: str, part: MeshPart, casts: bool) -> UploadedPart:
+    def _upload(self, name: str, part: MeshPart, casts: bool) -> _UploadedPart:
         if not len(part.index):
-            return UploadedPart((), {}, None, 0)
+            return _UploadedPart((), {}, None, 0)
         vertices, index = self._context.buffer(part.vertices.tobytes()), self._context.buffer(part.index.tobytes())
         cast = None
         if casts:
             layout = _layout(self._caster)
             cast = self._context.vertex_array(self._caster, [(vertices, *layout)], index, 4)
-        return UploadedPart((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
+        return _UploadedPart((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
 
     def array_of(
         self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, mode: Mode
@@ -498,8 +502,8 @@ class _Lit(dict[Mode, moderngl.VertexArray]):
         return self[key]
 
 
-def _furniture(pieces: Pieces) -> tuple[tuple[Batch, ...], tuple[Prop, ...], npt.NDArray[np.float64]]:
-    """Return the props of a tile for a `LoadedTile`: batches, props with effects, positions of lamps."""
+def _props_of(pieces: Pieces) -> tuple[tuple[Batch, ...], tuple[Prop, ...], npt.NDArray[np.float64]]:
+    """Return the props of a tile for a `_LoadedTile`: batches, props with effects, positions of lamps."""
     lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
     return prop_batches(pieces), lively, lamp_heads(pieces.props)
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.classes import FIRST_ENTITY
-from lingjing.engines.camera.targets import PixelRect
+from lingjing.engines.camera.render_targets import PixelRect
 from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.trace.records import Box, CameraPose
 
@@ -28,7 +28,7 @@ defines visibility in this way (WMO-No. 8, meteorological optical range).
 """
 
 
-def judged(
+def split_by_contrast(
     boxes: Sequence[Box],
     numbers: dict[str, int],
     rgb: npt.NDArray[np.uint8],
@@ -74,7 +74,7 @@ def pixels_of(boxes: Iterable[Box], width: int, height: int) -> PixelRect:
     return left, top, right - left, low - top
 
 
-def spanned(volume: tuple[float, float, float, float, float, float], pose: CameraPose) -> PixelRect | None:
+def projected_rect(volume: tuple[float, float, float, float, float, float], pose: CameraPose) -> PixelRect | None:
     """Return the rectangle of a picture that can show a part of a box in the world.
 
     It is the whole picture if the box comes close to the plane of the lens, and None if no part is in sight.
@@ -95,7 +95,7 @@ def spanned(volume: tuple[float, float, float, float, float, float], pose: Camer
     return (left, top, end - left, foot - top) if left < end and top < foot else None
 
 
-def around(places: Iterable[PixelRect]) -> PixelRect | None:
+def bounding_rect(places: Iterable[PixelRect]) -> PixelRect | None:
     """Return the smallest rectangle around all rectangles; None without any."""
     known = list(places)
     if not known:
@@ -105,4 +105,4 @@ def around(places: Iterable[PixelRect]) -> PixelRect | None:
     return left, top, right - left, low - top
 
 
-__all__ = ["LEAST_CONTRAST", "around", "contrast", "judged", "pixels_of", "spanned"]
+__all__ = ["LEAST_CONTRAST", "bounding_rect", "contrast", "pixels_of", "projected_rect", "split_by_contrast"]

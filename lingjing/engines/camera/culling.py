@@ -14,8 +14,8 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.engines.camera.far_country import HIGH_M
 from lingjing.engines.camera.meshes import vector_of
-from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
@@ -65,7 +65,7 @@ def full_reach(pose: CameraPose, visibility_m: float) -> float:
 def blunt_from(reach_m: float) -> tuple[float, float]:
     """Return the distances (m) from which full tiles show no grain, and far blocks no windows.
 
-    They are infinite for a picture whose reach is not beyond the least distance.
+    They are infinite for a picture with a reach up to the least distance.
     """
     return (SHARP_M, SHARP_FAR_M) if reach_m > SHARP_M else (np.inf, np.inf)
 

@@ -26,20 +26,20 @@ from lingjing.engines.camera.culling import blunt_from, near_plane, sky_bounds
 from lingjing.engines.camera.effects import TownChanges, prop_effects
 from lingjing.engines.camera.effects.drawing import EffectPass
 from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Rows
+from lingjing.engines.camera.far_country import HIGH_M
 from lingjing.engines.camera.ground import Ground, LandSurface
 from lingjing.engines.camera.instances import Batch, afloat, in_sight, visible
 from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
-from lingjing.engines.camera.mesh_cache import kept_texture
+from lingjing.engines.camera.mesh_cache import cached_texture
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, noise_texture
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.engines.camera.programs import build, source
 from lingjing.engines.camera.prop_groups import MergedProps, looks_of, merged
 from lingjing.engines.camera.reduced_meshes import reduced
+from lingjing.engines.camera.render_targets import MAX_TARGETS, Buffers, PixelRect, Target, overlap
 from lingjing.engines.camera.structure_meshes import GroundBelow
-from lingjing.engines.camera.surroundings import HIGH_M
-from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, PixelRect, Target, overlap
 from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
 from lingjing.engines.camera.view import TownView
 from lingjing.engines.camera.water_pass import WaterPass
@@ -83,7 +83,7 @@ class Scenery:
     decals: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, DECAL))
     """Rows of `DECAL`."""
     variant: int = 0
-    """Index of the town's variant that it shows (`Cityscape.vary`)."""
+    """Index of the town's variant that it shows (`Cityscape.set_variants`)."""
 
 
 class Renderer:
@@ -110,11 +110,11 @@ class Renderer:
         self._corners = self.context.buffer(corners.tobytes())
         self._water = WaterPass(self.context, corners)
         self._noise = mipmapped(self.context, noise_texture())
-        grain = kept_texture("grain", grain_texture)
+        grain = cached_texture("grain", grain_texture)
         self._grains = {
             name: mipmapped(self.context, np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()
         }
-        self._clouds = mipmapped(self.context, kept_texture("clouds", cloud_texture))
+        self._clouds = mipmapped(self.context, cached_texture("clouds", cloud_texture))
         self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         self._below_vao = self.context.vertex_array(self._below, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
@@ -146,22 +146,22 @@ class Renderer:
         self._water.load(ground)
         self._level = ground.level_m
 
-    def vary(self, *variants: TownChanges) -> None:
+    def set_variants(self, *variants: TownChanges) -> None:
         """Take over the changes of a mission to a town: the variant that pictures show, then those for `redraw`."""
         if self._town is not None:
             with self.context:
-                self._town.vary(variants)
+                self._town.set_variants(variants)
 
-    def furnish(self, city: City, under: GroundBelow) -> None:
+    def replace_props(self, city: City, under: GroundBelow) -> None:
         """Take over a town that differs from the loaded one only in its props."""
         assert self._town is not None
         with self.context:
-            self._town.furnish(city, under)
+            self._town.replace_props(city, under)
 
     def _load_town(self, city: City, under: GroundBelow) -> None:
         self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
-        self._water.load_lakes(self._town.town_ground.waters, self._town.surroundings.waters)
+        self._water.load_lakes(self._town.town_ground.waters, self._town.far_country.waters)
 
     def _shaded_land(self, old: Model, land: LandSurface) -> Model:
         old.release()
@@ -270,7 +270,7 @@ class Renderer:
         weather = light.rain > 0.0, light.lamps
         if self._town is not None and view is not None:
             self._town.structures(view, pose.position, *weather)
-            self._stand(pose, view)
+            self._draw_props(pose, view)
         for land, model in self._surfaces:
             _draw_land(land, model, pose)
         for model in self._solids:
@@ -278,17 +278,17 @@ class Renderer:
         if self._town is not None and view is not None:
             self._town.floors(view, *weather)
         self._water.draw(sea=self._has_sea, high=pose.position[2] > HIGH_M)
-        self._heavens(target, pose, place)
+        self._draw_sky(target, pose, place)
         if pose.position[2] > HIGH_M:
             self._below_vao.render()
-        scenery = self._enlivened(scenery, view, pose, light)
+        scenery = self._with_prop_effects(scenery, view, pose, light)
         drawn = self._fill(pose, scenery, light)
         self._blend(target, drawn, scenery, light)
         for model, _, count in drawn:
             if count:
                 model.lit.render(instances=count)
         self._effects.bodies(scenery.billboards)
-        self._air(target, pose, scenery, light)
+        self._draw_air(target, pose, scenery, light)
         target.frame.scissor = None  # type: ignore[assignment] # the whole picture
         if self._town is not None:
             self._town.trim()
@@ -299,7 +299,7 @@ class Renderer:
         """True if there is open water; a town may have none."""
         return self._town is None or self._town.town_ground.sea is not None
 
-    def _heavens(self, target: Target, pose: CameraPose, place: PixelRect | None) -> None:
+    def _draw_sky(self, target: Target, pose: CameraPose, place: PixelRect | None) -> None:
         """Draw the sky in the part of the picture that can show it; below, all is ground or water."""
         shown = sky_bounds(pose, self._level)
         if shown is not None and place is not None:
@@ -309,7 +309,7 @@ class Renderer:
             self._sky_vao.render()
             target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
 
-    def _air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
+    def _draw_air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
         """Draw smoke, mist, glow and rain. They write neither ids nor depth."""
         target.write(colour=True, alpha=False, rest=False)
         self._effects.clouds(scenery.billboards, pose.position)
@@ -320,7 +320,7 @@ class Renderer:
         self.context.enable_only(moderngl.DEPTH_TEST)
         target.write(colour=True, alpha=True, rest=True)
 
-    def _enlivened(self, scenery: Scenery, view: TownView | None, pose: CameraPose, light: Light) -> Scenery:
+    def _with_prop_effects(self, scenery: Scenery, view: TownView | None, pose: CameraPose, light: Light) -> Scenery:
         """Return the scenery with the effects of the tiles' props and, after dark, with their lamps."""
         if self._town is None or view is None:
             return scenery
@@ -331,7 +331,7 @@ class Renderer:
         return replace(
             scenery,
             billboards=np.concatenate(
-                [scenery.billboards, *(_soft(effects.billboards) for effects in effects_of_props), *lamps]
+                [scenery.billboards, *(_prop_billboards(effects.billboards) for effects in effects_of_props), *lamps]
             ),
             decals=np.concatenate([scenery.decals, *(effects.decals for effects in effects_of_props)]),
         )
@@ -359,7 +359,7 @@ class Renderer:
             caster = self._casting[key] = model, rows_array(self.context, self._tree_shade, model)
         return caster
 
-    def _stand(self, pose: CameraPose, view: TownView) -> None:
+    def _draw_props(self, pose: CameraPose, view: TownView) -> None:
         """Draw trees, lamps and other props of the tiles in sight; small plants have simpler meshes."""
         assert self._town is not None
         lump_m, _ = blunt_from(view.reach_m)
@@ -456,8 +456,7 @@ class Renderer:
         return {"u_floor": (*GROUND_FLOOR, 0.0), "u_floor_is": (0.0, float(CLASSES["grass"]))}
 
     def _fill(self, pose: CameraPose, scenery: Scenery, light: Light) -> list[tuple[Model, int, int]]:
-        """Return for each mesh: its model, the number of instances whose shadow may show, and how many of these are
-        visible.
+        """Return for each mesh: model, number of instances with visible shadows, and how many of these are visible.
 
         The visible ones come first in the model.
         """
@@ -571,7 +570,7 @@ def _closest(scenery: Scenery, pose: CameraPose) -> float:
     return max(nearest, 0.0)
 
 
-def _soft(rows: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+def _prop_billboards(rows: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
     """Return billboards of a prop; rows of a body get the id of props."""
     rows = rows.copy()
     rows["id"] *= CLASSES["prop"]

@@ -25,7 +25,7 @@ from lingjing.engines.camera.noise import noise_texture
 from lingjing.engines.camera.ocean import Ocean
 from lingjing.engines.camera.options import CameraOptions
 from lingjing.engines.camera.picture_keys import picture_key
-from lingjing.engines.camera.withheld import ALL, Shot, Withheld
+from lingjing.engines.camera.redaction import ALL, PictureRedaction, Shot
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.mission.instance_entities import DRAWN_MOST
@@ -40,7 +40,7 @@ from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt
 
 WARM_PLACES = 4
-"""Most places whose surroundings are loaded at a reset (chosen)."""
+"""Most places with tiles that are loaded at a reset (chosen)."""
 STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
 """A camera up to this deep in the ground is lifted by the second value above it, up to the third height; metres
 (chosen)."""
@@ -60,7 +60,7 @@ class CameraEngine:
         self._schedule: Schedule | None = None
         self._terrain: Terrain | None = None
         self._sites: dict[str, Site] = {}
-        self._withheld = Withheld(())
+        self._redaction = PictureRedaction(())
         self._seed = 0
         self._quality = JPEG_QUALITY
         self._states: dict[str, BodyState] = {}
@@ -78,12 +78,12 @@ class CameraEngine:
             raise InfrastructureError(f"the camera draws at most {DRAWN_MOST} entities, not {len(entities)}")
         if self._renderer is None:
             self._renderer = Renderer()
-        if city != self._city and not self._refurnish(self._renderer, city):
+        if city != self._city and not self._replace_props(self._renderer, city):
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
         self._quality = engine_options(CameraOptions, spec).quality
         self._oceans, self._schedule = {}, Schedule(spec.instance)
-        self._sites, self._withheld = {}, Withheld(entities)
+        self._sites, self._redaction = {}, PictureRedaction(entities)
         if self._terrain is not None:
             self._change_town(self._renderer, self._terrain, Tiles(city), entities)
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
@@ -138,11 +138,11 @@ class CameraEngine:
 
     def _change_town(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
         """Apply the entities' changes to the town: all of them, without hidden ones, and without targets."""
-        kept = self._withheld
+        kept = self._redaction
         whole = changes_of(tiles.near, terrain.surface, entities)
         public = changes_of(tiles.near, terrain.surface, entities, kept.hidden)
         bare = changes_of(tiles.near, terrain.surface, entities, kept.targets, razed=True)
-        renderer.vary(whole, public, bare)
+        renderer.set_variants(whole, public, bare)
         kept.note_changes((whole, public, bare), tiles.load, terrain.surface)
         self._sites = whole.sites
 
@@ -169,7 +169,7 @@ class CameraEngine:
         pose = self._seen_from(entity, camera)
         depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
         shot = Shot(pose, depth, semantic, partial(self._scenery, entity))
-        shown = self._withheld.take(self._renderer, shot)
+        shown = self._redaction.take(self._renderer, shot)
         info = FrameInfo(
             id=request.frame,
             entity=request.entity,
@@ -222,7 +222,7 @@ class CameraEngine:
             self._props = prop_batches(city)
         self._city = city
 
-    def _refurnish(self, renderer: Renderer, city: City) -> bool:
+    def _replace_props(self, renderer: Renderer, city: City) -> bool:
         """Take over a city that differs from the present one only in its props; return False for any other city.
 
         Floating props of a sea or harbour differ from episode to episode.
@@ -233,7 +233,7 @@ class CameraEngine:
             self._props = prop_batches(city)
         else:
             self._terrain = Terrain(city)
-            renderer.furnish(city, self._terrain.surface)
+            renderer.replace_props(city, self._terrain.surface)
         self._city = city
         return True
 

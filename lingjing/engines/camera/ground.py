@@ -63,7 +63,7 @@ HeightGrid = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class _Patch:
     """A piece of ground that is drawn or culled as a whole."""
 
     triangles: npt.NDArray[np.uint32]
@@ -82,7 +82,7 @@ class LandSurface:
     """Class id."""
     vertices: Mesh
     """Vertices (n, 10) as in `meshes`."""
-    patches: tuple[Patch, ...]
+    patches: tuple[_Patch, ...]
     """Patches."""
 
 
@@ -171,10 +171,10 @@ def _buried(city: City, land: Land) -> shapely.Geometry:
     return shapely.union_all(over)
 
 
-def _patch(vertices: Mesh, triangles: npt.NDArray[np.uint32]) -> Patch:
+def _patch(vertices: Mesh, triangles: npt.NDArray[np.uint32]) -> _Patch:
     points = vertices[np.unique(triangles), :3].astype(np.float64)
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    return Patch(triangles, centre, float(np.linalg.norm(points - centre, axis=1).max()))
+    return _Patch(triangles, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 
 
 def _prism(polygon: Polygon, base: float, top: float, colour: LinearRgb) -> Mesh:

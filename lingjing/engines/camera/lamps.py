@@ -53,7 +53,7 @@ def lamp_rows(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], d
 
 
 def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:
-    """Return head and tail lights of the bodies whose looks have them."""
+    """Return head and tail lights of the bodies with a look in `DRIVEN`."""
     rows = [_lights(state, SIZES.get(look, SIZES["car"])) for state, look in bodies if look in DRIVEN]
     return np.concatenate([billboards(np.zeros((0, 3)), 0.0, 0.0, 0.0), *rows])
 

@@ -75,7 +75,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
     day_haze = [c * (1.0 - cloud) + g * cloud for c, g in zip(clear, grey, strict=True)]
     glow = (0.75 * dusk, 0.36 * dusk, 0.14 * dusk)
     night_haze = (0.020, 0.024, 0.034)
-    gloom = 1.0 - 0.38 * rain_of(weather)
+    gloom = 1.0 - 0.38 * _rain_of(weather)
     haze = [d * (1.0 - dark) * gloom + n * dark + 0.7 * g for d, n, g in zip(day_haze, night_haze, glow, strict=True)]
     thin = min(1.0, AIR_M / max(height_m, 1.0)) * (1.0 - (1.0 - FROM_ORBIT) * _smooth(5e3, 5e4, height_m))
     return Light(
@@ -90,7 +90,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
         cloud=cloud,
         dark=dark,
         lamps=weather.sun_elevation_deg < LAMPS_DEG,
-        rain=rain_of(weather),
+        rain=_rain_of(weather),
         gloom=gloom,
         clear=1.0 - exp(-((max(weather.visibility_m, 1.0) / (FOG_BANK_M * thin)) ** 2)),
     )  # fmt: skip
@@ -102,7 +102,7 @@ def sun_direction(weather: Weather) -> LinearRgb:
     return sin(azimuth) * cos(elevation), cos(azimuth) * cos(elevation), sin(elevation)
 
 
-def rain_of(weather: Weather) -> float:
+def _rain_of(weather: Weather) -> float:
     """Return the strength of the rain, 0..1."""
     return min(max(weather.rain, 0.0), 1.0)
 

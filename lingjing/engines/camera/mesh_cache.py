@@ -91,7 +91,7 @@ class MeshCache:
             self._folder = None
 
 
-def kept_texture(name: str, make: Callable[[], Texture]) -> Texture:
+def cached_texture(name: str, make: Callable[[], Texture]) -> Texture:
     """Return a texture that depends only on the code and its libraries.
 
     It is the cached one, or that of `make`, which is then cached if possible.

@@ -1,8 +1,8 @@
 """The format of meshes of a static city: one vertex layout for all materials, in parts that one program draws.
 
 A vertex has a position, a normal and a colour. `at` is its place on the surface, metres along and across: up a wall,
-along a lane. `style` holds four numbers whose meaning depends on the material. `layer` orders coplanar surfaces: a
-higher one is in front. `id` is the drawn id. World coordinates, metres, linear colours.
+along a lane. `style` holds four numbers with a meaning that depends on the material. `layer` orders coplanar surfaces:
+a higher one is in front. `id` is the drawn id. World coordinates, metres, linear colours.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ def repainted(mesh: Mesh, colour: LinearRgb) -> Mesh:
 
 
 def torus(centre: Vector, radius: float, tube: float, colours: Sequence[LinearRgb], sides: int = 16) -> Mesh:
-    """Return a horizontal ring whose segments have the colours in turn."""
+    """Return a horizontal ring of segments that have the colours in turn."""
     parts = []
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     spine = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(sides + 1)], 1) + np.array(centre)

@@ -1,4 +1,4 @@
-"""GLSL programs from `shaders/*.glsl`, whose fragment shaders read no uniforms.
+"""GLSL programs from `shaders/*.glsl`, with fragment shaders that read no uniforms.
 
 `source` reads a file with its includes, after definitions of switches. A software renderer checks the bounds of every
 uniform that a fragment shader reads, in every pixel. This is half of the cost of a pixel of a street. So the vertex

@@ -27,7 +27,7 @@ SPECK_WIDER = 1.1
 """Factor of size that makes up for the area between the corners of eight faces (chosen)."""
 
 
-class Fineness(NamedTuple):
+class _Fineness(NamedTuple):
     """The fineness of a plant's simple mesh."""
 
     rows: int
@@ -40,10 +40,14 @@ class Fineness(NamedTuple):
     """True if it has a trunk."""
 
 
-SMALL, TINY, SPECK = Fineness(4, 7, 0.94, True), Fineness(3, 4, 0.94, False), Fineness(2, 4, 0.94 * SPECK_WIDER, False)
+SMALL, TINY, SPECK = (
+    _Fineness(4, 7, 0.94, True),
+    _Fineness(3, 4, 0.94, False),
+    _Fineness(2, 4, 0.94 * SPECK_WIDER, False),
+)
 
 
-def reduced(batch: Batch, fineness: Fineness = SMALL) -> Mesh | None:
+def reduced(batch: Batch, fineness: _Fineness = SMALL) -> Mesh | None:
     """Return a few triangles with the shape and colours of a plant; None for other or simple meshes."""
     if not plant(batch) or len(batch.mesh) < 240:
         return None
@@ -91,7 +95,7 @@ class _Key:
 
 
 @cache
-def _made(name: str, fineness: Fineness, key: _Key) -> Mesh:
+def _made(name: str, fineness: _Fineness, key: _Key) -> Mesh:
     points, colours = key.mesh[:, :3].astype(np.float64), key.mesh[:, 6:9].astype(np.float64)
     top = points[:, 2].max()
     crown = (colours[:, 1] > 1.15 * colours[:, 0]) if (colours[:, 1] > 1.15 * colours[:, 0]).any() else points[:, 2] > 0

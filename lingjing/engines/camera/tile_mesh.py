@@ -42,19 +42,19 @@ class TileMesh:
 def mesh_tile(
     pieces: Pieces,
     crossings: tuple[Polygon, ...],
-    faced: Mapping[str, int],
+    entity_buildings: Mapping[str, int],
     under: GroundBelow,
     middles: Middles | None = None,
 ) -> TileMesh:
     """Return the mesh of all static pieces of a tile.
 
-    `crossings` are the outlines of junctions with pedestrian crossings in and around it. `faced` holds the ids of
-    buildings that are drawn as an entity. `under` is the elevation of the ground. `middles` are the left edges of the
-    roads in and around it (`road_meshes`), by default those of its own roads.
+    `crossings` are the outlines of junctions with pedestrian crossings in and around it. `entity_buildings` holds the
+    ids of buildings that are drawn as an entity. `under` is the elevation of the ground. `middles` are the left edges
+    of the roads in and around it (`road_meshes`), by default those of its own roads.
     """
     middles = middles_of(pieces.roads) if middles is None else middles
     structure, concrete = _id("structure", "concrete"), CLASSES["concrete"]
-    built = [building(b, faced.get(b.id, _id("building", "structure"))) for b in pieces.buildings]
+    built = [building(b, entity_buildings.get(b.id, _id("building", "structure"))) for b in pieces.buildings]
     span = _id("bridge", "structure")
     others = [roof for _, roof, _ in built]
     others += [bridge(b, span, under) for b in pieces.bridges if len(b.path) > 1]

@@ -6,9 +6,9 @@ from math import hypot
 
 import numpy as np
 
+from lingjing.engines.camera.far_country import HIGH_M, SPAN_M
 from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.meshes import vector_of
-from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
 from lingjing.scene.camera_geometry import SPACE_M, camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 

@@ -77,7 +77,7 @@ def upload_still(
 ) -> Model:
     """Return a model of a mesh in world coordinates.
 
-    It has one instance, whose shadow falls on `plane` (m) and whose id is `number`.
+    It has one instance with the id `number`; its shadow falls on `plane` (m).
     """
     model = upload(context, programs, mesh, 1)
     model.place(row(matrix((0.0, 0.0, 0.0), 0.0, 0.0, 0.0), plane, number))

@@ -21,9 +21,9 @@ from lingjing.engines.camera.culling import (
     full_reach,
     shade_window,
 )
+from lingjing.engines.camera.far_country import HIGH_M
 from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.skyline import Skyline
-from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.engines.camera.town_ground import TownGround
 from lingjing.scene.camera_geometry import focal_px
 from lingjing.scene.tiles import TileKey

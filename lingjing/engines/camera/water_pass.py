@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.context import mipmapped
+from lingjing.engines.camera.far_country import SPAN_M
 from lingjing.engines.camera.ground import SHORE_REACH_M, Ground
 from lingjing.engines.camera.mesh_rows import MeshPart
 from lingjing.engines.camera.noise import lace_texture
 from lingjing.engines.camera.ocean import RIPPLE_M, SeaSurface
 from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.engines.camera.programs import build, source
-from lingjing.engines.camera.surroundings import SPAN_M
 from lingjing.scene.camera_geometry import focal_px
 from lingjing.trace.records import CameraPose
 
@@ -61,7 +61,7 @@ class WaterPass:
 
     @property
     def programs(self) -> tuple[moderngl.Program, ...]:
-        """Programs whose uniforms the owner sets before each picture."""
+        """Programs that need uniforms of the owner before each picture."""
         return self._near_sea, self._near_lake, self._far_sea, self._far_lake
 
     def load(self, ground: Ground) -> None:

@@ -144,7 +144,7 @@ class CityEngine:
     def _in_reach(self, target: CityTarget, interaction: InteractionSpec) -> list[tuple[str, float]]:
         here, _ = self._pose(target)
         there = ((name, self._bodies.get(name)) for name in self._actors[target.id, interaction.name])
-        actors = [(name, found[0]) for name, found in there if found is not None and found[1].status not in _IDLE]
+        actors = [(name, body[0]) for name, body in there if body is not None and body[1].status not in _IDLE]
         return actors_in_reach(interaction, here, actors)
 
     def _work_off(

@@ -27,7 +27,7 @@ class TargetNature:
     """Name of the state that actors work off; empty if there is none."""
     over: str = ""
     """Status when the level is 0; empty means the word of the interaction."""
-    gone: str = DORMANT
+    vanished: str = DORMANT
     """Status after the target has vanished."""
     lasts: bool = False
     """True if no interaction changes the status word."""
@@ -41,7 +41,7 @@ FIRE = TargetNature("burning", level="heat", over="out", work_s=10.0, growth_hz=
 """A fire. It takes 10 s to put out and a minute to regain its full heat (both chosen)."""
 LEAK = TargetNature("leaking", level="flow", over="sealed", work_s=5.0)
 """A leak. It takes 5 s to seal (chosen) and does not grow back."""
-BLOCKAGE = TargetNature("blocking", gone=CLEARED, lasts=True)
+BLOCKAGE = TargetNature("blocking", vanished=CLEARED, lasts=True)
 BREAK = TargetNature("fractured", lasts=True)
 ADRIFT = TargetNature("adrift")
 QUEUE = TargetNature("queueing")

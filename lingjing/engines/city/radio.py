@@ -77,12 +77,12 @@ class Coverage:
         linked: set[Pair] = set()
         for start in range(0, len(near), _AT_A_TIME):
             some = near[start : start + _AT_A_TIME]
-            cut = self._cut([RadioPath.between(ends[first], ends[second], reach_m) for first, second in some])
+            cut = self._cut([_RadioPath.between(ends[first], ends[second], reach_m) for first, second in some])
             linked.update((names[a], names[b]) for number, (a, b) in enumerate(some) if number not in cut)
         return linked
 
-    def _cut(self, ways: Sequence[RadioPath]) -> set[int]:
-        """Return the indices of the paths with an edge whose loss exceeds the tolerable one."""
+    def _cut(self, ways: Sequence[_RadioPath]) -> set[int]:
+        """Return the indices of the paths with an edge of more than the tolerable loss."""
         cut: set[int] = set()
         owner, share, place = _sampled(ways)
         suspects = self._suspects(ways, owner, share, place)
@@ -91,7 +91,7 @@ class Coverage:
                 cut.add(number)
         return cut
 
-    def _suspects(self, ways: Sequence[RadioPath], owner: Samples, share: Samples, place: Samples) -> Samples:
+    def _suspects(self, ways: Sequence[_RadioPath], owner: Samples, share: Samples, place: Samples) -> Samples:
         """Return the samples at which an obstacle may be high enough to break the link, the highest loss first."""
         over = self._roofs.bound(place[:, 0], place[:, 1]) - place[:, 2]
         near = np.flatnonzero(over > -_CLEARANCE_M - _SLACK)
@@ -102,7 +102,7 @@ class Coverage:
         ordered = near[np.argsort(-excess, kind="stable")]
         return ordered[: np.count_nonzero(excess > -_SLACK)]
 
-    def _loses_more(self, way: RadioPath, share: float, place: Sequence[float]) -> bool:
+    def _loses_more(self, way: _RadioPath, share: float, place: Sequence[float]) -> bool:
         x, y, z = place
         for block in self._terrain.solids_at(x, y, z - _CLEARANCE_M, math.inf):
             if block.base_at(x, y) > z:
@@ -114,7 +114,7 @@ class Coverage:
 
 
 @dataclass(frozen=True, slots=True)
-class RadioPath:
+class _RadioPath:
     """The straight line between two antennas."""
 
     first: Vector
@@ -127,13 +127,13 @@ class RadioPath:
     """Loss that reduces the range to exactly this length, dB."""
 
     @classmethod
-    def between(cls, first: Vector, second: Vector, reach_m: float) -> RadioPath:
+    def between(cls, first: Vector, second: Vector, reach_m: float) -> _RadioPath:
         """Return the line between two antennas, where the range without obstacles is `reach_m`."""
         length = math.dist(first, second)
         return cls(first, second, length, 20.0 * math.log10(reach_m / length) if length > 0.0 else math.inf)
 
 
-def _sampled(ways: Sequence[RadioPath]) -> tuple[Samples, Samples, Samples]:
+def _sampled(ways: Sequence[_RadioPath]) -> tuple[Samples, Samples, Samples]:
     """Return samples about every 10 m along paths.
 
     The arrays hold, for each sample, the index of its path, its share of the path (0..1) and its position, shape (n,

@@ -92,7 +92,7 @@ class CityTarget:
         """Present status word."""
         if self.present:
             return self.word
-        return self.nature.gone if self.appeared else DORMANT
+        return self.nature.vanished if self.appeared else DORMANT
 
     def set_present(self, present: bool) -> None:
         """Set whether the target is present according to the schedule."""

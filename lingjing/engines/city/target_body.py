@@ -29,7 +29,7 @@ def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> Ta
     x, y, _ = entity.position
     floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
     level = terrain.water_level(x, y) if floating else None
-    return TargetBody(entity.position) if level is None else DriftingBody(entity, terrain, level, weather, seed)
+    return TargetBody(entity.position) if level is None else _DriftingBody(entity, terrain, level, weather, seed)
 
 
 class TargetBody:
@@ -49,7 +49,7 @@ class TargetBody:
         return self._position, (0.0, 0.0, 0.0)
 
 
-class DriftingBody(TargetBody):
+class _DriftingBody(TargetBody):
     """A drifting target. Its mean speed is the declared drift; its course is that of the current plus leeway."""
 
     def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:

@@ -27,7 +27,7 @@ _SLOW_SHARE = 0.92
 """Share of the demanded airspeed below which the aircraft does not climb (chosen)."""
 
 
-class StickDemand(NamedTuple):
+class _StickDemand(NamedTuple):
     """Commands to the controls."""
 
     aileron: float
@@ -47,14 +47,14 @@ class Autopilot:
         self._elevator = -0.1
         self._throttle = 0.65
 
-    def fly(self, sample: PlaneSample, bank: float, climb: float, airspeed: float, *, powered: bool) -> StickDemand:
+    def fly(self, sample: PlaneSample, bank: float, climb: float, airspeed: float, *, powered: bool) -> _StickDemand:
         """Return the controls of one period.
 
         `bank` is in radians (positive: right wing down), `climb` and `airspeed` (true) in m/s. `powered` is false after
         the engine has stopped.
         """
         pitch = self._climb(sample, climb, airspeed) if powered else self._glide(sample, airspeed)
-        return StickDemand(
+        return _StickDemand(
             aileron=self._roll(sample, bank),
             elevator=self._nose(sample, pitch),
             throttle=self._power(sample, airspeed) if powered else 0.0,

@@ -50,7 +50,7 @@ _INTEGRAL_GAIN = 1.0
 _YAW_GAIN = 1.5
 
 
-class AttitudeDemand(NamedTuple):
+class _AttitudeDemand(NamedTuple):
     """Demands on the attitude loops."""
 
     roll: float
@@ -63,7 +63,7 @@ class AttitudeDemand(NamedTuple):
     """Thrust, newtons."""
 
 
-def braking_speed(distance: float, brake: float) -> float:
+def _braking_speed(distance: float, brake: float) -> float:
     """Return the speed from which `distance` metres suffice to stop, m/s; it is proportional within the last metres."""
     knee = brake / (_POSITION_GAIN * _POSITION_GAIN)
     if distance <= knee:
@@ -71,15 +71,15 @@ def braking_speed(distance: float, brake: float) -> float:
     return math.sqrt(2.0 * brake * (distance - 0.5 * knee))
 
 
-def wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
+def _wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
     """Return the velocity demand on the way to `goal`; the climb and the horizontal motion end together."""
     east, north, up = goal[0] - position[0], goal[1] - position[1], goal[2] - position[2]
     level = math.hypot(east, north)
     limit = _CLIMB_MPS if up > 0.0 else _SINK_MPS
-    speed = min(cruise, braking_speed(level, BRAKE_MPS2))
+    speed = min(cruise, _braking_speed(level, BRAKE_MPS2))
     if abs(up) > 1.0:
         speed = min(speed, max(level * limit / abs(up), _POSITION_GAIN * min(level, 1.0)))
-    vertical = min(limit, braking_speed(abs(up), _LIFT_MPS2))
+    vertical = min(limit, _braking_speed(abs(up), _LIFT_MPS2))
     if level > 5.0:
         vertical = min(vertical, max(abs(up) * cruise / level, _POSITION_GAIN * min(abs(up), 1.0)))
     scale = speed / level if level > 1e-9 else 0.0
@@ -107,10 +107,10 @@ class PositionController:
 
     def fly(
         self, position: Vector, velocity: Vector, attitude: Vector, goal: Vector, cruise: float, face: float
-    ) -> AttitudeDemand:
+    ) -> _AttitudeDemand:
         """Return the demands of one period. `attitude` is (roll, pitch, heading), `face` the demanded heading; rad."""
         before = self._demand
-        demand = self._demand = self._limited(wanted_velocity(position, goal, cruise))
+        demand = self._demand = self._limited(_wanted_velocity(position, goal, cruise))
         error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
         trim, drag = self._trim, _DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
         east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / PERIOD_S + drag * demand[0]
@@ -126,7 +126,7 @@ class PositionController:
         roll, pitch = tilt(east, north, up, attitude[2])
         thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
         turn = (face - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi
-        return AttitudeDemand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
+        return _AttitudeDemand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
 
     def _limited(self, wanted: Vector) -> Vector:
         east, north = wanted[0] - self._demand[0], wanted[1] - self._demand[1]

@@ -36,7 +36,7 @@ _SEA_LEVEL = 1.225
 """Density of air at sea level, kg/m^3 (ISA)."""
 
 
-def induced_velocity(thrust_n: float, density: float, plane: float, axial: float, guess: float) -> float:
+def _induced_velocity(thrust_n: float, density: float, plane: float, axial: float, guess: float) -> float:
     """Return the next damped iteration of Glauert's induced velocity, m/s. At 50 Hz it converges within 0.2 s.
 
     `plane` and `axial` are the airspeeds in and through the rotor plane, m/s. `guess` is the last value.
@@ -49,7 +49,7 @@ def induced_velocity(thrust_n: float, density: float, plane: float, axial: float
     return 0.5 * (guess + square / through)
 
 
-def electric_power(thrust_n: float, plane: float, axial: float, induced: float) -> float:
+def _electric_power(thrust_n: float, plane: float, axial: float, induced: float) -> float:
     """Return the electric power in watts. A windmilling rotor supplies no power."""
     lift = max(thrust_n * (_INDUCED_LOSS * induced + axial), 0.0)
     profile = _PROFILE_W * (1.0 + _PROFILE_GROWTH * (plane / _TIP_MPS) ** 2)
@@ -59,7 +59,7 @@ def electric_power(thrust_n: float, plane: float, axial: float, induced: float) 
 def hover_power() -> float:
     """Return the electric power of hovering in still air at sea level, watts."""
     weight = MASS_KG * GRAVITY
-    return electric_power(weight, 0.0, 0.0, math.sqrt(weight / (2.0 * _SEA_LEVEL * _DISC_M2)))
+    return _electric_power(weight, 0.0, 0.0, math.sqrt(weight / (2.0 * _SEA_LEVEL * _DISC_M2)))
 
 
 class RotorPower:
@@ -72,5 +72,5 @@ class RotorPower:
         """Return the power in the flight state of `sample`, watts. Call it once in each control period."""
         forward, right, down = sample.air_velocity
         plane = math.hypot(forward, right)
-        self._induced = induced_velocity(sample.thrust_n, sample.density, plane, -down, self._induced)
-        return electric_power(sample.thrust_n, plane, -down, self._induced)
+        self._induced = _induced_velocity(sample.thrust_n, sample.density, plane, -down, self._induced)
+        return _electric_power(sample.thrust_n, plane, -down, self._induced)

@@ -35,7 +35,7 @@ _DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
 
 
 @dataclass(frozen=True, slots=True)
-class FlightTask:
+class _FlightTask:
     """The plan of one command."""
 
     legs: tuple[Vector, ...]
@@ -64,7 +64,7 @@ KIND = builtin_engines()["multirotor"]
 """The declared kind of this engine."""
 
 
-def plan(command: Command, here: Situation, terrain: Terrain, floor: FlightFloor) -> FlightTask:
+def plan(command: Command, here: Situation, terrain: Terrain, floor: FlightFloor) -> _FlightTask:
     """Return the task of a command other than `stop`.
 
     Raises `Refusal` with `unknown_verb`, `bad_argument`, `grounded`, `airborne`, `unreachable` or `battery`.
@@ -83,40 +83,40 @@ def plan(command: Command, here: Situation, terrain: Terrain, floor: FlightFloor
     return task
 
 
-def _takeoff(command: Command, here: Situation) -> FlightTask:
+def _takeoff(command: Command, here: Situation) -> _FlightTask:
     if not here.grounded:
         raise Refusal("airborne", f"`{command.resource}` is flying already")
     has_altitude = optional_number(command, "altitude") is not None
     altitude = number_at_least(command, "altitude", KIND) if has_altitude else TAKEOFF_M
-    return FlightTask(legs=(_raised(here.position, altitude),), arrives=False)
+    return _FlightTask(legs=(_raised(here.position, altitude),), arrives=False)
 
 
-def _destination(command: Command, here: Situation) -> FlightTask:
+def _destination(command: Command, here: Situation) -> _FlightTask:
     goal = number(command, "x"), number(command, "y"), number(command, "z")
     east, north = goal[0] - here.position[0], goal[1] - here.position[1]
     face = math.atan2(east, north) if math.hypot(east, north) > _FACING_M else None
     if not here.grounded:
-        return FlightTask(legs=(goal,), face_rad=face)
+        return _FlightTask(legs=(goal,), face_rad=face)
     climb = min(max(goal[2] - here.position[2], 2.0), TAKEOFF_M)
-    return FlightTask(legs=(_raised(here.position, climb), goal), face_rad=face)
+    return _FlightTask(legs=(_raised(here.position, climb), goal), face_rad=face)
 
 
-def _move(command: Command, here: Situation) -> FlightTask:
+def _move(command: Command, here: Situation) -> _FlightTask:
     distance = number_at_least(command, "distance", KIND)
     if here.grounded and command.verb != "up":
         raise Refusal(GROUNDED, f"`{command.resource}` is on the ground: `takeoff` or `setDestination` first")
     if command.verb in ("up", "down"):
-        return FlightTask(legs=(_raised(here.position, distance if command.verb == "up" else -distance),))
+        return _FlightTask(legs=(_raised(here.position, distance if command.verb == "up" else -distance),))
     course = here.heading_rad + math.radians(_DIRECTIONS[command.verb])
     x, y, z = here.position
-    return FlightTask(legs=((x + distance * math.sin(course), y + distance * math.cos(course), z),))
+    return _FlightTask(legs=((x + distance * math.sin(course), y + distance * math.cos(course), z),))
 
 
 def _raised(position: Vector, height: float) -> Vector:
     return position[0], position[1], position[2] + height
 
 
-def _over_floor(command: Command, task: FlightTask, here: Situation, floor: FlightFloor) -> FlightTask:
+def _over_floor(command: Command, task: _FlightTask, here: Situation, floor: FlightFloor) -> _FlightTask:
     """Return the task with its end raised to the floor if the end lies less than `SWING_M` below it.
 
     `SWING_M` is how far a hovering body moves up and down. Raises `Refusal` if the end lies deeper.
@@ -139,7 +139,7 @@ def _check_free(goal: Vector, terrain: Terrain, floor: FlightFloor) -> None:
         raise Refusal("unreachable", f"{place} is inside `{solid.id}`, or too close to it; its top is at {top:.1f} m")
 
 
-def _check_range(task: FlightTask, here: Situation) -> None:
+def _check_range(task: _FlightTask, here: Situation) -> None:
     # A lower bound (top speed, least power): no destination that can be reached is refused.
     length = path_length(here.position, task.legs)
     least = length / _BEST_MPS * _BEST_POWER_SHARE * hover_power() / 3600.0

@@ -96,7 +96,7 @@ _LOOK_PERIODS, _DIP_PERIODS = 5, 25
 """Control periods between two checks of the ground ahead, and between two checks for water (chosen)."""
 
 
-class DogPhase(Enum):
+class _DogPhase(Enum):
     """The phase of a dog."""
 
     STANDING = "standing"
@@ -127,7 +127,7 @@ class Dog:
     def __init__(self, entity: Entity) -> None:
         self.id = entity.id
         self.row = -1
-        self.phase = DogPhase.STANDING
+        self.phase = _DogPhase.STANDING
         self.task: DogTask | None = None
         self.battery = Battery.for_endurance(WALKING_W, entity.number_or("endurance_s", ENDURANCE_S))
         self.stock = Stock(entity)
@@ -158,7 +158,7 @@ class Dog:
     @property
     def idle(self) -> bool:
         """True if no part of the dog moves by itself."""
-        return self.phase is DogPhase.STANDING or self.phase is DogPhase.DEAD
+        return self.phase is _DogPhase.STANDING or self.phase is _DogPhase.DEAD
 
     @property
     def progress(self) -> float:
@@ -168,9 +168,9 @@ class Dog:
     @property
     def status(self) -> str:
         """`standing`, `walking`, `turning`, `fallen` or `dead`."""
-        if self.phase is DogPhase.MOVING and self.task is not None:
+        if self.phase is _DogPhase.MOVING and self.task is not None:
             return self.task.status
-        return self.phase.value if self.phase is not DogPhase.MOVING else "standing"
+        return self.phase.value if self.phase is not _DogPhase.MOVING else "standing"
 
     def start(self, command: Command, here: DogState, model: DogModel, ground: GroundAhead) -> None:
         """Begin a command.
@@ -179,9 +179,9 @@ class Dog:
         """
         if self.battery.empty:
             raise Refusal("battery", f"the battery of `{self.id}` is empty")
-        if self.phase is DogPhase.DEAD:
+        if self.phase is _DogPhase.DEAD:
             raise Refusal(DEAD, f"`{self.id}` is lost")
-        if self.phase is DogPhase.FALLEN:
+        if self.phase is _DogPhase.FALLEN:
             raise Refusal(FALLEN, f"`{self.id}` has fallen and is getting up")
         if command.verb == STOP:
             self.task = stopping(here)
@@ -195,7 +195,7 @@ class Dog:
             raise Refusal("unknown_verb", f"a robot dog has no verb `{command.verb}`")
         self._careful_m = -math.inf
         self._ending = self.task if isinstance(self.task, HaltTask) else None
-        self.phase = DogPhase.MOVING
+        self.phase = _DogPhase.MOVING
 
     def step(
         self,
@@ -215,9 +215,9 @@ class Dog:
         notices = self._bumps(here, touches, speeds, model)
         self._before = here.velocity
         ended = self._mishap(here, model, ground)
-        if ended is None and self.phase is DogPhase.MOVING:
+        if ended is None and self.phase is _DogPhase.MOVING:
             ended = self._go(here, model, ground)
-        elif ended is None and self.phase is DogPhase.STANDING:
+        elif ended is None and self.phase is _DogPhase.STANDING:
             self._balance(here, model)
         return [*notices, ended] if ended is not None else notices
 
@@ -225,7 +225,7 @@ class Dog:
         """Account for a period in which the dog does not move; return a notice if the battery is then empty."""
         self._time_s += PERIOD_S
         self._period += 1
-        if self.phase is DogPhase.DEAD:
+        if self.phase is _DogPhase.DEAD:
             return None
         self.battery.drain(watts + ELECTRONICS_W, PERIOD_S)
         return self._exhausted()
@@ -234,12 +234,12 @@ class Dog:
         """Stand upright at the present place."""
         x, y, z = here.position
         model.put(self.row, x, y, z, here.yaw)
-        self.phase, self._tilted_s, self._low_s, self._down_s = DogPhase.STANDING, 0.0, 0.0, 0.0
+        self.phase, self._tilted_s, self._low_s, self._down_s = _DogPhase.STANDING, 0.0, 0.0, 0.0
 
     @property
     def rested(self) -> bool:
         """True if a fallen dog has lain for `DOWN_S`."""
-        return self.phase is DogPhase.FALLEN and self._down_s >= DOWN_S
+        return self.phase is _DogPhase.FALLEN and self._down_s >= DOWN_S
 
     def state(self, here: DogState, joints: tuple[float, ...], remainder_s: float) -> BodyState:
         """Return the state of the dog `remainder_s` seconds after its last step."""
@@ -290,18 +290,18 @@ class Dog:
 
     def _end(self, model: DogModel, notice: DogNotice) -> DogNotice:
         model.lock(self.row)
-        self.phase, self.task, self._ending = DogPhase.STANDING, None, None
+        self.phase, self.task, self._ending = _DogPhase.STANDING, None, None
         return notice
 
     def _mishap(self, here: DogState, model: DogModel, ground: GroundAhead) -> DogNotice | None:
-        if self.phase is DogPhase.DEAD:
+        if self.phase is _DogPhase.DEAD:
             return None
         exhausted = self._exhausted()
         if exhausted is not None:
-            return self._drop(model, DogPhase.DEAD, exhausted)
+            return self._drop(model, _DogPhase.DEAD, exhausted)
         if self._period % _DIP_PERIODS == 0 and ground.drowns(here.position):
-            return self._drop(model, DogPhase.DEAD, DogNotice(DROWNED))
-        if self.phase is DogPhase.FALLEN:
+            return self._drop(model, _DogPhase.DEAD, DogNotice(DROWNED))
+        if self.phase is _DogPhase.FALLEN:
             self._down_s += PERIOD_S
             return None
         if self._period % _LYING_PERIODS == 0:
@@ -309,21 +309,21 @@ class Dog:
             self._low_s = self._low_s + _LYING_PERIODS * PERIOD_S if low else 0.0
         self._tilted_s = self._tilted_s + PERIOD_S if here.upright < _FALLEN else 0.0
         if self._tilted_s >= _FALLEN_S or self._low_s >= _LYING_S:
-            return self._drop(model, DogPhase.FALLEN, DogNotice(FELL))
+            return self._drop(model, _DogPhase.FALLEN, DogNotice(FELL))
         return None
 
-    def _drop(self, model: DogModel, phase: DogPhase, notice: DogNotice) -> DogNotice:
+    def _drop(self, model: DogModel, phase: _DogPhase, notice: DogNotice) -> DogNotice:
         model.cut_power(self.row)
         self.phase, self.task, self._ending, self._down_s = phase, None, None, 0.0
         return notice
 
     def _exhausted(self) -> DogNotice | None:
-        return DogNotice(BATTERY_EMPTY) if self.battery.empty and self.phase is not DogPhase.DEAD else None
+        return DogNotice(BATTERY_EMPTY) if self.battery.empty and self.phase is not _DogPhase.DEAD else None
 
     def _balance(self, here: DogState, model: DogModel) -> None:
         """Start the walking policy if a standing dog is pushed, so that its legs keep it upright."""
         if math.hypot(*here.velocity) > _SHOVED_MPS or (here.upright < _LEANING and here.stir > 1.0):
-            self._ending, self.phase = stopping(here), DogPhase.MOVING
+            self._ending, self.phase = stopping(here), _DogPhase.MOVING
             model.walk(self.row, (0.0, 0.0, 0.0))
 
     def _bumps(

@@ -34,7 +34,7 @@ _STANDING_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class WayAhead:
+class _WayAhead:
     """The result of a look ahead."""
 
     hazard: str
@@ -50,7 +50,7 @@ class GroundAhead:
         self._terrain = terrain
         self._model = model
 
-    def look(self, here: DogState, yaw: float, remaining_m: float) -> WayAhead:
+    def look(self, here: DogState, yaw: float, remaining_m: float) -> _WayAhead:
         """Return the hazards and steps that a dog would reach along `yaw` before it could stop.
 
         `remaining_m` is the rest of the walk. A sample is taken every 0.3 m.
@@ -67,14 +67,14 @@ class GroundAhead:
             if floor.z == math.inf:  # inside a solid, which is a wall and not a drop
                 break
             if self._wet(*point, floor):
-                return WayAhead("water", step_m)
+                return _WayAhead("water", step_m)
             if math.isfinite(before):
                 if before - floor.z > _DROP_M:
-                    return WayAhead("drop", step_m)
+                    return _WayAhead("drop", step_m)
                 if abs(before - floor.z) > _STEP_M:
                     step_m = ahead
             before = floor.z
-        return WayAhead("", step_m)
+        return _WayAhead("", step_m)
 
     def height(self, at: Vector) -> float:
         """Return the height of a trunk over the surface below it, metres."""

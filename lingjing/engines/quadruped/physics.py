@@ -63,7 +63,7 @@ _NOTHING = -1
 """Index that stands for the bare ground in tables of things."""
 
 
-class Servo(NamedTuple):
+class _Servo(NamedTuple):
     """The gains of a dog's motors."""
 
     gain: float
@@ -72,7 +72,7 @@ class Servo(NamedTuple):
     """Damping, N m s/rad."""
 
 
-_WALKING, _LOCKED, _LIMP = Servo(20.0, 0.5), Servo(100.0, 3.0), Servo(0.0, 2.0)
+_WALKING, _LOCKED, _LIMP = _Servo(20.0, 0.5), _Servo(100.0, 3.0), _Servo(0.0, 2.0)
 """Gains under the policy, in standing, and without power. Without power the motors only damp, and the trunk sinks
 down."""
 
@@ -105,7 +105,7 @@ class BodyMemory:
     """Warm start of MuJoCo's solver: accelerations, (18,)."""
     ctrl: DogRows
     """Targets of the motors, (12,) rad."""
-    servo: Servo = _WALKING
+    servo: _Servo = _WALKING
     """Gains of the motors."""
 
 
@@ -373,7 +373,7 @@ class DogBodies:
             hips = [trunks[dog], *(model.body(f"{dog}/{leg}_hip").id for leg in LEGS)]
             self._trunk |= np.isin(model.geom_bodyid, hips)
 
-    def _hold(self, dog: int, servo: Servo) -> None:
+    def _hold(self, dog: int, servo: _Servo) -> None:
         motors = self._motors[dog]
         self._model.actuator_gainprm[motors, 0] = servo.gain
         self._model.actuator_biasprm[motors, 1] = -servo.gain

@@ -51,7 +51,7 @@ _HEADING_GAIN, _HEADING_RADPS = 2.0, 1.0
 """Gain and limit (rad/s) of the return to the heading."""
 
 _CLIMBING_LINE_GAIN, _CLIMBING_HEADING_GAIN = 0.3, 1.0
-"""Gains on steps. Higher gains turn over a dog whose foot is held by a riser."""
+"""Gains on steps. Higher gains turn over a dog with a foot that is held by a riser."""
 
 _TURN_GAIN, _TURN_RADPS, _SLOWEST_RADPS = 2.2, 1.2, 0.3
 """Gain, largest and smallest speed (rad/s) of a turn on the spot."""

@@ -106,7 +106,7 @@ class Congestion:
         return frozenset(lane.edge for jam in self.jams if jam.blocking for lane in jam.lanes)
 
     def at(self, x: float, y: float) -> Jam | None:
-        """Return the jam whose queue stands at a place, or None."""
+        """Return the jam with a queue at a place, or None."""
         standing = (jam for jam in self.jams if jam.blocking)
         return next((jam for jam in standing if math.dist((x, y), (jam.x, jam.y)) <= 2.0 * jam.radius_m), None)
 

@@ -22,7 +22,7 @@ SPEED_MPS = 13.9
 
 
 @dataclass(frozen=True, slots=True)
-class VehicleKind:
+class _VehicleKind:
     """A kind of vehicle."""
 
     name: str
@@ -46,21 +46,21 @@ class VehicleKind:
 VEHICLE_KINDS = {
     kind.name: kind
     for kind in (
-        VehicleKind("car", SIZES["car"], 1500.0, 2.6),
-        VehicleKind("delivery_van", SIZES["delivery_van"], 2200.0, 2.2),
-        VehicleKind("truck", SIZES["truck"], 12000.0, 1.3, 4.0),
-        VehicleKind("bus", SIZES["bus"], 12500.0, 1.2, 4.0),
-        VehicleKind("motorcycle", SIZES["motorcycle"], 220.0, 4.0, 6.0),
+        _VehicleKind("car", SIZES["car"], 1500.0, 2.6),
+        _VehicleKind("delivery_van", SIZES["delivery_van"], 2200.0, 2.2),
+        _VehicleKind("truck", SIZES["truck"], 12000.0, 1.3, 4.0),
+        _VehicleKind("bus", SIZES["bus"], 12500.0, 1.2, 4.0),
+        _VehicleKind("motorcycle", SIZES["motorcycle"], 220.0, 4.0, 6.0),
     )
 }
 """Kinds of background vehicles. Masses are those of common models; accelerations follow SUMO's vehicle classes."""
 
 
-def vehicle_kind(entity: Entity) -> VehicleKind:
+def vehicle_kind(entity: Entity) -> _VehicleKind:
     """Return the kind of an entity from its dimensions, mass, acceleration and braking; undeclared ones are a car's."""
     usual = VEHICLE_KINDS["car"]
     measured = any(entity.number(f"{name}_m") for name in MEASURES)
-    return VehicleKind(
+    return _VehicleKind(
         entity.type,
         entity_size(entity) if measured else usual.size,
         entity.number("mass_kg") or usual.mass_kg,
@@ -76,7 +76,7 @@ def top_speed(speed_mps: float, load_kg: float, payload_kg: float) -> float:
 
 
 def declare(
-    sim: Simulation, name: str, kind: VehicleKind, top_mps: float, *, blue_light: bool = False, reaction_s: float = 0.0
+    sim: Simulation, name: str, kind: _VehicleKind, top_mps: float, *, blue_light: bool = False, reaction_s: float = 0.0
 ) -> None:
     """Declare a vehicle type in SUMO.
 

@@ -45,7 +45,7 @@ _TRIES = 30
 
 
 @dataclass(slots=True)
-class BackgroundVehicle:
+class _BackgroundVehicle:
     """A background vehicle."""
 
     id: str
@@ -84,7 +84,7 @@ class Traffic:
         self._sim = sim
         self._graph = graph
         self._stream = Stream(seed, "road/traffic")
-        self._movers: list[BackgroundVehicle] = []
+        self._movers: list[_BackgroundVehicle] = []
         self._blocked: frozenset[str] = frozenset()
         self._turn = 0
         self._sideways = LateralOffsets()
@@ -136,7 +136,7 @@ class Traffic:
                     yield shifted(body, self._sideways.follow(body, after_s))
 
     def _populate(self, name: str, occupied: Occupied) -> None:
-        mover = BackgroundVehicle(name, self._draw_kind(), 1)
+        mover = _BackgroundVehicle(name, self._draw_kind(), 1)
         length = SIZES[mover.kind].length_m
         for _ in range(_TRIES):
             edge = self._graph.edges[self._draw_edge()]
@@ -147,7 +147,7 @@ class Traffic:
                 self._movers.append(mover)
                 return
 
-    def _enter(self, mover: BackgroundVehicle) -> None:
+    def _enter(self, mover: _BackgroundVehicle) -> None:
         """Insert a vehicle on an empty edge; if none is drawn, the next step tries again."""
         for _ in range(_TRIES):
             edge = self._graph.edges[self._draw_edge()]
@@ -156,12 +156,12 @@ class Traffic:
                 self._add(mover, edge.id, edge.lanes[0].index, length)
                 return
 
-    def _add(self, mover: BackgroundVehicle, edge: str, lane: int, front_m: float) -> None:
+    def _add(self, mover: _BackgroundVehicle, edge: str, lane: int, front_m: float) -> None:
         self._sideways.forget(mover.id)
         self._sim.enter(mover.id, [edge], f"traffic/{mover.kind}", lane, front_m)
         self._redirect(mover)
 
-    def _check(self, mover: BackgroundVehicle) -> None:
+    def _check(self, mover: _BackgroundVehicle) -> None:
         vehicles = self._sim.vehicle
         try:
             index = vehicles.getRouteIndex(mover.id)
@@ -174,7 +174,7 @@ class Traffic:
             vehicles.remove(mover.id)
             self._enter(mover)
 
-    def _redirect(self, mover: BackgroundVehicle) -> None:
+    def _redirect(self, mover: _BackgroundVehicle) -> None:
         vehicles = self._sim.vehicle
         for _ in range(_TRIES):
             try:
@@ -185,7 +185,7 @@ class Traffic:
             if mover.edges > _NEARLY_THERE:
                 return
 
-    def _evade(self, mover: BackgroundVehicle, blocked: frozenset[str]) -> None:
+    def _evade(self, mover: _BackgroundVehicle, blocked: frozenset[str]) -> None:
         vehicles = self._sim.vehicle
         try:
             route = vehicles.getRoute(mover.id)

@@ -101,7 +101,7 @@ class DrivingPlan:
 
 
 @dataclass(slots=True)
-class VehicleTask:
+class _VehicleTask:
     """A task of a vehicle."""
 
     kind: Literal["drive", "distance", "halt", "aside"]
@@ -150,7 +150,7 @@ class Vehicle:
         self.entity = entity
         self.kind = vehicle_kind(entity)
         self.size = self.kind.size
-        self.task: VehicleTask | None = None
+        self.task: _VehicleTask | None = None
         self.plan: DrivingPlan | None = None
         self.avoided: tuple[Avoided, ...] = ()
         self.routes = 0
@@ -225,7 +225,7 @@ class Vehicle:
 
     def drive(self, plan: DrivingPlan) -> None:
         """Drive along a plan that begins at the route start, and stay at its goal."""
-        self._begin(VehicleTask("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
+        self._begin(_VehicleTask("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
         assert self.task is not None
         self.task.stays = self._is_at(plan.goal)
         if self._room is None:
@@ -260,7 +260,7 @@ class Vehicle:
 
     def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
         """Drive a distance along edges from the route start, and halt there, but not before the edge `onto`."""
-        self._begin(VehicleTask("distance", distance_m, self.odometer_m, None, onto, edges))
+        self._begin(_VehicleTask("distance", distance_m, self.odometer_m, None, onto, edges))
         if self._room is None:
             self._set_out_along(edges)
 
@@ -279,7 +279,7 @@ class Vehicle:
             route = self._sim.vehicle.getRoute(self.id)[self._sim.vehicle.getRouteIndex(self.id) :]
             self._release()
             self._follow(start, route[len(start.before) :])
-        self._begin(VehicleTask("halt", max(speed, STANDING_MPS)))
+        self._begin(_VehicleTask("halt", max(speed, STANDING_MPS)))
 
     @property
     def is_aside(self) -> bool:
@@ -369,7 +369,7 @@ class Vehicle:
 
     def _move_up(self, start: RouteStart, edges: tuple[str, ...], room: ParkingPlace) -> None:
         arrived = self._arrived
-        self._begin(VehicleTask("aside", REACH_M, self.odometer_m))
+        self._begin(_VehicleTask("aside", REACH_M, self.odometer_m))
         self._arrived = arrived
         self._release()
         self._follow(start, edges)
@@ -433,14 +433,14 @@ class Vehicle:
             resources={"load_kg": self.stock.load_kg, "speed_mps": self.speed_mps, "odometer_m": self.odometer_m},
         )
 
-    def _begin(self, task: VehicleTask) -> None:
+    def _begin(self, task: _VehicleTask) -> None:
         self.task = task
         self._waited = 0
         self._arrived = False
         self._bound = None
         self._kerb.cancel(self.id)
 
-    def _driven(self, task: VehicleTask, standing: Container[str]) -> TaskEnd:
+    def _driven(self, task: _VehicleTask, standing: Container[str]) -> TaskEnd:
         vehicles = self._sim.vehicle
         if self._room is not None:
             return "arrived" if task.stays else ""
@@ -463,7 +463,7 @@ class Vehicle:
             return "done"
         return "" if vehicles.getStops(self.id, 1) else "done"
 
-    def _left_m(self, task: VehicleTask) -> float:
+    def _left_m(self, task: _VehicleTask) -> float:
         """Return the distance to the goal, metres; infinite if the route has none."""
         if task.plan is None:
             return math.inf
@@ -479,7 +479,7 @@ class Vehicle:
         body = body_state(self._sim, self.id, self.size.length_m, 0.0)
         self._offset_m = self._sideways.follow(body, STEP_S, rest)
 
-    def _covered(self, task: VehicleTask) -> TaskEnd:
+    def _covered(self, task: _VehicleTask) -> TaskEnd:
         if self._room is not None:
             return ""
         left, slack = task.total - (self.odometer_m - task.start_m), min(_SLACK_M, task.total / 2.0)

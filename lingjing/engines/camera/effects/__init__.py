@@ -29,12 +29,12 @@ time gives the same picture, whatever was drawn before.
 
 from __future__ import annotations
 
+from lingjing.engines.camera.effects.entity_effects import SHOWING, effects_of, prop_effects
 from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, EffectSolid
-from lingjing.engines.camera.effects.targets import SHOWING, effects_of, prop_effects
 from lingjing.engines.camera.effects.town_changes import (
     Site,
     TownChanges,
-    altered,
+    changed_boxes,
     changes_of,
     site_of,
 )
@@ -47,7 +47,7 @@ __all__ = [
     "Effects",
     "Site",
     "TownChanges",
-    "altered",
+    "changed_boxes",
     "changes_of",
     "effects_of",
     "prop_effects",

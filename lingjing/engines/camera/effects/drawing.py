@@ -35,7 +35,7 @@ class EffectPass:
 
     @property
     def programs(self) -> tuple[moderngl.Program, ...]:
-        """Programs whose uniforms the owner sets before each picture."""
+        """Programs that need uniforms of the owner before each picture."""
         return self._body, self._cloud, self._decal
 
     def bodies(self, rows: Rows) -> None:

@@ -29,12 +29,12 @@ ROOF_MARGIN_M = 4.8
 """Distance from the edge of a roof within which a fire's scorch would reach over it, metres."""
 
 _KEPT_FREE_M = {**BODIES_M, **SHUNNED_M}
-"""Radius around things in which nobody can stand, by class, metres."""
+"""Radius around things in which no person can stand, by class, metres."""
 
 PlanPoint = tuple[float, float]
 
 
-def facing(entity: Entity, near: Iterable[Pieces]) -> float:
+def free_heading(entity: Entity, near: Iterable[Pieces]) -> float:
     """Return the heading of a queue, degrees.
 
     It is the declared one if all people have space behind it, else the nearest heading at which they have. If there is
@@ -54,7 +54,7 @@ def facing(entity: Entity, near: Iterable[Pieces]) -> float:
     return (entity.heading_deg + best) % 360.0
 
 
-def inward(position: Vector, near: Iterable[Pieces]) -> PlanPoint:
+def roof_shift(position: Vector, near: Iterable[Pieces]) -> PlanPoint:
     """Return the shift (m, east and north) that moves a place on a roof `ROOF_MARGIN_M` from its edges.
 
     It is (0, 0) if the roof is too narrow or if there is none.
@@ -106,4 +106,4 @@ def _touches(polygon: Polygon, about: PlanPoint, reach_m: float) -> bool:
     )
 
 
-__all__ = ["facing", "inward"]
+__all__ = ["free_heading", "roof_shift"]

@@ -35,7 +35,7 @@ RED, GREEN, WHITE = (0.80, 0.03, 0.02), (0.03, 0.70, 0.20), (0.80, 0.78, 0.70)
 
 
 @dataclass(frozen=True, slots=True)
-class Lamp:
+class _Lamp:
     """A light that a body carries."""
 
     place: tuple[float, float, float]
@@ -50,16 +50,16 @@ class Lamp:
     """True if it blinks."""
 
 
-CARRIED: dict[str, tuple[Lamp, ...]] = {
+CARRIED: dict[str, tuple[_Lamp, ...]] = {
     "lifeboat": (
-        Lamp((0.0, -1.9, 3.66), WHITE, 0.10, 0.9),
-        Lamp((-0.98, -0.4, 2.05), RED, 0.08, 0.5),
-        Lamp((0.98, -0.4, 2.05), GREEN, 0.08, 0.5),
+        _Lamp((0.0, -1.9, 3.66), WHITE, 0.10, 0.9),
+        _Lamp((-0.98, -0.4, 2.05), RED, 0.08, 0.5),
+        _Lamp((0.98, -0.4, 2.05), GREEN, 0.08, 0.5),
     ),
     "quadrotor": (
-        Lamp((-0.24, 0.24, 0.10), RED, 0.035, 0.16),
-        Lamp((0.24, 0.24, 0.10), GREEN, 0.035, 0.16),
-        Lamp((0.0, -0.2, -0.08), WHITE, 0.045, 0.28, blinks=True),
+        _Lamp((-0.24, 0.24, 0.10), RED, 0.035, 0.16),
+        _Lamp((0.24, 0.24, 0.10), GREEN, 0.035, 0.16),
+        _Lamp((0.0, -0.2, -0.08), WHITE, 0.045, 0.28, blinks=True),
     ),
 }
 """Lights after dark for each look: red to port, green to starboard."""
@@ -79,7 +79,7 @@ def pool(place: Floats, radius_m: float, colour: LinearRgb, strength: float) -> 
                  POOL, 0.0)  # fmt: skip
 
 
-def carried(look: str, state: BodyState, time_s: float, weather: Weather) -> Effects:
+def carried_lights(look: str, state: BodyState, time_s: float, weather: Weather) -> Effects:
     """Return the lights that a body of a look carries after dark."""
     dark = darkness(weather)
     lamps = [lamp for lamp in CARRIED[look] if not lamp.blinks or time_s % BLINK_S < BLINK_ON]
@@ -114,4 +114,4 @@ def road_light(bodies: Sequence[tuple[BodyState, str]], weather: Weather) -> Row
     return np.concatenate([beams, tails])
 
 
-__all__ = ["CARRIED", "carried", "darkness", "pool", "road_light"]
+__all__ = ["CARRIED", "carried_lights", "darkness", "pool", "road_light"]

@@ -1,7 +1,7 @@
 """Changes of the static city by targets: a gap in a bridge, a building in the colour that its mission declares.
 
 All functions depend only on tiles and the mission's entities. `changes_of` searches the tiles near each entity. It
-returns the changed tiles, the buildings whose pixels belong to an entity, and the surroundings that each effect needs.
+returns the changed tiles, the buildings that are drawn as an entity, and the surroundings that each effect needs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import msgspec
 
-from lingjing.engines.camera.effects.free_space import facing, inward
+from lingjing.engines.camera.effects.free_space import free_heading, roof_shift
 from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.models.places import KERB_M
 from lingjing.mission.appearance import COLOURS
@@ -73,7 +73,7 @@ class TownChanges:
 
     tiles: dict[tuple[int, int], Pieces] = field(default_factory=dict)
     """Changed tiles, by key."""
-    faced: dict[str, int] = field(default_factory=dict)
+    entity_buildings: dict[str, int] = field(default_factory=dict)
     """Index of the entity that a building stands for, by building id."""
     places: dict[str, tuple[int, int]] = field(default_factory=dict)
     """Key of the tile of each of these buildings."""
@@ -83,7 +83,7 @@ class TownChanges:
     def content(self, key: tuple[int, int]) -> tuple[Pieces | None, dict[str, int]]:
         """Return the changed pieces of a tile (None without a change), and the entities that its buildings stand
         for."""
-        mine = {building: number for building, number in self.faced.items() if self.places[building] == key}
+        mine = {building: number for building, number in self.entity_buildings.items() if self.places[building] == key}
         return self.tiles.get(key), mine
 
 
@@ -106,10 +106,10 @@ def changes_of(
         x, y, _ = entity.position
         tiles = near(x, y, TILES_M)
         made.sites[entity.id] = site_of(entity, tiles, ground(x, y))
-        chosen = faced([building for tile in tiles for building in tile.buildings], entity)
+        chosen = facing_building([building for tile in tiles for building in tile.buildings], entity)
         left_out = entity.id in without
         if not left_out:
-            made.faced.update((building, number) for building in chosen)
+            made.entity_buildings.update((building, number) for building in chosen)
             made.places.update((b.id, tile.key) for tile in tiles for b in tile.buildings if b.id in chosen)
         for tile in tiles:
             before = made.tiles.get(tile.key, tile)
@@ -122,7 +122,7 @@ def changes_of(
     return made
 
 
-def altered(
+def changed_boxes(
     first: TownChanges,
     second: TownChanges,
     load: Callable[[tuple[int, int]], Pieces],
@@ -185,9 +185,9 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
         if pipe is not None:
             return Site(ground_m, pipe[1].heading_deg, radius_m=pipe[0].radius_m)
     if look == "building_fire":
-        return Site(ground_m, inward=inward(entity.position, near))
+        return Site(ground_m, inward=roof_shift(entity.position, near))
     if look == "queue_of_people":
-        return Site(ground_m, facing(entity, near))
+        return Site(ground_m, free_heading(entity, near))
     if entity.properties.get("on") == "road":
         return Site(ground_m, kerb_m=_kerb(near, entity))
     return Site(ground_m)
@@ -209,7 +209,7 @@ def with_change(pieces: Pieces, entity: Entity, painted: Collection[str], site: 
     return msgspec.structs.replace(pieces, buildings=buildings)
 
 
-def faced(buildings: Sequence[Building], entity: Entity) -> tuple[str, ...]:
+def facing_building(buildings: Sequence[Building], entity: Entity) -> tuple[str, ...]:
     """Return the id of the building that an entity stands for: its anchor, or else the nearest of `buildings`."""
     if look_of(entity) != "reference_building":
         return ()
@@ -275,7 +275,7 @@ def _cut_solid(solid: Solid, entity: Entity, site: Site, gap: float) -> tuple[So
 
 
 def _clipped(polygon: Polygon, inside: list[float]) -> Polygon:
-    """Return the part of a convex polygon whose corners' values are positive (Sutherland and Hodgman, one edge)."""
+    """Return the part of a convex polygon with positive values at its corners (Sutherland and Hodgman, one edge)."""
     out = []
     for k, (here, value) in enumerate(zip(polygon, inside, strict=True)):
         (bx, by), after = polygon[(k + 1) % len(polygon)], inside[(k + 1) % len(polygon)]
@@ -313,4 +313,14 @@ def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, LineP
     return None if thing is None or place is None or place.off_m > NEAR_M else (thing, place)
 
 
-__all__ = ["Site", "TownChanges", "altered", "changes_of", "faced", "gap_of", "site_of", "split", "with_change"]
+__all__ = [
+    "Site",
+    "TownChanges",
+    "changed_boxes",
+    "changes_of",
+    "facing_building",
+    "gap_of",
+    "site_of",
+    "split",
+    "with_change",
+]

@@ -40,13 +40,13 @@ UNPAINTED = COLOURS["grey"]
 """Colour of a body without a declared one."""
 
 STROLL_M = 2.5
-"""Distance to both sides of a person who walks up and down before a house, metres (chosen)."""
+"""Distance to both sides of a person drawn walks up and down before a house, metres (chosen)."""
 STROLL_MPS = 1.1
 """Speed of that person, m/s (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
-class DrawnEntity:
+class _DrawnEntity:
     """An entity in a state, as the input of a model."""
 
     number: int
@@ -86,7 +86,7 @@ def entity_parts(
     look, own = look_of(entity), tuple(map(_part, entity.parts))
     if look in MODELS:
         drawn = MODELS[look](
-            DrawnEntity(
+            _DrawnEntity(
                 number=entity.index - 1,
                 state=state,
                 time_s=time_s,
@@ -145,13 +145,13 @@ def painted(part: ModelPart, colour: str) -> ModelPart:
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
     """Return the meshes of a body of background traffic, by its `kind`."""
     build = MODELS.get(state.kind, _unknown)
-    return build(DrawnEntity(zlib.crc32(state.id.encode()), state, time_s, {}))
+    return build(_DrawnEntity(zlib.crc32(state.id.encode()), state, time_s, {}))
 
 
 def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Mesh]:
     """Return (key, mesh) of the `index`-th entity of a look at a time, at rest."""
     build = MODELS.get(kind, _unknown)
-    parts = build(DrawnEntity(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
+    parts = build(_DrawnEntity(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
     if len(parts) == 1:
         return parts[0].key, parts[0].mesh
     return f"{kind}-{index}", merge(*(turned(part.mesh, part.rows) for part in parts))
@@ -173,29 +173,29 @@ def unknown() -> Mesh:
     return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
 
 
-def _unknown(who: DrawnEntity) -> Parts:
+def _unknown(drawn: _DrawnEntity) -> Parts:
     return (ModelPart("unknown", unknown()),)
 
 
-def _nothing(who: DrawnEntity) -> Parts:
+def _nothing(drawn: _DrawnEntity) -> Parts:
     return ()
 
 
-def _one(key: str, build: Callable[[], Mesh]) -> Callable[[DrawnEntity], Parts]:
-    return lambda who: (ModelPart(key, build()),)
+def _single(key: str, build: Callable[[], Mesh]) -> Callable[[_DrawnEntity], Parts]:
+    return lambda drawn: (ModelPart(key, build()),)
 
 
-def _painted(key: str, build: Callable[[int], Mesh], count: int) -> Callable[[DrawnEntity], Parts]:
-    def look(who: DrawnEntity) -> Parts:
-        paint = who.number % count
+def _painted(key: str, build: Callable[[int], Mesh], count: int) -> Callable[[_DrawnEntity], Parts]:
+    def look(drawn: _DrawnEntity) -> Parts:
+        paint = drawn.number % count
         return (ModelPart(f"{key}-{paint}", build(paint)),)
 
     return look
 
 
-def _car(who: DrawnEntity) -> Parts:
-    shape = vehicles.SHAPES[who.number // 7 % len(vehicles.SHAPES)]
-    paint = who.number % len(vehicles.PAINTS)
+def _car(drawn: _DrawnEntity) -> Parts:
+    shape = vehicles.SHAPES[drawn.number // 7 % len(vehicles.SHAPES)]
+    paint = drawn.number % len(vehicles.PAINTS)
     return (ModelPart(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
 
 
@@ -203,14 +203,14 @@ def _figure(look: int, pose: int, rows: Placement = HERE) -> ModelPart:
     return ModelPart(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose), rows)
 
 
-def _person(who: DrawnEntity) -> Parts:
-    pose = people.pose_of(who.speed_mps, who.time_s, 0.37 * who.number)
-    return (_figure(who.number % len(people.OUTFITS), pose),)
+def _person(drawn: _DrawnEntity) -> Parts:
+    pose = people.pose_of(drawn.speed_mps, drawn.time_s, 0.37 * drawn.number)
+    return (_figure(drawn.number % len(people.OUTFITS), pose),)
 
 
-def _swimmer(who: DrawnEntity) -> Parts:
-    look = who.number % len(sea.CLOTHES)
-    pose = int((who.time_s / sea.WAVE_PERIOD_S + 0.37 * (who.number + 1)) * sea.POSES) % sea.POSES
+def _swimmer(drawn: _DrawnEntity) -> Parts:
+    look = drawn.number % len(sea.CLOTHES)
+    pose = int((drawn.time_s / sea.WAVE_PERIOD_S + 0.37 * (drawn.number + 1)) * sea.POSES) % sea.POSES
     return (ModelPart(f"person-{look}-{pose}", sea.person(look, pose)),)
 
 
@@ -225,30 +225,30 @@ def spacing_in_line(spacing_m: object) -> float:
     return float(spacing_m) if isinstance(spacing_m, int | float) else SPACING_M
 
 
-def _queue(who: DrawnEntity) -> Parts:
-    """Return people in a line behind the position, who sway a little."""
-    turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
+def _queue(drawn: _DrawnEntity) -> Parts:
+    """Return people in a line behind the position, drawn sway a little."""
+    turn_deg = 0.0 if drawn.facing_deg is None else drawn.facing_deg - drawn.state.heading_deg
     line = [ModelPart("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
     behind = radians(turn_deg)
-    spacing_m = spacing_in_line(who.properties.get("spacing_m"))
-    for k in range(people_in_line(who.state.resources.get("people", who.properties.get("people", 4)))):
-        look = (3 * k + who.number) % len(people.OUTFITS)
-        aside = 0.12 * ((5 * k + 3 * who.number) % 7 - 3) / 3.0
-        turn = turn_deg + 11.0 * ((3 * k + who.number) % 5 - 2)
+    spacing_m = spacing_in_line(drawn.properties.get("spacing_m"))
+    for k in range(people_in_line(drawn.state.resources.get("people", drawn.properties.get("people", 4)))):
+        look = (3 * k + drawn.number) % len(people.OUTFITS)
+        aside = 0.12 * ((5 * k + 3 * drawn.number) % 7 - 3) / 3.0
+        turn = turn_deg + 11.0 * ((3 * k + drawn.number) % 5 - 2)
         back = -spacing_m * (k + 1)
         place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
         line.append(_figure(look, people.STAND, at(place, turn)))
     return tuple(line)
 
 
-def _residents(who: DrawnEntity) -> Parts:
-    """Return two people who talk before a house's door, and one who walks beside them (the paper's VDN profile)."""
-    looks = [(3 * who.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
+def _residents(drawn: _DrawnEntity) -> Parts:
+    """Return two people drawn talk before a house's door, and one drawn walks beside them (the paper's VDN profile)."""
+    looks = [(3 * drawn.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
     round_m = 4.0 * STROLL_M
-    walked = (STROLL_MPS * who.time_s) % round_m
+    walked = (STROLL_MPS * drawn.time_s) % round_m
     back = walked > 0.5 * round_m
     place = STROLL_M - abs(walked - 0.5 * round_m)
-    pose = people.pose_of(STROLL_MPS, who.time_s, 0.0)
+    pose = people.pose_of(STROLL_MPS, drawn.time_s, 0.0)
     return (
         _figure(looks[0], people.STAND, at((1.5, 2.4, 0.0), -66.0)),
         _figure(looks[1], people.STAND, at((0.6, 2.8, 0.0), 114.0)),
@@ -256,55 +256,55 @@ def _residents(who: DrawnEntity) -> Parts:
     )
 
 
-def _leak(who: DrawnEntity) -> Parts:
-    radius = round(who.pipe_m, 2)
-    if who.state.status == "sealed":
+def _leak(drawn: _DrawnEntity) -> Parts:
+    radius = round(drawn.pipe_m, 2)
+    if drawn.state.status == "sealed":
         return (ModelPart(f"clamp-{radius}", places.clamp(radius)),)
     return (ModelPart(f"cracked-{radius}", places.cracked_pipe(radius)),)
 
 
-def _kerbside(look: Callable[[DrawnEntity], Parts]) -> Callable[[DrawnEntity], Parts]:
+def _kerbside(look: Callable[[_DrawnEntity], Parts]) -> Callable[[_DrawnEntity], Parts]:
     """Return a function that moves a model from the default kerb to the kerb of its road."""
 
-    def moved(who: DrawnEntity) -> Parts:
-        rows = at((who.kerb_m - places.KERB_M, 0.0, 0.0))
-        return tuple(ModelPart(part.key, part.mesh, rows) for part in look(who))
+    def moved(drawn: _DrawnEntity) -> Parts:
+        rows = at((drawn.kerb_m - places.KERB_M, 0.0, 0.0))
+        return tuple(ModelPart(part.key, part.mesh, rows) for part in look(drawn))
 
     return moved
 
 
-def _served(key: str, build: Callable[[bool], Mesh]) -> Callable[[DrawnEntity], Parts]:
-    def look(who: DrawnEntity) -> Parts:
-        return (ModelPart(f"{key}-{int(who.served)}", build(who.served)),)
+def _served(key: str, build: Callable[[bool], Mesh]) -> Callable[[_DrawnEntity], Parts]:
+    def look(drawn: _DrawnEntity) -> Parts:
+        return (ModelPart(f"{key}-{int(drawn.served)}", build(drawn.served)),)
 
     return look
 
 
-MODELS: dict[str, Callable[[DrawnEntity], Parts]] = {
-    "quadrotor": _one("quadrotor", air.quadrotor),
-    "fixed_wing": _one("fixed_wing", air.fixed_wing),
-    "satellite": _one("satellite", air.satellite),
-    "robot_dog": lambda who: dog.dog_parts(who.state.joints),
+MODELS: dict[str, Callable[[_DrawnEntity], Parts]] = {
+    "quadrotor": _single("quadrotor", air.quadrotor),
+    "fixed_wing": _single("fixed_wing", air.fixed_wing),
+    "satellite": _single("satellite", air.satellite),
+    "robot_dog": lambda drawn: dog.dog_parts(drawn.state.joints),
     "car": _car,
-    "taxi": _one("taxi", vehicles.taxi),
+    "taxi": _single("taxi", vehicles.taxi),
     "delivery_van": _painted("van", vehicles.van, len(vehicles.VAN_PAINTS)),
     "truck": _painted("truck", vehicles.truck, 4),
     "bus": _painted("bus", vehicles.bus, len(vehicles.BUS_PAINTS)),
-    "fire_truck": _one("fire_truck", vehicles.fire_truck),
+    "fire_truck": _single("fire_truck", vehicles.fire_truck),
     "motorcycle": _painted("motorcycle", vehicles.motorcycle, 3),
     "bicycle": _painted("bicycle", vehicles.bicycle, 4),
     "person": _person,
-    "lifeboat": _one("lifeboat", sea.lifeboat),
+    "lifeboat": _single("lifeboat", sea.lifeboat),
     "person_in_water": _swimmer,
     "building_fire": _nothing,
-    "fire_source": _one("embers", places.embers),
+    "fire_source": _single("embers", places.embers),
     "pipeline_leak": _leak,
     "bridge_fracture": _nothing,
     "congestion": _nothing,
-    "destination": _kerbside(_one("parking_sign", places.parking_sign)),
+    "destination": _kerbside(_single("parking_sign", places.parking_sign)),
     "delivery_point": _kerbside(_served("parcel_station", places.parcel_station)),
     "delivery_door": _served("doorstep", places.doorstep),
-    "warehouse": _kerbside(_one("dock", places.dock)),
+    "warehouse": _kerbside(_single("dock", places.dock)),
     "reference_building": _residents,
     "queue_of_people": _queue,
 }

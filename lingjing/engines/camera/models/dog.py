@@ -49,12 +49,12 @@ def dog_parts(joints: tuple[float, ...]) -> tuple[ModelPart, ...]:
         fore, left = (1.0 if leg < 2 else -1.0), (1.0 if leg % 2 == 0 else -1.0)
         at = np.array([fore * HIP_AHEAD_M, left * HIP_ASIDE_M, 0.0]) + lift
         turn = _about_ahead(hip)
-        parts.append(ModelPart("dog-hip", hip_link(), _placed(turn, at)))
+        parts.append(ModelPart("dog-hip", _hip_link(), _placed(turn, at)))
         at = at + turn @ np.array([0.0, left * THIGH_ASIDE_M, 0.0])
         turn = turn @ _about_left(thigh)
-        parts.append(ModelPart("dog-thigh", thigh_link(), _placed(turn, at)))
+        parts.append(ModelPart("dog-thigh", _thigh_link(), _placed(turn, at)))
         at = at + turn @ np.array([0.0, 0.0, -LEG_M])
-        parts.append(ModelPart("dog-calf", calf_link(), _placed(turn @ _about_left(calf), at)))
+        parts.append(ModelPart("dog-calf", _calf_link(), _placed(turn @ _about_left(calf), at)))
     return tuple(parts)
 
 
@@ -95,7 +95,7 @@ def trunk() -> Mesh:
 
 
 @cache
-def hip_link() -> Mesh:
+def _hip_link() -> Mesh:
     """Return the motor between trunk and thigh, equal on both sides."""
     return merge(
         cylinder((-0.075, 0.0, 0.0), (0.075, 0.0, 0.0), (0.045, 0.045), SILVER, 0.4, sides=10),
@@ -104,7 +104,7 @@ def hip_link() -> Mesh:
 
 
 @cache
-def thigh_link() -> Mesh:
+def _thigh_link() -> Mesh:
     """Return a tapering beam from the hip to the knee."""
     return merge(
         cylinder((-0.026, 0.0, 0.0), (0.026, 0.0, 0.0), (0.047, 0.047), DARK, 0.4, sides=10),
@@ -114,7 +114,7 @@ def thigh_link() -> Mesh:
 
 
 @cache
-def calf_link() -> Mesh:
+def _calf_link() -> Mesh:
     """Return a thin shank and a rubber foot."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.012, -0.10), (0.018, 0.014), DARK, 6),

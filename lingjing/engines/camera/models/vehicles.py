@@ -143,7 +143,7 @@ BOX_PAINTS: tuple[LinearRgb, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.
 
 @cache
 def truck(paint: int) -> Mesh:
-    """Return a 9 m box truck whose cab and box differ in colour."""
+    """Return a 9 m box truck with a cab and a box of different colours."""
     cab: LinearRgb = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))[paint % 4]
     cargo = BOX_PAINTS[paint % len(BOX_PAINTS)]
     return merge(

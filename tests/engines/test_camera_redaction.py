@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lingjing.engines.camera.classes import CLASSES
-from lingjing.engines.camera.contrast import LEAST_CONTRAST, contrast, spanned
+from lingjing.engines.camera.contrast import LEAST_CONTRAST, contrast, projected_rect
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import Entity, Instance, Weather
 from lingjing.plugins.engine import Frame
@@ -72,7 +72,7 @@ def bare(engine: CameraEngine) -> list[Frame]:
 
 
 @pytest.mark.parametrize(("kind", "place"), [(kind, k) for kind in PLACES for k in range(2)])
-def test_classes_do_not_name_what_is_hidden(kind: str, place: int, engine: CameraEngine, bare: list[Frame]) -> None:
+def test_class_pictures_show_no_hidden_entity(kind: str, place: int, engine: CameraEngine, bare: list[Frame]) -> None:
     """Instances that differ only in a hidden target have the same class pictures: those without it."""
     with_it = shots(engine, instance(target(kind, PLACES[kind][place])))
     assert any(frame.info.boxes for frame in with_it), "the target is in none of the pictures"
@@ -82,7 +82,7 @@ def test_classes_do_not_name_what_is_hidden(kind: str, place: int, engine: Camer
             assert not np.array_equal(mine.rgb, other.rgb)
 
 
-def test_what_is_public_is_named(engine: CameraEngine) -> None:
+def test_class_pictures_show_public_entities(engine: CameraEngine) -> None:
     """A hidden target in front of a public one shows the public one's class; depth shows the hidden one."""
     parcels = msgspec.structs.replace(entity("shop", "delivery_point", (20.0, 20.0, 0.0)), role="target")
     person = target("fire_source", (22.4, 20.0, 2.1))
@@ -98,7 +98,7 @@ def test_what_is_public_is_named(engine: CameraEngine) -> None:
     assert (both.depth < public.depth - 0.05).any()
 
 
-def test_a_number_that_is_hidden_is_not_outlined(engine: CameraEngine, bare: list[Frame]) -> None:
+def test_a_queue_of_hidden_length_is_not_outlined(engine: CameraEngine, bare: list[Frame]) -> None:
     """A queue with a public place and a hidden length."""
     for people in (3, 17):
         queue = target("queue_of_people", (40.0, 30.0, 0.0), hidden=("people",), properties={"people": people})
@@ -117,7 +117,7 @@ def test_a_hidden_target_at_the_lens_changes_no_class(engine: CameraEngine) -> N
         assert frame.info.boxes and np.array_equal(frame.semantic, bare.semantic)
 
 
-def test_open_country_keeps_it_back_too(engine: CameraEngine) -> None:
+def test_hidden_entities_are_redacted_in_open_country(engine: CameraEngine) -> None:
     sea = City(id="sea", origin=(31.0, 121.5), bounds=(-500.0, -500.0, 500.0, 500.0),
                waters=(Water(polygon=box(-500, -500, 500, 500), level_m=0.0),))  # fmt: skip
     frames = []
@@ -129,7 +129,7 @@ def test_open_country_keeps_it_back_too(engine: CameraEngine) -> None:
 
 
 @pytest.mark.parametrize("view", ["nadir", "front"])
-def test_a_part_is_drawn_again_as_the_whole_was(engine: CameraEngine, view: str) -> None:
+def test_a_redrawn_part_equals_the_whole_picture(engine: CameraEngine, view: str) -> None:
     """The parts agree pixel by pixel, also in rain and after dark."""
     weather = Weather(sun_azimuth_deg=180.0, sun_elevation_deg=-10.0, rain=0.6, wind_mps=4.0)
     people = [target("fire_source", (12.0 * k, 20.0, 0.0), id=f"f{k}") for k in range(3)]
@@ -145,7 +145,7 @@ def test_a_part_is_drawn_again_as_the_whole_was(engine: CameraEngine, view: str)
         assert np.array_equal(rgb, whole.rgb[top : top + height, left : left + width])
 
 
-def test_a_picture_does_not_depend_on_what_was_drawn_again(engine: CameraEngine) -> None:
+def test_a_picture_does_not_depend_on_earlier_redraws(engine: CameraEngine) -> None:
     ready(engine, instance(target("bridge_fracture", PLACES["bridge_fracture"][0])), city())
     first, second = (look(engine, (0.0, -60.0, 50.0)) for _ in range(2))
     assert np.array_equal(first.rgb, second.rgb) and first.info == second.info
@@ -155,7 +155,7 @@ def test_a_picture_does_not_depend_on_what_was_drawn_again(engine: CameraEngine)
 
 @pytest.mark.parametrize(("visibility", "seen"), [(4000.0, True), (150.0, True), (55.0, False)])
 @pytest.mark.parametrize("kind", ["person_in_water", "reference_building", "delivery_door"])
-def test_fog_takes_targets_out_of_the_truth(kind: str, visibility: float, seen: bool, engine: CameraEngine) -> None:
+def test_targets_in_fog_have_no_visible_pixels(kind: str, visibility: float, seen: bool, engine: CameraEngine) -> None:
     """Below the least contrast a target has no visible pixels; its box is recorded as faint."""
     place = PLACES[kind][0]
     weather = Weather(sun_azimuth_deg=180.0, visibility_m=visibility)
@@ -176,7 +176,7 @@ def test_contrast_is_a_root_mean_square_of_the_largest_difference() -> None:
 
 def test_a_box_in_the_world_is_never_wider_than_its_part() -> None:
     pose = CameraPose(position=(0.0, 0.0, 50.0), heading_deg=30.0, tilt_deg=60.0, width=480, height=270)
-    part = spanned((-5.0, -5.0, 0.0, 5.0, 20.0, 3.0), pose)
+    part = projected_rect((-5.0, -5.0, 0.0, 5.0, 20.0, 3.0), pose)
     assert part is not None and 0 < part[2] < 480
-    assert spanned((-5.0, -5.0, 40.0, 5.0, 5.0, 60.0), pose) == (0, 0, 480, 270)
-    assert spanned((-500.0, -400.0, 0.0, -490.0, -390.0, 3.0), pose) is None
+    assert projected_rect((-5.0, -5.0, 40.0, 5.0, 5.0, 60.0), pose) == (0, 0, 480, 270)
+    assert projected_rect((-500.0, -400.0, 0.0, -490.0, -390.0, 3.0), pose) is None

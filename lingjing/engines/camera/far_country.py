@@ -36,7 +36,7 @@ OVER = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class CountryAround:
+class FarCountry:
     """The country and the waters around a city."""
 
     lands: MeshPart
@@ -45,14 +45,14 @@ class CountryAround:
     """Waters that reach farther than the city's, by level (m)."""
 
 
-def build_surroundings(city: City, town_ground: TownGround) -> CountryAround:
+def build_far_country(city: City, town_ground: TownGround) -> FarCountry:
     """Return the country and the waters around a city."""
     bounds = shapely.box(*city.bounds)
     cut = [(land, shape) for land in reversed(city.lands) for shape in _onward(city, land)]
     lands = [_flat(shape.difference(bounds).difference(_own(land).buffer(-LAP_M)), land.surface, land.top_m)
              for land, shape in cut]  # fmt: skip
     if town_ground.sea is not None:
-        return CountryAround(joined(lands), ())
+        return FarCountry(joined(lands), ())
     far = [outwards(city, shape_of(water), SPAN_M) for water in city.waters]
     flat = [_own(land) for land in city.lands if is_flat(land)]
     around = shapely.box(-SPAN_M, -SPAN_M, SPAN_M, SPAN_M).difference(bounds)
@@ -62,7 +62,7 @@ def build_surroundings(city: City, town_ground: TownGround) -> CountryAround:
         parts = [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(shape)]
         levels.setdefault(water.level_m, []).extend(parts)
     waters = tuple((level, joined(parts)) for level, parts in sorted(levels.items()) if parts)
-    return CountryAround(joined([*lands, _flat(around, "grass", 0.0)]), waters)
+    return FarCountry(joined([*lands, _flat(around, "grass", 0.0)]), waters)
 
 
 def _own(land: Land) -> shapely.Geometry:
@@ -100,4 +100,4 @@ def _flat(shape: shapely.Geometry, surface: str, height: float) -> MeshPart:
     return joined(sheet(rings, height, colour, number, style=style, layer=OVER) for rings in polygons(shape))
 
 
-__all__ = ["HIGH_M", "SPAN_M", "CountryAround", "build_surroundings"]
+__all__ = ["HIGH_M", "SPAN_M", "FarCountry", "build_far_country"]

@@ -15,17 +15,17 @@ import numpy.typing as npt
 
 from lingjing.engines.camera.boxes import entity_boxes
 from lingjing.engines.camera.classes import semantic_picture
-from lingjing.engines.camera.contrast import around, judged, pixels_of, spanned
+from lingjing.engines.camera.contrast import bounding_rect, pixels_of, projected_rect, split_by_contrast
 from lingjing.engines.camera.draw import Renderer, Scenery
-from lingjing.engines.camera.effects import TownChanges, altered
+from lingjing.engines.camera.effects import TownChanges, changed_boxes
 from lingjing.engines.camera.effects.town_changes import WorldBox
-from lingjing.engines.camera.targets import Buffers, PixelRect
+from lingjing.engines.camera.render_targets import Buffers, PixelRect
 from lingjing.mission.instance import Entity
 from lingjing.scene.city import Pieces
 from lingjing.trace.records import Box, CameraPose
 
 ALL, WITHOUT_HIDDEN, WITHOUT_TARGETS = range(3)
-"""Variants of the town (`Renderer.vary`): everything, without hidden entities, without targets."""
+"""Variants of the town (`Renderer.set_variants`): everything, without hidden entities, without targets."""
 
 Numbers = dict[str, int]
 """Index of an entity in the instance, by id."""
@@ -70,13 +70,13 @@ class ShownPicture:
 
 
 @dataclass(frozen=True, slots=True)
-class _Again:
+class _RedrawnPart:
     place: PixelRect
     rgb: npt.NDArray[np.uint8]
     ids: npt.NDArray[np.uint16]
 
 
-class Withheld:
+class PictureRedaction:
     """The redaction of the pictures of one instance.
 
     An entity with a hidden value is hidden completely: its outline would reveal its place, or the number of people in a
@@ -99,11 +99,11 @@ class Withheld:
     ) -> None:
         """Take over the changes of the entities to a town, in the order `ALL`, `WITHOUT_HIDDEN`, `WITHOUT_TARGETS`.
 
-        `load` and `ground` are as in `effects.altered`.
+        `load` and `ground` are as in `effects.changed_boxes`.
         """
         whole, public, bare = variants
-        self._volumes = altered(whole, public, load, ground)
-        self._alike &= (public.tiles, public.faced) == (bare.tiles, bare.faced)
+        self._volumes = changed_boxes(whole, public, load, ground)
+        self._alike &= (public.tiles, public.entity_buildings) == (bare.tiles, bare.entity_buildings)
 
     def take(self, renderer: Renderer, shot: Shot) -> ShownPicture:
         """Draw a picture, and parts of it again if necessary."""
@@ -116,7 +116,7 @@ class Withheld:
         semantic = semantic_picture(drawn.ids, self._entities) if shot.semantic else None
         if public is not None and semantic is not None:
             semantic[_rows(public.place)] = semantic_picture(public.ids, self._entities)
-        seen, faint = self._judged(renderer, shot, drawn, boxes, public)
+        seen, faint = self._visible_and_faint(renderer, shot, drawn, boxes, public)
         return ShownPicture(drawn.rgb, drawn.depth, semantic, seen, faint)
 
     def _near(self, renderer: Renderer, pose: CameraPose, whole: Scenery, public_m: float | None) -> float | None:
@@ -132,32 +132,32 @@ class Withheld:
 
     def _public(
         self, renderer: Renderer, shot: Shot, drawn: Buffers, boxes: Sequence[Box], near_m: float
-    ) -> _Again | None:
+    ) -> _RedrawnPart | None:
         """Return the part of the picture without hidden entities; None if it would not differ."""
         size = shot.pose.width, shot.pose.height
         places = [pixels_of((box,), *size) for box in boxes if box.entity in self.hidden]
-        places += [place for volume in self._volumes if (place := spanned(volume, shot.pose)) is not None]
-        place = around(places) if near_m == drawn.near_m else (0, 0, *size)
-        return None if place is None else self._again(renderer, shot, self.hidden, WITHOUT_HIDDEN, place, near_m)
+        places += [place for volume in self._volumes if (place := projected_rect(volume, shot.pose)) is not None]
+        place = bounding_rect(places) if near_m == drawn.near_m else (0, 0, *size)
+        return None if place is None else self._redraw(renderer, shot, self.hidden, WITHOUT_HIDDEN, place, near_m)
 
-    def _judged(
-        self, renderer: Renderer, shot: Shot, drawn: Buffers, boxes: tuple[Box, ...], public: _Again | None
+    def _visible_and_faint(
+        self, renderer: Renderer, shot: Shot, drawn: Buffers, boxes: tuple[Box, ...], public: _RedrawnPart | None
     ) -> tuple[tuple[Box, ...], tuple[Box, ...]]:
         """Return the boxes of visible entities and of those that are too faint."""
         size = shot.pose.width, shot.pose.height
-        place = around(pixels_of((box,), *size) for box in boxes if box.entity in self.targets)
+        place = bounding_rect(pixels_of((box,), *size) for box in boxes if box.entity in self.targets)
         if place is None:
             return boxes, ()
         bare = public if self._alike else None  # it already covers every target's pixels
         if bare is None:
-            bare = self._again(renderer, shot, self.targets, WITHOUT_TARGETS, place, drawn.near_m)
-        return judged(boxes, self.targets, drawn.rgb, drawn.ids, bare.place, bare.rgb)
+            bare = self._redraw(renderer, shot, self.targets, WITHOUT_TARGETS, place, drawn.near_m)
+        return split_by_contrast(boxes, self.targets, drawn.rgb, drawn.ids, bare.place, bare.rgb)
 
-    def _again(
+    def _redraw(
         self, renderer: Renderer, shot: Shot, without: Numbers, variant: int, place: PixelRect, near_m: float
-    ) -> _Again:
+    ) -> _RedrawnPart:
         scenery = shot.staged(without, variant)
-        return _Again(place, *renderer.redraw(shot.pose, scenery, shot.depth, place, near_m))
+        return _RedrawnPart(place, *renderer.redraw(shot.pose, scenery, shot.depth, place, near_m))
 
 
 def _rows(place: PixelRect) -> tuple[slice, slice]:
@@ -165,4 +165,4 @@ def _rows(place: PixelRect) -> tuple[slice, slice]:
     return slice(top, top + height), slice(left, left + width)
 
 
-__all__ = ["ALL", "WITHOUT_HIDDEN", "WITHOUT_TARGETS", "Shot", "ShownPicture", "Withheld"]
+__all__ = ["ALL", "WITHOUT_HIDDEN", "WITHOUT_TARGETS", "PictureRedaction", "Shot", "ShownPicture"]

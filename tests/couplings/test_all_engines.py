@@ -35,7 +35,7 @@ def first_digests(episode):
     return kit.digests(episode, range(TICKS))
 
 
-def test_everybody_is_there_and_looks(episode, first_digests):
+def test_all_bodies_are_present_and_take_pictures(episode, first_digests):
     record = episode.step(()).record
     last = record.snapshots[-1]
     engines = {entity.engine for entity in episode.instance.entities}
@@ -65,7 +65,7 @@ def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode,
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "hash_seed"), [("process", "1"), ("inline", "2")])
-def test_another_process_hash_seed_and_world_mode_tell_the_same(first_digests, tmp_path, kind, hash_seed):
+def test_another_process_hash_seed_and_world_mode_give_equal_digests(first_digests, tmp_path, kind, hash_seed):
     run = subprocess.run(
         [sys.executable, SCRIPT, kind, str(TICKS)],
         cwd=tmp_path,

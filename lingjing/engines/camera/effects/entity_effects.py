@@ -79,9 +79,9 @@ def _lights(entity: Entity, state: BodyState, time_s: float, weather: Weather, s
     return lights.blue_lights(_place(state), state.heading_deg, time_s, weather)
 
 
-def _carried(look: str) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
+def _carried_lights(look: str) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
     def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
-        return night.carried(look, state, time_s, weather)
+        return night.carried_lights(look, state, time_s, weather)
 
     return show
 
@@ -92,6 +92,6 @@ EFFECTS: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]]
     "pipeline_leak": _leak,
     "bridge_fracture": _fracture,
     "fire_truck": _lights,
-    **{look: _carried(look) for look in night.CARRIED},
+    **{look: _carried_lights(look) for look in night.CARRIED},
 }
 """Functions that build the effects of each look."""
