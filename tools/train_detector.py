@@ -1,13 +1,13 @@
-"""Train the agents' detector on an exported set of frames: numpy alone, minutes on one processor a class.
+"""Train the agents' detector on an exported set of frames: only numpy, minutes per class on one processor.
 
     lingjing frames export --play ssr --set victims=6 --seeds 2000-2011 -o frames
     python tools/train_detector.py frames --classes person_in_water
 
-Each class gets a network of its own (`lingjing_agents.perception.learned`). It is trained on squares cut out of the
-frames of the `train` split: around targets, at random, and, in a second round, where the first round's network was
-wrong. Then its weights and activations are made whole numbers, and the confidences are fitted on the `validation`
-split. One thread, fixed seeds and pinned kernels: the same set and the same library versions give the same bytes on
-every x86-64 processor with AVX2.
+Each class gets its own network (`lingjing_agents.perception.learned`). It is trained on squares of the frames of the
+`train` split: around targets, at random places, and, in a second round, at errors of the first round's network. Then
+weights and activations are quantised to integers, and the confidences are fitted on the `validation` split. With one
+thread, fixed seeds and pinned kernels, the same set and library versions give the same bytes on every x86-64 processor
+with AVX2.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from lingjing.numerics import pin
 
@@ -48,27 +49,34 @@ from lingjing.trace.images import decode_jpeg
 
 WEIGHTS = Path(__file__).parents[1] / "agents/lingjing_agents/perception/learned/weights"
 CHANNELS = (3, 12, 16, 24, 24, 24)
+"""Channels of the layers."""
 INPUT_SCALE = 1.0 / 64.0
-"""What one step of a pixel's value is worth to the first layer."""
+"""Value of one step of a pixel for the first layer."""
 REACH_PX = 16.0
-"""The unit of the distances that the network is taught."""
+"""Unit of the distances that the network predicts, pixels."""
 CROP_PX = 96
+"""Side of a training square, pixels."""
 SIZES_PX = (5.0, 48.0)
-"""Longest side of a target at a scale at which it is taught; at the smallest and the largest scale also beyond."""
+"""Longest side of a target that a scale is trained on, pixels. The smallest and the largest scale also cover sizes
+beyond."""
 BATCH = 32
+"""Squares of one training step."""
 CROPS_OF_A_TARGET = 8
+"""Squares around each target."""
 RANDOM_CROPS = 6
-"""Of each frame, beside those of its targets."""
+"""Random squares of each frame."""
 MINED = 12
-"""Of each frame of the second round at most, the surest mistakes first."""
+"""Most squares from one frame of the second round; errors with the highest confidence come first."""
 BEND = 0.1
-"""Where Huber's loss turns from a parabola into a line, in shares of the target's shorter side."""
+"""Transition of Huber's loss from a parabola to a line, as a share of the target's shorter side."""
 MINE_EVERY = 2
-"""Mistakes are looked for in every second picture."""
+"""Errors are searched in every second picture."""
 RATE = 3e-3
+"""Learning rate at the beginning."""
 PRIOR = -4.0
-"""The evidence of the untrained network: targets are rare."""
+"""Evidence of the untrained network: targets are rare."""
 SEED = 12
+"""Seed of the random numbers."""
 
 Float32 = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
@@ -77,17 +85,18 @@ BoxArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TrainingPicture:
-    """A picture at one scale with the boxes that are taught there and those that are neither right nor wrong; pixels
-    of the reduced picture."""
+    """A picture at one scale. Boxes are in pixels of the reduced picture."""
 
     picture: Bytes
     targets: BoxArray
+    """Boxes that this scale is trained on."""
     ignored: BoxArray
+    """Boxes that count neither as right nor as wrong."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cutout:
-    """A square of a sample; the boxes count from its corner."""
+    """A square of a picture. Boxes are relative to its corner."""
 
     picture: Bytes
     targets: BoxArray
@@ -95,12 +104,12 @@ class Cutout:
 
 
 def samples(folder: Path, cls: str, frames: Iterable[SetFrame], scale: TargetScale) -> Iterator[TrainingPicture]:
-    """Every frame at every scale at which it is looked at."""
-    for one in frames:
-        rgb = decode_jpeg(read_picture(folder, cls, one))
+    """Yield every frame at every scale at which the detector examines it."""
+    for frame in frames:
+        rgb = decode_jpeg(read_picture(folder, cls, frame))
         size = np.array([rgb.shape[1], rgb.shape[0]] * 2, np.float64)
-        boxes = np.array([box.box for box in one.frame.shows(cls)]).reshape(-1, 4) * size
-        factors = scale.factors_for(one.frame.pose, one.frame.level_m)
+        boxes = np.array([box.box for box in frame.frame.shows(cls)]).reshape(-1, 4) * size
+        factors = scale.factors_for(frame.frame.pose, frame.frame.level_m)
         for factor in factors:
             here = boxes / factor
             longest = np.maximum(here[:, 2] - here[:, 0], here[:, 3] - here[:, 1])
@@ -110,7 +119,7 @@ def samples(folder: Path, cls: str, frames: Iterable[SetFrame], scale: TargetSca
 
 
 def cut(sample: TrainingPicture, x: int, y: int) -> Cutout:
-    """The square with its upper left corner at (x, y), grey where the picture ends."""
+    """The square with its upper left corner at (x, y), filled with grey beyond the picture."""
     height, width = sample.picture.shape[:2]
     square = np.full((CROP_PX, CROP_PX, 3), MIDDLE, np.uint8)
     x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + CROP_PX, width), min(y + CROP_PX, height)
@@ -124,7 +133,7 @@ def _inside(boxes: BoxArray) -> BoxArray:
 
 
 def first_crops(sample: TrainingPicture, random: np.random.Generator) -> tuple[list[Cutout], list[Cutout]]:
-    """Squares with a target somewhere in them, and squares from anywhere else."""
+    """Squares with a target at a random place in them, and random squares without a target."""
     with_target = []
     for box in sample.targets:
         middle = (box[:2] + box[2:]) / 2.0
@@ -139,7 +148,7 @@ def first_crops(sample: TrainingPicture, random: np.random.Generator) -> tuple[l
 
 
 def mistakes(sample: TrainingPicture, network: IntegerNetwork) -> list[Cutout]:
-    """Squares around what a network takes for a target and is none."""
+    """Squares around false detections of a network."""
     finder = LearnedDetector(TargetScale(factors=(1,)), network, (0.0, 1.0), (0.0, 1.0))
     known = [tuple(box) for box in np.concatenate([sample.targets, sample.ignored])]
     wrong = []
@@ -151,7 +160,7 @@ def mistakes(sample: TrainingPicture, network: IntegerNetwork) -> list[Cutout]:
 
 
 def turned(crop: Cutout, random: np.random.Generator, *, upright: bool) -> Cutout:
-    """The square flipped, turned (unless it has an upper side) and in another light."""
+    """The square, randomly flipped, rotated (unless it has an upper side) and with other brightness."""
     picture, boxes, ignored = crop.picture, crop.targets, crop.ignored
     if random.random() < 0.5:
         picture = picture[:, ::-1]
@@ -173,8 +182,11 @@ def _quarter(boxes: BoxArray) -> BoxArray:
 
 
 def lesson(crop: Cutout) -> tuple[Float32, Float32]:
-    """What the network is to say of a square: (cells, cells) of 1 in the middle of a target, 0 away from one, -1 where
-    it does not matter; and (cells, cells, 5) of the distances to the target's sides and its shorter side, in pixels."""
+    """The intended output for a square.
+
+    (cells, cells): 1 in the middle of a target, 0 away from targets, -1 where it does not matter. (cells, cells, 5):
+    the distances to the target's sides and its shorter side, in pixels.
+    """
     count = CROP_PX // CELL_PX
     centres = np.arange(count) * CELL_PX + 0.5
     wanted = np.zeros((count, count), np.float32)
@@ -195,7 +207,7 @@ def lesson(crop: Cutout) -> tuple[Float32, Float32]:
 
 
 class Student:
-    """The network in ordinary numbers, while it learns: weights, their gradients, and Adam."""
+    """The network in floating point during training: weights, their gradients, and Adam."""
 
     def __init__(self, random: np.random.Generator) -> None:
         shapes = [(9 * i, o) for i, o in pairwise(CHANNELS)] + [(CHANNELS[-1], 5)]
@@ -210,26 +222,26 @@ class Student:
         self._steps = 0
 
     def forward(self, pictures: Bytes) -> tuple[list[Float32], list[Float32], Float32]:
-        """What every layer saw, what it said, and the answer on top."""
-        said = [(pictures.astype(np.float32) - MIDDLE) * np.float32(INPUT_SCALE)]
-        saw = []
+        """The input and output of every layer, and the final output."""
+        outputs = [(pictures.astype(np.float32) - MIDDLE) * np.float32(INPUT_SCALE)]
+        inputs = []
         for n, (stride, dilation) in enumerate(zip(STRIDES, DILATIONS, strict=True)):
-            saw.append(taps(said[-1], stride, dilation))
-            said.append(np.maximum(saw[-1] @ self.values[2 * n] + self.values[2 * n + 1], 0))
-        return saw, said, said[-1] @ self.values[-2] + self.values[-1]
+            inputs.append(taps(outputs[-1], stride, dilation))
+            outputs.append(np.maximum(inputs[-1] @ self.values[2 * n] + self.values[2 * n + 1], 0))
+        return inputs, outputs, outputs[-1] @ self.values[-2] + self.values[-1]
 
-    def gradients(self, saw: Sequence[Float32], said: Sequence[Float32], top: Float32) -> list[Float32]:
-        """Of all values, from those of the answer."""
+    def gradients(self, inputs: Sequence[Float32], outputs: Sequence[Float32], top: Float32) -> list[Float32]:
+        """The gradients of all values, from the gradient of the final output."""
         grads: list[Float32] = [np.empty(0, np.float32)] * len(self.values)
         flat = top.reshape(-1, 5)
-        grads[-2], grads[-1] = said[-1].reshape(-1, CHANNELS[-1]).T @ flat, flat.sum(axis=0)
+        grads[-2], grads[-1] = outputs[-1].reshape(-1, CHANNELS[-1]).T @ flat, flat.sum(axis=0)
         back = top @ self.values[-2].T
         for n in reversed(range(len(STRIDES))):
-            back = back * (said[n + 1] > 0)
+            back = back * (outputs[n + 1] > 0)
             flat = back.reshape(-1, back.shape[-1])
-            grads[2 * n], grads[2 * n + 1] = saw[n].reshape(len(flat), -1).T @ flat, flat.sum(axis=0)
+            grads[2 * n], grads[2 * n + 1] = inputs[n].reshape(len(flat), -1).T @ flat, flat.sum(axis=0)
             if n:
-                back = untaps(back @ self.values[2 * n].T, said[n].shape, STRIDES[n], DILATIONS[n])
+                back = untaps(back @ self.values[2 * n].T, outputs[n].shape, STRIDES[n], DILATIONS[n])
         return grads
 
     def learn(self, grads: Sequence[Float32], rate: float) -> None:
@@ -242,33 +254,38 @@ class Student:
             value -= np.float32(rate) * step / (np.sqrt(square / np.float32(1 - 0.99**self._steps)) + np.float32(1e-7))
 
 
-def untaps(seen: Float32, shape: tuple[int, ...], stride: int, dilation: int) -> Float32:
-    """The reverse of `taps` for gradients: each tap's part is added to the cell it was of."""
-    _, rows, columns, _ = seen.shape
+def untaps(gradient: Float32, shape: tuple[int, ...], stride: int, dilation: int) -> Float32:
+    """The adjoint of `taps`, for gradients: each tap's part is added to its cell."""
+    _, rows, columns, _ = gradient.shape
     channels = shape[-1]
     padded = np.zeros((shape[0], shape[1] + 2 * dilation, shape[2] + 2 * dilation, channels), np.float32)
     for tap in range(9):
         top, left = tap // 3 * dilation, tap % 3 * dilation
         down = slice(top, top + stride * (rows - 1) + 1, stride)
         across = slice(left, left + stride * (columns - 1) + 1, stride)
-        padded[:, down, across] += seen[..., tap * channels : (tap + 1) * channels]
+        padded[:, down, across] += gradient[..., tap * channels : (tap + 1) * channels]
     return padded[:, dilation:-dilation, dilation:-dilation]
 
 
 def slope(answer: Float32, wanted: Float32, sides: Float32) -> tuple[Float32, float]:
-    """The gradient of the loss by the answer, and the loss: focal loss of the evidence (Lin et al. 2017, gamma 2),
-    Huber loss of the sides in shares of the target's shorter one."""
+    """The gradient of the loss with respect to the output, and the loss.
+
+    The loss is the focal loss of the evidence (Lin et al. 2017, gamma 2) and the Huber loss of the sides, as shares of
+    the target's shorter side.
+    """
     evidence = np.clip(answer[..., 0].astype(np.float64), -30, 30)
     p = 1.0 / (1.0 + np.exp(-evidence))
     right, wrong = wanted == 1, wanted == 0
     log_p, log_q = np.log(np.maximum(p, 1e-12)), np.log(np.maximum(1 - p, 1e-12))
-    one = max(1.0, float(right.sum()))
+    positives = max(1.0, float(right.sum()))
     grad = np.zeros(answer.shape, np.float64)
-    grad[..., 0] = (right * (1 - p) ** 2 * (2 * p * log_p - (1 - p)) + wrong * p**2 * (p - 2 * (1 - p) * log_q)) / one
-    loss = float(-(right * (1 - p) ** 2 * log_p + wrong * p**2 * log_q).sum() / one)
+    grad[..., 0] = (
+        right * (1 - p) ** 2 * (2 * p * log_p - (1 - p)) + wrong * p**2 * (p - 2 * (1 - p) * log_q)
+    ) / positives
+    loss = float(-(right * (1 - p) ** 2 * log_p + wrong * p**2 * log_q).sum() / positives)
     unit = np.maximum(sides[..., 4:], 1.0)
     off = (answer[..., 1:] * REACH_PX - sides[..., :4]) / unit
-    of_target = 2.0 * right[..., None] / one
+    of_target = 2.0 * right[..., None] / positives
     grad[..., 1:] = of_target * np.clip(off / BEND, -1, 1) * REACH_PX / unit
     loss += float((of_target * np.where(np.abs(off) < BEND, off**2 / 2 / BEND, np.abs(off) - BEND / 2)).sum())
     return grad.astype(np.float32), loss
@@ -276,15 +293,18 @@ def slope(answer: Float32, wanted: Float32, sides: Float32) -> tuple[Float32, fl
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """How a round is taught: so many steps from such a rate on; `upright` if pictures have an upper side."""
+    """Parameters of a round of training."""
 
     steps: int
+    """Number of steps."""
     upright: bool
+    """True if pictures have an upper side."""
     rate: float
+    """Learning rate at the beginning."""
 
 
 def train(student: Student, pools: Sequence[Sequence[Cutout]], course: Course, random: np.random.Generator) -> None:
-    """Steps over batches that take as many squares of each pool; the rate falls to nothing along half a cosine."""
+    """Train in steps over batches with equal numbers of squares from each pool. The rate follows half a cosine to 0."""
     pools = [pool for pool in pools if pool]
     share = BATCH // len(pools)
     total = 0.0
@@ -295,27 +315,27 @@ def train(student: Student, pools: Sequence[Sequence[Cutout]], course: Course, r
             for k in random.integers(0, len(pool), share)
         ]
         lessons = [lesson(crop) for crop in chosen]
-        saw, said, answer = student.forward(np.stack([crop.picture for crop in chosen]))
+        inputs, outputs, answer = student.forward(np.stack([crop.picture for crop in chosen]))
         grad, loss = slope(answer, np.stack([each[0] for each in lessons]), np.stack([each[1] for each in lessons]))
         warm = min(1.0, (step + 1) / 20)
         rate = course.rate * warm * 0.5 * (1 + np.cos(np.pi * step / course.steps))
-        student.learn(student.gradients(saw, said, grad), rate)
+        student.learn(student.gradients(inputs, outputs, grad), rate)
         total += loss
         if step % 50 == 49:
             print(f"  step {step + 1}: loss {total / 50:.3f}", file=sys.stderr, flush=True)
             total = 0.0
 
 
-def in_whole_numbers(student: Student, pictures: Bytes) -> IntegerNetwork:
-    """The network with int8 weights; `pictures` (squares) say how high each layer's values go."""
-    _, said, _ = student.forward(pictures)
+def quantise(student: Student, pictures: Bytes) -> IntegerNetwork:
+    """The network with int8 weights. `pictures` (squares) determine the range of each layer's values."""
+    _, outputs, _ = student.forward(pictures)
     layers = []
     unit = INPUT_SCALE
     for n in range(len(STRIDES) + 1):
         weights, bias = student.values[2 * n].astype(np.float64), student.values[2 * n + 1].astype(np.float64)
         steps = np.maximum(np.abs(weights).max(axis=0), 1e-6) / 127.0
         if n < len(STRIDES):
-            above = float(np.quantile(said[n + 1], 0.9998)) / TOP
+            above = float(np.quantile(outputs[n + 1], 0.9998)) / TOP
             scale = unit * steps / above
         else:
             above = 1.0
@@ -330,33 +350,33 @@ def in_whole_numbers(student: Student, pictures: Bytes) -> IntegerNetwork:
 
 
 Judged = list[tuple[float, bool]]
-"""The evidence of each box that was found, and whether it is of a target (IoU at least 0.5, each target once)."""
+"""The evidence of each detected box, and True if it matches a target (IoU at least 0.5, each target once)."""
 
 Curve = tuple[list[float], list[float]]
-"""Evidence, and the confidence that belongs to it."""
+"""Evidence, and the confidence for it."""
 
 
-def judged(finder: LearnedDetector, folder: Path, cls: str, frames: Iterable[SetFrame]) -> tuple[Judged, int]:
-    """Every box that is found in frames, and how many targets there are."""
-    found: Judged = []
+def match_detections(finder: LearnedDetector, folder: Path, cls: str, frames: Iterable[SetFrame]) -> tuple[Judged, int]:
+    """Every detected box in the frames, and the number of targets."""
+    detections: Judged = []
     count = 0
-    for one in frames:
-        rgb = decode_jpeg(read_picture(folder, cls, one))
+    for frame in frames:
+        rgb = decode_jpeg(read_picture(folder, cls, frame))
         size = np.array([rgb.shape[1], rgb.shape[0]] * 2, np.float64)
-        left = [tuple(np.array(box.box) * size) for box in one.frame.shows(cls)]
+        left = [tuple(np.array(box.box) * size) for box in frame.frame.shows(cls)]
         count += len(left)
-        for box in finder.boxes(rgb, one.frame.pose, one.frame.level_m):
+        for box in finder.boxes(rgb, frame.frame.pose, frame.frame.level_m):
             hit = next((each for each in left if iou(tuple(box[:4]), each) >= 0.5), None)
             if hit is not None:
                 left.remove(hit)
-            found.append((float(box[4]), hit is not None))
-    return found, count
+            detections.append((float(box[4]), hit is not None))
+    return detections, count
 
 
-def fitted(found: Judged) -> Curve:
-    """Points of a logistic curve that says how likely a box is right by its evidence (Platt's scaling and prior)."""
-    x = np.array([evidence for evidence, _ in found] or [0.0])
-    hits = np.array([float(hit) for _, hit in found] or [0.0])
+def fit_confidences(detections: Judged) -> Curve:
+    """Points of a logistic curve of a box's probability by its evidence (Platt's scaling and prior)."""
+    x = np.array([evidence for evidence, _ in detections] or [0.0])
+    hits = np.array([float(hit) for _, hit in detections] or [0.0])
     n1, n0 = hits.sum(), len(hits) - hits.sum()
     wanted = np.where(hits > 0, (n1 + 1) / (n1 + 2), 1 / (n0 + 2))
     a, b = 1.0, 0.0
@@ -371,19 +391,19 @@ def fitted(found: Judged) -> Curve:
     return knots.tolist(), np.round(1 / (1 + np.exp(-(a * knots + b))), 4).tolist()
 
 
-def scores(found: Judged, targets: int, curve: Curve) -> dict[str, float]:
-    """Precision and recall of the boxes that are sure by half."""
-    sure = [hit for evidence, hit in found if np.interp(evidence, *curve) >= 0.5]
+def scores(detections: Judged, targets: int, curve: Curve) -> dict[str, float]:
+    """Precision and recall of boxes with a confidence of at least 1/2."""
+    sure = [hit for evidence, hit in detections if np.interp(evidence, *curve) >= 0.5]
     hits = sum(sure)
     shares = {"precision": hits / max(1, len(sure)), "recall": hits / max(1, targets)}
     return {"targets": targets, **{name: round(value, 3) for name, value in shares.items()}}
 
 
 def train_class(folder: Path, cls: str, steps: int, out: Path) -> dict[str, object]:
-    """Train, round, fit and write one class; what the card says of it."""
+    """Train, quantise, fit and write one class. Return its entry in the card."""
     scale, random = SCALES[cls], np.random.Generator(np.random.PCG64(SEED))
     frames = read_class(folder, cls)
-    own = [one for one in frames if one.split == "train"]
+    own = [frame for frame in frames if frame.split == "train"]
     pictures = list(samples(folder, cls, own, scale))
     pools = [first_crops(sample, random) for sample in pictures]
     targets, others = [crop for some, _ in pools for crop in some], [crop for _, some in pools for crop in some]
@@ -391,14 +411,16 @@ def train_class(folder: Path, cls: str, steps: int, out: Path) -> dict[str, obje
     student, upright = Student(random), bool(scale.factors)
     train(student, [targets, others], Course(steps, upright, RATE), random)
     seen = np.stack([crop.picture for crop in [*targets[:200], *others[:200]]])
-    network = in_whole_numbers(student, seen)
+    network = quantise(student, seen)
     wrong = [crop for sample in pictures[::MINE_EVERY] for crop in mistakes(sample, network)]
     print(f"{cls}: {len(wrong)} mistakes for the second round", file=sys.stderr)
     train(student, [targets, wrong, targets, others], Course(steps, upright, RATE / 2), random)
-    network = in_whole_numbers(student, np.concatenate([seen, *[crop.picture[None] for crop in wrong[:200]]]))
+    network = quantise(student, np.concatenate([seen, *[crop.picture[None] for crop in wrong[:200]]]))
     finder = LearnedDetector(scale, network, (0.0, 1.0), (0.0, 1.0))
-    found, count = judged(finder, folder, cls, [one for one in frames if one.split == "validation"])
-    curve = fitted(found)
+    detections, count = match_detections(
+        finder, folder, cls, [frame for frame in frames if frame.split == "validation"]
+    )
+    curve = fit_confidences(detections)
     arrays: dict[str, npt.NDArray[np.generic]] = {"evidence": np.array(curve[0]), "confidences": np.array(curve[1])}
     for n, layer in enumerate(network.layers):
         arrays |= {f"weights{n}": layer.weights.astype(np.int8), f"bias{n}": layer.bias.astype(np.int32)}
@@ -406,14 +428,14 @@ def train_class(folder: Path, cls: str, steps: int, out: Path) -> dict[str, obje
     out.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(out / f"{cls}.npz", **arrays)  # type: ignore[arg-type]
     file = out / f"{cls}.npz"
-    told = {
-        "class": cls, "frames": len(own), "seeds": sorted({one.frame.seed for one in own}),
-        "validation": scores(found, count, curve),
+    entry = {
+        "class": cls, "frames": len(own), "seeds": sorted({frame.frame.seed for frame in own}),
+        "validation": scores(detections, count, curve),
         "set_sha256": hashlib.sha256((folder / cls / "frames.jsonl").read_bytes()).hexdigest(),
         "weights_sha256": hashlib.sha256(file.read_bytes()).hexdigest(), "numpy": np.__version__,
     }  # fmt: skip
-    file.with_suffix(".json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
-    return told
+    file.with_suffix(".json").write_text(json.dumps(entry, indent=1) + "\n", encoding="utf-8")
+    return entry
 
 
 CARD = """\
@@ -435,19 +457,22 @@ each set's `frames.jsonl` stands beside the weights. License: that of the projec
 
 
 def write_card(folder: Path) -> None:
-    """The card of all weights in a folder, of their records."""
-    told = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.json"))]
-    rows = [
-        f"| `{one['class']}` | {one['frames']} | {', '.join(map(str, one['seeds']))} | {one['validation']['targets']} "
-        f"| {one['validation']['precision']:.2f} | {one['validation']['recall']:.2f} | `{one['weights_sha256'][:16]}` |"
-        for one in told
-    ]
-    numpy = ", ".join(sorted({one["numpy"] for one in told}))
+    """Write the card of all weights in a folder, from their records."""
+    entries = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.json"))]
+    rows = [_card_row(entry, entry["validation"]) for entry in entries]
+    numpy = ", ".join(sorted({entry["numpy"] for entry in entries}))
     (folder / "CARD.md").write_text(CARD.format(rows="\n".join(rows), numpy=numpy), encoding="utf-8")
 
 
+def _card_row(entry: dict[str, Any], validation: dict[str, Any]) -> str:
+    return (
+        f"| `{entry['class']}` | {entry['frames']} | {', '.join(map(str, entry['seeds']))} | {validation['targets']} "
+        f"| {validation['precision']:.2f} | {validation['recall']:.2f} | `{entry['weights_sha256'][:16]}` |"
+    )
+
+
 def main() -> int:
-    """Train what is asked for."""
+    """Train the requested classes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("set", type=Path, metavar="SET", help="a folder of `lingjing frames export`")
     parser.add_argument("--classes", nargs="+", choices=sorted(SCALES), default=sorted(SCALES), metavar="CLASS")

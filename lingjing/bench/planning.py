@@ -22,7 +22,7 @@ from lingjing.bench.suite import (
     read_document,
     readable,
 )
-from lingjing.dsl.feasibility.absent import missing_files
+from lingjing.dsl.feasibility.providers import missing_files
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import Fault, LingjingError, MissionError, UsageError

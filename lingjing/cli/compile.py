@@ -35,7 +35,7 @@ def handler(args: argparse.Namespace) -> int:
     if args.plain and args.emit != "reset-scenario":
         raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
     mission = read_mission(args.file)
-    from lingjing.dsl.feasibility.absent import missing_files
+    from lingjing.dsl.feasibility.providers import missing_files
 
     for fault in missing_files(mission):
         say(f"note: {fault.message}" + (f"; {fault.hint}" if fault.hint else ""))
@@ -72,9 +72,9 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
 
 def _ljs(mission: Mission) -> str:
     """The mission's text, and a note for whatever it does not say."""
-    from lingjing.dsl.printing.printer import lost, to_ljs
+    from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
 
     text = to_ljs(mission)
-    for place in lost(mission, text):
+    for place in round_trip_losses(mission, text):
         say(f"note: {place} has no place in .ljs text and is left out")
     return text

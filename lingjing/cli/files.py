@@ -31,9 +31,9 @@ RECORDED = {b"\x89MCAP0\r\n": "a trace", b"PAR1": "a suite's results"}
 
 def read_mission(path: str) -> Mission:
     """The mission of a file, a shipped name or standard input (`-`); notes on a document go to standard error."""
-    from lingjing.dsl.loading.load import load_noted
+    from lingjing.dsl.loading.load import load_with_notes
 
-    mission, notes = load_noted(path)
+    mission, notes = load_with_notes(path)
     for note in notes:
         say(f"note: {note}")
     return mission

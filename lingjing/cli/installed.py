@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from lingjing.cli.process import say
 
 if TYPE_CHECKING:
-    from lingjing.dsl.feasibility.absent import Offered
+    from lingjing.dsl.feasibility.providers import Offered
 
 
 def offers(kind: Offered) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.process import ending_at_second_interrupt, results_alone, say
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
-from lingjing.dsl.loading.load import load_noted
+from lingjing.dsl.loading.load import load_with_notes
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ErrorCollector, ExitCode, ForeignCodeError, InfrastructureError, MissionError, UsageError
 from lingjing.mission.model import Mission
@@ -162,7 +162,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         path = errors.attempt(lambda: str(find_mission(str(named))), None)
     else:
         errors.add(UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr"))
-    mission, notes = errors.attempt(lambda: load_noted(path), (None, ())) if path is not None else (None, ())
+    mission, notes = errors.attempt(lambda: load_with_notes(path), (None, ())) if path is not None else (None, ())
     if args.end_with is None:  # else the process that started this one has printed them
         for note in notes:
             say(f"note: {note}")

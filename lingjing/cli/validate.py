@@ -106,9 +106,9 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
     if _mends(args) or args.diff:
         return _fix(found, source, args)
     if not args.no_cache:
-        from lingjing.dsl.loading.cache import known_good
+        from lingjing.dsl.loading.cache import cached_warnings
 
-        diagnostics = known_good(source)
+        diagnostics = cached_warnings(source)
         if diagnostics is not None:
             return Checked(diagnostics, _text(diagnostics, source) if as_text else "")
     compilation = _compile(source)
@@ -122,14 +122,14 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
 def _check_document(source: SourceText, *, as_text: bool) -> Checked:
     """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
     from lingjing.cli.installed import offers
-    from lingjing.dsl.feasibility.absent import missing, missing_files
+    from lingjing.dsl.feasibility.providers import missing_files, missing_providers
     from lingjing.dsl.loading.load import place_of, proofs, read_document
     from lingjing.mission.diagnostics import Diagnostic
 
     mission, notes = read_document(source)
     start = source.span(0, 0)
     found = [*proofs(mission, source)]
-    absent = [(f"no {kind} called `{name}` is installed", "") for kind, name, _ in missing(mission, offers)]
+    absent = [(f"no {kind} called `{name}` is installed", "") for kind, name, _ in missing_providers(mission, offers)]
     absent += [(fault.message, fault.hint) for fault in missing_files(mission)]
     found += [Diagnostic("LJ0505", start, said, hint, severity="warning") for said, hint in absent]
     if mission.origin.places and not absent and not any(one.severity == "error" for one in found):

@@ -1,19 +1,23 @@
 """The mission language `.ljs`: text in, `Mission` and diagnostics out.
 
-Packages, each a phase that knows those before it, in the order a text passes them:
+A text becomes *tokens*, then a *syntax tree* of statements and expressions, then a `Mission`, which is the typed
+mission graph. Each error is a *diagnostic*: a code, a place in the text (*span*), a message, a hint, and perhaps a
+*fix*.
 
-- `source`: a text, where an offset stands in it, and where phases put their diagnostics.
-- `syntax`: text → tokens → syntax tree, with recovery.
+The packages are phases. Each uses only those before it, in the order in which a text passes them:
+
+- `source`: a text, the line and column of an offset, and the collector of diagnostics.
+- `syntax`: text → tokens → syntax tree, with recovery after errors.
 - `checking`: syntax tree → `lingjing.mission.model.Mission`: names, types, dimensions, hidden values.
-- `feasibility`: why a mission without errors cannot be won, cannot be played, or not here.
-- `compilation`: these four as one function. A text is compiled by `compile_text`, `compile_file`, `compile_source`.
-- `formatting`: text → the same text laid out the one way.
-- `printing`: `Mission` → text that compiles to it. `pages`: `Mission` → what a reader is told of it.
-- `diagnostics`: diagnostics for people and programs, and what mends them.
-- `loading`: a file or a shipped name → `Mission`, kept by content.
+- `feasibility`: proofs that a mission without errors cannot be won, or cannot be played, or not on this machine.
+- `compilation`: these four as one function (`compile_text`, `compile_file`, `compile_source`).
+- `formatting`: text → the same text in the standard layout.
+- `printing`: `Mission` → text that compiles to it. `pages`: `Mission` → documentation page.
+- `diagnostics`: diagnostics for users and programs, and the application of fixes.
+- `loading`: a file or the name of a shipped mission → `Mission`, cached by content.
 
-Invariants: every error of a file is reported in one run, in source order; a faulty part is never looked at again, its
-good neighbours are; nothing but `UsageError` (unreadable input) and `PluginError` is ever raised for a bad text.
+Invariants: one run reports every error of a file, in source order. A faulty part is left out of later checks; the parts
+around it are checked. A bad text raises nothing but `UsageError` (unreadable input) and `PluginError`.
 """
 
 from __future__ import annotations

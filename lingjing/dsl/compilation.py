@@ -1,4 +1,4 @@
-"""A text → `Mission` and diagnostics: parse, check, and look whether the mission can be won and played."""
+"""Compilation: a text → `Mission` and diagnostics, by parsing, checking and proofs about feasibility."""
 
 from __future__ import annotations
 
@@ -9,35 +9,37 @@ import msgspec
 from lingjing.dsl.source.text import SourceText
 
 if TYPE_CHECKING:
-    from lingjing.dsl.feasibility.absent import Offers
+    from lingjing.dsl.feasibility.providers import Offers
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.model import Mission
 
 
 class Compilation(msgspec.Struct, frozen=True):
-    """The outcome of one compilation: `mission` is None if there is an error, or if the file holds types only."""
+    """The outcome of one compilation."""
 
     mission: Mission | None
+    """None if there is an error, or if the file holds types only."""
     diagnostics: tuple[Diagnostic, ...]
+    """In source order."""
     source: SourceText
 
 
 def compile_text(text: str, *, path: str = "<string>") -> Compilation:
-    """Compile a mission's text. Never raises for what the text says."""
+    """Compile a mission's text. Errors in the text become diagnostics, never exceptions."""
     return compile_source(SourceText(text, path))
 
 
 def compile_file(path: str) -> Compilation:
-    """Compile a mission file; `UsageError` if it cannot be read as text."""
+    """Compile a mission file. Raises `UsageError` if it cannot be read as text."""
     from lingjing.dsl.source.text import read_source
 
     return compile_source(read_source(path))
 
 
 def compile_source(source: SourceText, *, offers: Offers | None = None) -> Compilation:
-    """Compile a source: parse, check, and look whether the mission can be won.
+    """Compile a source: parse it, check it, and test whether the mission can be won.
 
-    With `offers` (the names that plug-ins offer) a scene, an engine or a map that is not there is a warning.
+    `offers`: the names that plug-ins offer; with it, a missing scene, engine or map is a warning.
     """
     from lingjing.collector import collector_at_rest
 
@@ -47,8 +49,8 @@ def compile_source(source: SourceText, *, offers: Offers | None = None) -> Compi
 
 def _compile(source: SourceText, offers: Offers | None) -> Compilation:
     from lingjing.dsl.checking.checker import check
-    from lingjing.dsl.feasibility.infeasible import infeasible
-    from lingjing.dsl.feasibility.refused import refused
+    from lingjing.dsl.feasibility.infeasibility import report_infeasibility
+    from lingjing.dsl.feasibility.playability import check_playability
     from lingjing.dsl.source.reporter import Reporter
     from lingjing.dsl.syntax.parser import parse
     from lingjing.mission.diagnostics import has_errors, in_source_order
@@ -61,11 +63,11 @@ def _compile(source: SourceText, offers: Offers | None) -> Compilation:
     mission = check(tree, report)
     if mission is None:
         return Compilation(None, in_source_order(tuple(report.diagnostics)), source)
-    infeasible(mission, tree, report)
-    refused(mission, tree, report)
+    report_infeasibility(mission, tree, report)
+    check_playability(mission, tree, report)
     if offers is not None:
-        from lingjing.dsl.feasibility.absent import absent
+        from lingjing.dsl.feasibility.providers import check_providers
 
-        absent(mission, tree, report, offers)
+        check_providers(mission, tree, report, offers)
     diagnostics = in_source_order(tuple(report.diagnostics))
     return Compilation(None if has_errors(diagnostics) else mission, diagnostics, source)

@@ -1,13 +1,17 @@
-"""The language server: what an editor asks of `.ljs`, answered from the compiler's own tables.
+"""The language server: completion, hover, navigation and fixes for `.ljs` in editors, from the compiler's tables.
 
-- `positions`: offsets of the compiler ↔ lines and code units of the protocol.
-- `names`: where names are declared and used, by walking the syntax tree.
+An *occurrence* is a name at a place in the text; its *key* identifies its meaning. The *context* of a cursor is the
+blocks around it and the unfinished statement before it.
+
+The modules in control-flow order:
+
+- `positions`: the compiler's offsets ↔ the protocol's lines and code units.
+- `names`: declarations and uses of names, from the syntax tree.
 - `analysis`: one version of one text: tree, names, symbol tables, diagnostics.
-- `context`: what surrounds a cursor in a text that is not finished. `complete`: what could stand there.
-- `explain`: what a name, a unit, a keyword is, in Markdown. `outline`: the symbols of a file.
-- `rename`: the edits of a renaming, or why there can be none.
-- `server`: the protocol itself; the only importer of pygls, imported by `lingjing lsp` alone.
+- `context`: the context of a cursor in an unfinished text. `complete`: the proposals there.
+- `explain`: Markdown about a name, a unit or a keyword. `outline`: the symbols of a file.
+- `rename`: the edits of a renaming, or the reason why it is impossible.
+- `server`: the protocol. It alone imports pygls, and only `lingjing lsp` imports it.
 
-Everything but `server` is plain functions over texts and offsets. In: texts and positions. Out: values of the
-modules' own small types; nothing here writes a file.
+All modules except `server` consist of plain functions from texts and offsets to values. No module writes files.
 """

@@ -1,4 +1,4 @@
-"""One version of one text, analysed: each part is worked out when it is first asked for."""
+"""The analysis of one version of one text. Each part is computed on first use."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 
 class Analysis:
-    """A text at `path` (a file's path, or `<…>` for one that is none)."""
+    """A text at `path`: the path of a file, or `<…>` for a text without a file."""
 
     def __init__(self, text: str, path: str) -> None:
         self.source = SourceText(text, path)
 
     @cached_property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """What `lingjing validate` says of it."""
+        """The diagnostics that `lingjing validate` reports."""
         return compile_source(self.source).diagnostics
 
     @cached_property
     def tree(self) -> s.File:
-        """The syntax tree; what could not be read is `Faulty`."""
+        """The syntax tree. Unreadable statements are `Faulty`."""
         return parse(Reporter(self.source))
 
     @cached_property
@@ -42,7 +42,7 @@ class Analysis:
 
     @cached_property
     def scope(self) -> SymbolTables:
-        """The compiler's symbol tables, as far as the text could be read."""
+        """The compiler's symbol tables, as far as the text is readable."""
         from lingjing.dsl.checking import checker
         from lingjing.dsl.checking.toplevel import FileChecker
 
@@ -52,46 +52,47 @@ class Analysis:
         checker.check_mission(file, self.tree)
         return file.scope
 
-    def declaration(self, one: Occurrence) -> tuple[str, int, int] | None:
-        """Path and offsets of what declares a name: in this text, else in the library it comes from."""
-        own = self.names.declared.get(one.key)
+    def declaration(self, occurrence: Occurrence) -> tuple[str, int, int] | None:
+        """Path and offsets of a name's declaration, in this text or in the library that declares it; None without
+        one."""
+        own = self.names.declared.get(occurrence.key)
         if own is not None:
             return self.source.path, own.start, own.end
-        span = self._imported(one.key[1])
-        return (span.path, span.start, span.end) if span is not None else self._part_of_type(one)
+        span = self._imported(occurrence.key[1])
+        return (span.path, span.start, span.end) if span is not None else self._part_of_type(occurrence)
 
     def doc(self, declared: Occurrence) -> str:
-        """The comment lines right above a declaration."""
+        """The comment lines directly above a declaration."""
         return comment_above(self.source, declared.start)
 
     # -- private
 
     def _imported(self, name: str) -> Span | None:
-        found = self.scope.declared(name)
-        return found.span if found is not None else None
+        declaration = self.scope.declared(name)
+        return declaration.span if declaration is not None else None
 
-    def _part_of_type(self, one: Occurrence) -> tuple[str, int, int] | None:
-        """A verb or an interaction that a type of a library declares."""
-        space, name, _ = one.key
+    def _part_of_type(self, occurrence: Occurrence) -> tuple[str, int, int] | None:
+        """Path and offsets of a verb or an interaction that a library's type declares; None without one."""
+        space, name, _ = occurrence.key
         if space not in ("verb", "interaction", ""):
             return None
         for decl in self.scope.types.values():
             if name in decl.verbs or name in decl.interactions:
-                found = declared_in(decl.span.path, "verb" if name in decl.verbs else "interaction", name)
-                if found is not None:
-                    return found
+                place = declared_in(decl.span.path, "verb" if name in decl.verbs else "interaction", name)
+                if place is not None:
+                    return place
         return None
 
 
 def declared_in(path: str, space: str, name: str) -> tuple[str, int, int] | None:
-    """Path and offsets of a declaration in a library file; None if the file cannot be read any more."""
+    """Path and offsets of a declaration in a library file; None if the file is no longer readable."""
     other = library_file(path)
-    one = other.names.declared.get((space, name, None)) if other else None
-    return (path, one.start, one.end) if one else None
+    declaration = other.names.declared.get((space, name, None)) if other else None
+    return (path, declaration.start, declaration.end) if declaration else None
 
 
 def library_file(path: str) -> Analysis | None:
-    """A library's file as it is now."""
+    """The analysis of a library's file in its present state; None if it is unreadable."""
     try:
         stat = Path(path).stat()
         return _library_file(path, stat.st_mtime_ns, stat.st_size)
@@ -105,10 +106,10 @@ def _library_file(path: str, _modified: int, _size: int) -> Analysis:
 
 
 def comment_above(source: SourceText, offset: int) -> str:
-    """The block of comment lines that ends right above an offset's line, without `#`."""
+    """The comment lines directly above an offset's line, without `#`."""
     line = source.line_of(offset) - 1
-    found: list[str] = []
+    comments: list[str] = []
     while line >= 1 and source.line_text(line).lstrip().startswith("#"):
-        found.append(source.line_text(line).lstrip().lstrip("#").strip())
+        comments.append(source.line_text(line).lstrip().lstrip("#").strip())
         line -= 1
-    return "\n".join(reversed(found))
+    return "\n".join(reversed(comments))

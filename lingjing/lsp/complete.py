@@ -1,4 +1,4 @@
-"""What could stand at a cursor: keywords, names, properties, fields, units, each where it fits."""
+"""Completion: the keywords, names, properties, fields and units that are possible at a cursor."""
 
 from __future__ import annotations
 
@@ -21,16 +21,19 @@ from lingjing.mission.vocabulary import EVERYONE
 
 @dataclass(frozen=True, slots=True)
 class CompletionItem:
-    """One proposal. `kind`: keyword, name, property, field, unit, function, verb, type, value, module."""
+    """One proposal."""
 
     label: str
+    """The inserted text."""
     kind: str
+    """`keyword`, `name`, `property`, `field`, `unit`, `function`, `verb`, `type`, `value` or `module`."""
     detail: str = ""
+    """Short description; empty without one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """The proposals and the stretch of text they replace."""
+    """The proposals, and the extent of the text that they replace."""
 
     items: tuple[CompletionItem, ...]
     start: int
@@ -53,17 +56,19 @@ STATEMENTS_IN: dict[str, tuple[str, ...]] = {
     "CONSTRAINT": ("always",),
     "EVENT": ("weather", "appear", "vanish"),
 }  # fmt: skip
-"""The statements of a block, by the token that opens it."""
+"""Statements of a block, by the token that opens it."""
 
 _COMPOUND = ("m/s", "km/h", "m/s^2", "deg/s", "m^2", "m^3", "kB/s", "B/s", "kg*m^2")
+"""Compound units that are proposed."""
 _AFTER_OPERAND = ("in", "and", "or", "when", "at", "by", "from", "to")
+"""Keywords that may follow an operand."""
 
 
 def complete(analysis: Analysis, offset: int) -> Completion:
-    """The proposals at an offset."""
+    """Return the proposals at an offset."""
     context = context_at(analysis.source.text, offset)
-    found = () if context.silent else tuple(dict.fromkeys(_Completer(analysis, context, offset).items()))
-    return Completion(found, context.word_start, offset)
+    items = () if context.silent else tuple(dict.fromkeys(_Completer(analysis, context, offset).items()))
+    return Completion(items, context.word_start, offset)
 
 
 class _Completer:
@@ -115,7 +120,7 @@ class _Completer:
                     yield key.name, type_word(key.type)
 
     def _known_keys(self) -> dict[str, PropertyKey]:
-        """The properties that the block around the cursor knows."""
+        """The properties of the block around the cursor."""
         if self.at.kind() != "SCENE":
             return _KEYS.get(self.at.kind(), {})
         head = self.at.blocks[-1]
@@ -135,14 +140,16 @@ class _Completer:
         at = self.at
         special = _SPECIAL.get(at.head())
         if special is not None:
-            found = list(special(self))
-            if found:
-                yield from found
+            proposals = list(special(self))
+            if proposals:
+                yield from proposals
                 return
         if at.before() == "COLON" and not self._in_quantifier():
             yield from self._types_due()
         elif at.before() == "TILDE":
-            yield from (CompletionItem(name, "function", one.doc) for name, one in f.DISTRIBUTIONS.items())
+            yield from (
+                CompletionItem(name, "function", distribution.doc) for name, distribution in f.DISTRIBUTIONS.items()
+            )
         elif at.before() == "AS":
             yield from self._names(("role",))
         elif at.before() in ("CONTROLS", "COMMAND"):
@@ -201,9 +208,9 @@ class _Completer:
         rule = any(self.at.inside(kind) for kind in ("ADJUDICATE", "STAGE", "CONSTRAINT")) or self.at.head() in (
             "UNLOCK", "SUCCESS", "FAILURE", "DONE", "WHEN", "PERMIT", "ALWAYS",
         )  # fmt: skip
-        for name, one in f.FUNCTIONS.items():
-            if one.where == "anywhere" or (one.where == "rule") == rule:
-                yield CompletionItem(name, "function", one.doc)
+        for name, function in f.FUNCTIONS.items():
+            if function.where == "anywhere" or (function.where == "rule") == rule:
+                yield CompletionItem(name, "function", function.doc)
         if rule:
             yield from (CompletionItem(name, "function", "rule") for name in self.scope.rules)
             yield from (CompletionItem(word, "keyword") for word in ("exists", "forall", "not", "true", "false"))
@@ -211,7 +218,8 @@ class _Completer:
             yield from (CompletionItem(word, "name") for word in ("peers", "events"))
 
     def _bound_in_statement(self) -> Iterator[str]:
-        """`r` after `exists r`, `v` in a rule's parameters, `i` in a group's block: seen in the tokens alone."""
+        """Names that unfinished tokens bind: `r` after `exists r`, `v` in a rule's parameters, `i` in a group's
+        block."""
         for tokens in (*self.at.blocks, self.at.statement):
             for before, token, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
                 if token.type == "NAME" and (
@@ -306,10 +314,10 @@ class _Completer:
         file = library.find_file(path) if path else None
         if file is None:
             return
-        found, _ = load_library(file)
-        yield from (CompletionItem(name, "type", decl.role) for name, decl in found.types.items())
-        yield from (CompletionItem(name, "type", "record") for name in found.records)
-        yield from (CompletionItem(name, "type", "mission") for name in found.missions)
+        declarations, _ = load_library(file)
+        yield from (CompletionItem(name, "type", decl.role) for name, decl in declarations.types.items())
+        yield from (CompletionItem(name, "type", "record") for name in declarations.records)
+        yield from (CompletionItem(name, "type", "mission") for name in declarations.missions)
 
     def _fields(self) -> Iterator[CompletionItem]:
         chain = _chain(self.at.statement)
@@ -332,7 +340,7 @@ class _Completer:
             yield from (CompletionItem(word, "keyword") for word in _AFTER_OPERAND)
 
     def _dimension_due(self) -> Dimension | None:
-        """The dimension that the number before the cursor should have, if the place says so."""
+        """The dimension of the number before the cursor, if its place determines it."""
         statement = self.at.statement
         for option in self._option_before():
             return option
@@ -361,7 +369,7 @@ class _Completer:
                         yield option.type.dimension
 
     def _key(self) -> PropertyKey | None:
-        """The property whose value is being written."""
+        """The property with its value at the cursor."""
         name = next((token.text for token in self.at.statement if token.type == "NAME"), "")
         if self.at.kind() not in ("ASSET", "TARGET"):
             return self._known_keys().get(name)
@@ -388,7 +396,7 @@ _SPECIAL: dict[str, Callable[[_Completer], Iterable[CompletionItem]]] = {
     "STAGE": _Completer.domains,
     "CONSTRAINT": _Completer.domains,
 }
-"""Statements whose words are not expressions, by their first token."""
+"""Statements with words that are no expressions, by their first token."""
 
 
 _KEYS: dict[str, dict[str, PropertyKey]] = {
@@ -405,11 +413,11 @@ _KEYS: dict[str, dict[str, PropertyKey]] = {
     "INSPECTION": conduct.INSPECTION_KEYS,
     "CONSTRAINT": conduct.CONSTRAINT_KEYS,
 }
-"""The properties that a block knows, by the token that opens it; those of scenes and entities depend on more."""
+"""The properties of a block, by the token that opens it. Those of scenes and entities depend on more."""
 
 
 def _chain(statement: list[Token]) -> list[Token]:
-    """The tokens of the operand before the last dot: `uav[i]` of `uav[i].`, `truth(v, r.frame)` of `truth(…).`."""
+    """The tokens of the operand before the last dot: `uav[i]` in `uav[i].`, `truth(v, r.frame)` in `truth(…).`."""
     depth, at = 0, len(statement) - 2
     while at >= 0:
         kind = statement[at].type
@@ -424,7 +432,7 @@ def _chain(statement: list[Token]) -> list[Token]:
 
 
 def _called(tokens: list[Token]) -> str:
-    """The function whose call the tokens end with."""
+    """The function of the call that ends the tokens."""
     depth = 0
     for at in range(len(tokens) - 1, 0, -1):
         depth += (tokens[at].type == "RPAR") - (tokens[at].type == "LPAR")
@@ -434,7 +442,7 @@ def _called(tokens: list[Token]) -> str:
 
 
 def _members(completer: _Completer, chain: list[Token]) -> Iterator[tuple[str, str]]:
-    """The fields of an operand, with their types in words."""
+    """Yield the fields of an operand, with their types in words."""
     if not chain:
         return
     scope, first = completer.scope, chain[0].text
@@ -463,11 +471,11 @@ def _members(completer: _Completer, chain: list[Token]) -> Iterator[tuple[str, s
 
 
 def _domain(completer: _Completer, name: str) -> str:
-    """The group or message kind that a name stands for or ranges over."""
+    """The group or message kind that a name stands for or ranges over; "" without one."""
     for tokens in (completer.at.statement, *reversed(completer.at.blocks)):
-        for one, colon, domain in zip(tokens, tokens[1:], tokens[2:], strict=False):
+        for variable, colon, domain in zip(tokens, tokens[1:], tokens[2:], strict=False):
             known = domain.text in completer.scope.groups or domain.text in completer.scope.messages
-            if one.text == name and colon.type in ("COLON", "IN") and known:
+            if variable.text == name and colon.type in ("COLON", "IN") and known:
                 return domain.text
     for local in completer.analysis.names.locals_at(completer.offset):
         if local.key[1] == name and local.node is not None:
@@ -480,13 +488,13 @@ def _domain(completer: _Completer, name: str) -> str:
 
 
 def _inferred(completer: _Completer, name: str) -> str:
-    """What a quantified name must range over, by the rules it is given to."""
+    """The domain of a quantified name, inferred from the rules that take it as an argument; "" if it is unknown."""
     tokens = completer.at.statement
     for at, token in enumerate(tokens):
         rule = completer.scope.rules.get(token.text)
         if rule is None or at + 1 >= len(tokens) or tokens[at + 1].type != "LPAR":
             continue
-        arguments = [one.text for one in tokens[at + 2 :] if one.type == "NAME"]
+        arguments = [name_token.text for name_token in tokens[at + 2 :] if name_token.type == "NAME"]
         for parameter, argument in zip(rule.parameters, arguments, strict=False):
             if argument == name:
                 return parameter.type.text

@@ -1,6 +1,6 @@
-"""What surrounds a cursor in a text that is being written: the blocks around it and the statement begun.
+"""The context of a cursor in an unfinished text: the blocks around it and the beginning of its statement.
 
-Read from the tokens before the cursor alone, so it does not matter what is broken behind it.
+It is computed from the tokens before the cursor, so errors behind the cursor do not matter.
 """
 
 from __future__ import annotations
@@ -23,34 +23,40 @@ _TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 @dataclass(slots=True)
 class Context:
-    """`blocks`: the heads of the open blocks, outermost first. `statement`: the tokens of the statement begun, without
-    the `word` being written (from `word_start`). `number`: a number stands right before the word, which may be its
-    unit. `silent`: the cursor is in a comment. `in_text`: it is in a quoted text, whose word may be a hole's."""
+    """The context of a cursor."""
 
     blocks: list[list[Token]] = field(default_factory=list)
+    """The heads of the open blocks, outermost first."""
     statement: list[Token] = field(default_factory=list)
+    """The tokens of the unfinished statement, without the word at the cursor."""
     word: str = ""
+    """The word at the cursor."""
     word_start: int = 0
+    """Offset of the word's first character."""
     number: bool = False
+    """True if a number precedes the word, which may be its unit."""
     silent: bool = False
+    """True if the cursor is in a comment or in a text without a hole: there are no proposals."""
     in_text: bool = False
+    """True if the cursor is in a hole of a quoted text."""
 
     def kind(self) -> str:
-        """The innermost block's first token type: MISSION, ASSET, CLOCK, …; empty at the top of the file."""
+        """The first token type of the innermost block's head: MISSION, ASSET, CLOCK, …; empty at the top of the
+        file."""
         return self.blocks[-1][0].type if self.blocks and self.blocks[-1] else ""
 
     def inside(self, kind: str) -> bool:
-        """Whether any block around is of that kind."""
+        """True if any block around the cursor is of that kind."""
         return any(head and head[0].type == kind for head in self.blocks)
 
     def type_name(self) -> str:
-        """The type of the entity whose block is around; "" where there is none, or none is named."""
+        """The type of the entity around the cursor; "" without an entity or a type."""
         head = next((head for head in reversed(self.blocks) if head and head[0].type in ("ASSET", "TARGET")), [])
         colon = next((at for at, token in enumerate(head) if token.type == "COLON"), len(head))
         return head[colon + 1].text if colon + 1 < len(head) else ""
 
     def before(self, place: int = 1) -> str:
-        """The type of the token that many places before the cursor; empty if the statement begins later."""
+        """The type of the token `place` places before the cursor; empty if the statement is shorter."""
         return self.statement[-place].type if len(self.statement) >= place else ""
 
     def head(self) -> str:
@@ -59,7 +65,7 @@ class Context:
 
 
 def context_at(text: str, offset: int) -> Context:
-    """The context of a cursor."""
+    """Return the context of a cursor."""
     line_start = max(text.rfind("\n", 0, offset), text.rfind("\r", 0, offset)) + 1
     line = text[line_start:offset]
     code = _TEXT.sub(lambda match: "x" * len(match[0]), line)
@@ -85,7 +91,7 @@ def _read(text: str, context: Context) -> None:
     statement: list[Token] = []
     tokens = Lexer(source.text, Reporter(source)).run() or []
     while tokens and tokens[-1].start == tokens[-1].end:
-        tokens.pop()  # the end, and what the lexer supplied to close open brackets
+        tokens.pop()  # the end token, and the brackets that the lexer inserted
     for token in tokens:
         if token.type == "LBRACE":
             blocks.append(statement)
@@ -104,7 +110,7 @@ def _read(text: str, context: Context) -> None:
 
 
 def _begun(statement: list[Token], text: str) -> list[Token]:
-    """The statement the cursor is in: a line's end or a comma behind it may have ended the one before."""
+    """The statement around the cursor. A line end or a comma before the cursor may have ended the last one."""
     if not statement or _depth(statement) > 0:
         return statement
     last = statement[-1]
@@ -120,4 +126,4 @@ def _depth(statement: list[Token]) -> int:
 
 
 _LISTS = frozenset(("OBSERVES", "MESSAGE", "AGENT", "AUTHORITY", "LIMIT", "INSPECTION", "SWEEP"))
-"""Statements in which a comma goes on with a list."""
+"""Statements in which a comma continues a list."""

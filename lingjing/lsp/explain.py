@@ -1,4 +1,4 @@
-"""What something is, in Markdown: a name with its type, value and comment; a unit; a function; a keyword."""
+"""Markdown about something in the text: a name with its type, value and comment; a unit; a function; a keyword."""
 
 from __future__ import annotations
 
@@ -19,71 +19,71 @@ KEYWORDS: dict[str, str] = {
     "ljs": "`ljs 1`: the version of the language.",
     "use": "`use std.air { quadrotor }`: types and records from a library.",
     "mission": '`mission name "title" { … }`',
-    "goal": '`goal "…"`: what everybody is told.',
-    "prompt": '`prompt "…"`: what this agent is told besides the goal.',
-    "scene": "`scene bay { datum = sea level at -3.5 m }`: where it happens.",
+    "goal": '`goal "…"`: the text that all agents receive.',
+    "prompt": '`prompt "…"`: an additional text for this agent.',
+    "scene": "`scene bay { datum = sea level at -3.5 m }`: the place of the mission.",
     "clock": "`clock { tick = 10 s, sync = 500 ms }`: the decision interval and the engines' common step.",
-    "budget": "`budget { ticks <= 60, policy <= 90 s }`: what may be spent.",
+    "budget": "`budget { ticks <= 60, policy <= 90 s }`: limits of the episode.",
     "weather": "`weather { wind = 4 m/s from 220 deg }`",
     "comms": "`comms { hub = … when mode == star, delay = 1 tick, payload <= 4 kB }`: the message bus.",
-    "actions": "`actions { takeoff, forward <= 50 m }`: which of the type's verbs may be commanded, and how far.",
+    "actions": "`actions { takeoff, forward <= 50 m }`: the type's verbs that may be commanded, with bounds.",
     "param": "`param uavs = 3 in 1..10`: a value that a run may set, within bounds.",
-    "mode": "`mode broadcast in { star, broadcast }`: how agents speak; the first is the default.",
+    "mode": "`mode broadcast in { star, broadcast }`: the communication mode; the first is the default.",
     "region": "`region search = polygon(…)`: a named area.",
     "grid": "`grid cells over search { shape = 3 by 3, overlap = 20 % }`",
-    "target": "`target victim[1..n] : person_in_water { hidden position ~ sites(search) }`: what the mission is about.",
-    "asset": "`asset uav[1..n] : quadrotor { … }`: what agents command.",
+    "target": "`target victim[1..n] : person_in_water { hidden position ~ sites(search) }`: a subject of the mission.",
+    "asset": "`asset uav[1..n] : quadrotor { … }`: an entity that agents command.",
     "camera": "`camera nadir { size = 1920 by 1080, hfov = 84 deg, channels = [rgb] }`",
-    "agent": "`agent scout[i in 1..n] as searcher controls uav[i] { observes … }`: who decides.",
+    "agent": "`agent scout[i in 1..n] as searcher controls uav[i] { observes … }`: a deciding policy and its body.",
     "authority": "`authority searcher may command boat when …`: command without embodiment.",
-    "message": "`message detection : report from searcher to all`: who may say what to whom.",
+    "message": "`message detection : report from searcher to all`: a message kind, its senders and recipients.",
     "adjudicate": "`adjudicate matched(v: victim, r: detection) { when … }`: an event, once it is true.",
-    "unlock": "`unlock rescue(v: victim) when …`: when an interaction is allowed.",
+    "unlock": "`unlock rescue(v: victim) when …`: the condition that permits an interaction.",
     "stage": "`stage detect per v in victim { done when … }`: a step of the mission for each target.",
-    "relation": "`relation cooperation a <-> b over cells`: how roles work together.",
+    "relation": "`relation cooperation a <-> b over cells`: a relation between roles.",
     "success": "`success when …`: the mission is won.",
     "failure": "`failure when …`: the mission is lost.",
     "when": "`when …`: only if the condition holds.",
     "done": "`done when …`: the stage is over.",
-    "observes": "`observes uav[i].*, cells, peers.position`: what the agent sees each tick.",
+    "observes": "`observes uav[i].*, cells, peers.position`: the channels that the agent observes each tick.",
     "verb": "`verb forward(distance: length in 0 m..500 m)`: a command of an asset type.",
-    "interaction": "`interaction rescue { by = vessel, within = 50 m }`: what can be done to a target.",
-    "mount": "`mount front { ahead = 0.3 m, above = 0 m, tilt = 10 deg }`: where a type's cameras of a view sit.",
-    "part": "`part hull : box { length = 2 m, width = 1 m, height = 1 m }`: a solid that a type's bodies show.",
+    "interaction": "`interaction rescue { by = vessel, within = 50 m }`: an action on a target.",
+    "mount": "`mount front { ahead = 0.3 m, above = 0 m, tilt = 10 deg }`: the place of a type's cameras of one view.",
+    "part": "`part hull : box { length = 2 m, width = 1 m, height = 1 m }`: a visible solid of a type's bodies.",
     "record": "`record report : report { class: name }`: the fields of a message.",
-    "reveal": "`reveal image(target) to role`: the one audited way out of `hidden`.",
-    "hidden": "`hidden position ~ …`: no agent may learn it but through a sensor; what reads it is hidden too.",
-    "state": "`state load = 0 kg`: a number its engine changes while the mission runs.",
-    "override": "`override …`: takes the place of a declaration of the base mission.",
+    "reveal": "`reveal image(target) to role`: the audited exception from `hidden`.",
+    "hidden": "`hidden position ~ …`: agents observe it through sensors only; values computed from it are hidden too.",
+    "state": "`state load = 0 kg`: a number that changes during the episode.",
+    "override": "`override …`: replaces a declaration of the base mission.",
     "sweep": "`sweep fleet over uavs in [1, 2, 3]`: a matched study.",
     "limit": "`limit moves <= 50 counts dog.forward`: a counted budget.",
-    "permit": "`permit van.setDestination when …`: rejected until then.",
+    "permit": "`permit van.setDestination when …`: rejects the command until the condition holds.",
     "constraint": "`constraint hard fence per u in uav { always u in area }`",
-    "always": "`always …`: what must hold at every step.",
-    "event": "`event squall at 12 tick { weather { … } }`: what happens by itself.",
-    "appear": "`appear jam[2]`: the entity is there from now on.",
-    "vanish": "`vanish jam[1]`: the entity is gone from now on.",
-    "inspection": "`inspection checked of van by uav { within = 25 m }`: waypoints to be seen in their order.",
-    "exists": "`exists r: …`: there is one for which it is true.",
-    "forall": "`forall v in victim: …`: it is true for every one.",
+    "always": "`always …`: a condition that must hold at every step.",
+    "event": "`event squall at 12 tick { weather { … } }`: a scripted event.",
+    "appear": "`appear jam[2]`: the entity exists from now on.",
+    "vanish": "`vanish jam[1]`: the entity no longer exists from now on.",
+    "inspection": "`inspection checked of van by uav { within = 25 m }`: waypoints that must be visited in order.",
+    "exists": "`exists r: …`: true if it holds for at least one.",
+    "forall": "`forall v in victim: …`: true if it holds for all.",
 }
-"""One line for each keyword that needs one."""
+"""Keyword → one line about it."""
 
 
 def explain(analysis: Analysis, offset: int) -> tuple[str, int, int] | None:
-    """Markdown for what stands at an offset and the stretch it is about; None if there is nothing to say."""
-    one = analysis.names.at(offset)
-    if one is not None:
-        said = _name(analysis, one)
-        if said:
-            return said, one.start, one.end
+    """Markdown about the thing at an offset, and the extent of that thing; None if there is nothing to show."""
+    occurrence = analysis.names.at(offset)
+    if occurrence is not None:
+        markdown = _name(analysis, occurrence)
+        if markdown:
+            return markdown, occurrence.start, occurrence.end
     return _token(analysis, offset)
 
 
-def _name(analysis: Analysis, one: Occurrence) -> str:
-    name = one.key[1]
-    declared = analysis.names.declared.get(one.key)
-    head = _head(analysis, one)
+def _name(analysis: Analysis, occurrence: Occurrence) -> str:
+    name = occurrence.key[1]
+    declared = analysis.names.declared.get(occurrence.key)
+    head = _head(analysis, occurrence)
     if not head:
         return ""
     doc = analysis.doc(declared) if declared is not None else _library_doc(analysis, name)
@@ -92,8 +92,8 @@ def _name(analysis: Analysis, one: Occurrence) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _head(analysis: Analysis, one: Occurrence) -> str:
-    space, name, _ = one.key
+def _head(analysis: Analysis, occurrence: Occurrence) -> str:
+    space, name, _ = occurrence.key
     scope = analysis.scope
     symbol = scope.symbols.get(name)
     if space == "symbol" and symbol is not None:
@@ -114,11 +114,11 @@ def _head(analysis: Analysis, one: Occurrence) -> str:
         return _signature(FUNCTIONS[name])
     if space in ("rule", "") and name in DISTRIBUTIONS:
         return _signature(DISTRIBUTIONS[name])
-    if space == "local" and one.node is None:
-        declared = analysis.names.declared.get(one.key)
+    if space == "local" and occurrence.node is None:
+        declared = analysis.names.declared.get(occurrence.key)
         node = declared.node if declared else None
     else:
-        node = one.node
+        node = occurrence.node
     domain = getattr(node, "domain", None) or getattr(node, "type", None)
     if space == "local":
         return f"bound over `{domain.text}`" if domain is not None and hasattr(domain, "text") else "bound here"
@@ -126,28 +126,28 @@ def _head(analysis: Analysis, one: Occurrence) -> str:
 
 
 def _verb(analysis: Analysis, name: str) -> str:
-    """Which types have a verb, each with what its engine says that it does."""
-    told = []
+    """The types that have a verb, each with its engine's description of the verb."""
+    descriptions = []
     for decl in analysis.scope.types.values():
         if name in decl.verbs:
             does = engine_kind(decl.engine).verbs.get(name, VerbKind()).doc
-            told.append(f"`{decl.name}`: {does}" if does else f"`{decl.name}`")
-    return f"verb of {'; of '.join(told)}" if told else "verb"
+            descriptions.append(f"`{decl.name}`: {does}" if does else f"`{decl.name}`")
+    return f"verb of {'; of '.join(descriptions)}" if descriptions else "verb"
 
 
 def _type(decl: TypeDecl) -> str:
-    properties = ", ".join(f"`{name}` ({type_word(one.type)})" for name, one in decl.attributes.items())
+    properties = ", ".join(f"`{name}` ({type_word(attribute.type)})" for name, attribute in decl.attributes.items())
     verbs = ", ".join(f"`{name}`" for name in decl.verbs)
-    said = f"{decl.role} type, engine `{decl.engine}`"
-    return said + (f"; has {properties}" if properties else "") + (f"; does {verbs}" if verbs else "")
+    sentence = f"{decl.role} type, engine `{decl.engine}`"
+    return sentence + (f"; has {properties}" if properties else "") + (f"; does {verbs}" if verbs else "")
 
 
-def _signature(one: Signature) -> str:
-    shown = ", ".join(f"{parameter.name}: {type_word(parameter.type)}" for parameter in one.parameters)
-    options = "".join(f", {option.name} {option.relation} {type_word(option.type)}" for option in one.options)
-    more = ", …" if one.variadic else ""
-    result = "the same dimension" if one.same else type_word(one.result)
-    return f"`{one.name}({shown}{more}{options})` gives {result}" + (f": {one.doc}" if one.doc else "")
+def _signature(function: Signature) -> str:
+    shown = ", ".join(f"{parameter.name}: {type_word(parameter.type)}" for parameter in function.parameters)
+    options = "".join(f", {option.name} {option.relation} {type_word(option.type)}" for option in function.options)
+    more = ", …" if function.variadic else ""
+    result = "the same dimension" if function.same else type_word(function.result)
+    return f"`{function.name}({shown}{more}{options})` gives {result}" + (f": {function.doc}" if function.doc else "")
 
 
 def _library_doc(analysis: Analysis, name: str) -> str:
@@ -163,16 +163,16 @@ def _declaration_line(analysis: Analysis, declared: Occurrence) -> str:
 
 
 def _token(analysis: Analysis, offset: int) -> tuple[str, int, int] | None:
-    """What the word or number under the cursor is by itself."""
+    """Markdown about the word or number at an offset by itself."""
     source = analysis.source
     line = source.line_of(offset)
     start = source.line_starts()[line - 1]
     for match in MASTER.finditer(source.text, start, start + len(source.line_text(line))):
         if match.start() <= offset <= match.end() and match.lastgroup in ("WORD", "NUMBER", "UNIT"):
             number = match["NUMBER"] is not None
-            said = _number(match[0], match["UNIT"] or "") if number else _word(analysis, match[0], match.start())
-            if said:
-                return said, match.start(), match.end()
+            markdown = _number(match[0], match["UNIT"] or "") if number else _word(analysis, match[0], match.start())
+            if markdown:
+                return markdown, match.start(), match.end()
     return None
 
 

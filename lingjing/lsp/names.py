@@ -1,7 +1,8 @@
-"""Where names are declared and where they are used: occurrences, grouped by what they mean.
+"""Declarations and uses of names: occurrences, grouped by their meaning.
 
-The tables below say which field of which node declares into which space and in which spaces a use is looked up. A name
-in a place the tables do not mention is looked up everywhere, so a new statement of the grammar is half known at once.
+A *space* is a set of names that must differ, such as all types. The tables below give the space into which a field of a
+node declares, and the spaces in which a use is looked up. A name in a place outside the tables is looked up in all
+spaces, so a new statement of the grammar works partly without an entry.
 """
 
 from __future__ import annotations
@@ -14,16 +15,18 @@ from dataclasses import dataclass, field
 from lingjing.dsl.syntax import tree as s
 
 TextExtent = tuple[int, int]
+"""First and last offset of a part of the text."""
 NameKey = tuple[str, str, TextExtent | None]
-"""Space, name, and for what is known in a part of the text only, that part."""
+"""Space, name, and the part of the text in which a local name is known; None for other names."""
 
 SYMBOLS = frozenset(("param", "region", "grid"))
-"""What these declare shares one space. The rest have a space each, called as they begin; entities and cameras depend on
-where they stand, see `_declared`."""
+"""Declarations that share the space `symbol`. Every other has its own space, named by its keyword; entities and cameras
+depend on their place, see `_declared`."""
 
 LOCALS = frozenset(
     ("StageBlock.variable", "ConstraintBlock.variable", "QuantifiedExpr.variable", "ForClause.variable", "Typed.name")
 )
+"""Fields that declare local names."""
 USES: dict[str, tuple[str, ...]] = {
     "EntityBlock.type": ("type",),
     "CameraBlock.type": ("preset",),
@@ -37,6 +40,7 @@ USES: dict[str, tuple[str, ...]] = {
     "UnlockLine.name": ("interaction",),
     "Typed.type": ("symbol", "message"),
 }
+"""Field → spaces in which a use is looked up."""
 SILENT = frozenset(
     (
         "FieldExpr.name",
@@ -55,25 +59,30 @@ SILENT = frozenset(
         "PartBlock.shape",
     )
 )
-"""Words of the language's own tables, and fields of other things: no names of declarations."""
+"""Words of the language's own tables, and fields of other things, which are no names of declarations."""
 
 SPACES = (
     "local", "symbol", "type", "message", "limit", "inspection", "agent", "role", "stage", "interaction", "rule",
     "event", "record", "preset", "verb", "constraint",
 )  # fmt: skip
+"""All spaces, in the order of lookup."""
 GLOBAL = tuple(space for space in SPACES if space not in ("local", "verb"))
+"""Spaces of names that are known in the whole file."""
 _HOLE = re.compile(r"\{\{|\{\s*([^\W\d]\w*)")
 
 
 @dataclass(frozen=True, slots=True)
 class Occurrence:
-    """One name in the text. `key` says what it means; two with one key mean the same. `node` is what declares it."""
+    """One name in the text."""
 
     start: int
     end: int
     key: NameKey
+    """Identifies its meaning: occurrences with equal keys mean the same."""
     declares: bool
+    """True if it declares the name."""
     node: s.SyntaxNode | None = None
+    """The node that declares it; None for a use."""
 
 
 @dataclass(slots=True)
@@ -86,35 +95,36 @@ class _Use:
 
 @dataclass(slots=True)
 class Names:
-    """All occurrences of a file, by place; `declared` holds the first declaration of each key."""
+    """All occurrences of a file, by place."""
 
     occurrences: list[Occurrence] = field(default_factory=list)
     declared: dict[NameKey, Occurrence] = field(default_factory=dict)
+    """The first declaration of each key."""
 
     def at(self, offset: int) -> Occurrence | None:
-        """The occurrence a cursor stands in or right behind."""
-        index = bisect_right(self.occurrences, offset, key=lambda one: one.start) - 1
+        """The occurrence at a cursor or directly before it."""
+        index = bisect_right(self.occurrences, offset, key=lambda occurrence: occurrence.start) - 1
         for candidate in self.occurrences[max(0, index - 1) : index + 1][::-1]:
             if candidate.start <= offset <= candidate.end:
                 return candidate
         return None
 
     def of(self, key: NameKey) -> list[Occurrence]:
-        """All that mean the same."""
-        return [one for one in self.occurrences if one.key == key]
+        """All occurrences with that key."""
+        return [occurrence for occurrence in self.occurrences if occurrence.key == key]
 
     def locals_at(self, offset: int) -> list[Occurrence]:
-        """Bound names known at a place, innermost first."""
-        found = [
-            one
-            for key, one in self.declared.items()
+        """Local names that are known at a place, innermost first."""
+        bound = [
+            occurrence
+            for key, occurrence in self.declared.items()
             if key[0] == "local" and key[2] is not None and key[2][0] <= offset <= key[2][1]
         ]
-        return sorted(found, key=lambda one: one.key[2] or (0, 0), reverse=True)
+        return sorted(bound, key=lambda occurrence: occurrence.key[2] or (0, 0), reverse=True)
 
 
 def find_names(tree: s.File, text: str) -> Names:
-    """Walk the tree once for declarations and uses, then resolve the uses."""
+    """Find declarations and uses in the tree, and resolve the uses."""
     finder = _Finder(text)
     finder.walk(tree, ())
     return finder.resolved()
@@ -141,8 +151,8 @@ class _Finder:
             if space == "local" and scope is not None:
                 scopes.setdefault(name, []).append(scope)
         used = [Occurrence(use.start, use.end, self._meaning(use, scopes), declares=False) for use in self.uses]
-        found = [*self.names.occurrences, *used]
-        self.names.occurrences = sorted(found, key=lambda one: (one.start, one.end))
+        occurrences = [*self.names.occurrences, *used]
+        self.names.occurrences = sorted(occurrences, key=lambda occurrence: (occurrence.start, occurrence.end))
         return self.names
 
     def _meaning(self, use: _Use, scopes: dict[str, list[TextExtent]]) -> NameKey:
@@ -172,15 +182,15 @@ class _Finder:
     def _declare(self, node: s.Name, key: NameKey, by: s.SyntaxNode) -> None:
         known = key in self.names.declared
         again = known and key[0] == "role"
-        one = Occurrence(node.start, node.end, key, declares=not again, node=by)
-        self.names.declared.setdefault(key, one)
-        self.names.occurrences.append(one)
+        occurrence = Occurrence(node.start, node.end, key, declares=not again, node=by)
+        self.names.declared.setdefault(key, occurrence)
+        self.names.occurrences.append(occurrence)
 
     def _holes(self, node: s.TextLine) -> None:
         raw = self.text[node.text.start : node.text.end]
         for hole in _HOLE.finditer(raw):
             if hole[1] is None:
-                continue  # a doubled brace stands for itself
+                continue  # a doubled brace stands for one brace
             start = node.text.start + hole.start(1)
             self.uses.append(_Use(hole[1], start, start + len(hole[1]), ("symbol",)))
 
@@ -196,7 +206,7 @@ def _children(node: s.SyntaxNode) -> Iterator[tuple[str, object]]:
 
 
 def _declared(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> str | None:
-    """The space that a name is declared into; None if it is a use of one."""
+    """The space into which a name is declared; None for a use."""
     inside = any(isinstance(node, s.MissionBlock) for node in above)
     if place == "AgentBlock.role":
         return "role"
@@ -225,7 +235,7 @@ def _binds(above: tuple[s.SyntaxNode, ...]) -> bool:
 
 
 def _scope_of(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> TextExtent:
-    """Where a bound name is known: its quantifier, or the declaration around its parameter."""
+    """The part of the text in which a local name is known: its quantifier, or the declaration around its parameter."""
     owner = above[-1] if place in ("Typed.name", "ForClause.variable") else parent
     return (owner.start, owner.end)
 

@@ -1,4 +1,4 @@
-"""The symbols of a file: its declarations, nested as their blocks are."""
+"""The symbols of a file: its declarations, nested like their blocks."""
 
 from __future__ import annotations
 
@@ -9,25 +9,33 @@ from lingjing.dsl.syntax import tree as s
 
 @dataclass(slots=True)
 class OutlineEntry:
-    """One declaration: what it is, where it and its name stand (offsets), and what is declared in its block."""
+    """One declaration. Its extents are offsets."""
 
     name: str
+    """Declared name."""
     keyword: str
+    """Keyword of the declaration."""
     detail: str
+    """Its type, role or title; empty without one."""
     start: int
+    """First character of the statement."""
     end: int
+    """Offset after the statement."""
     name_start: int
+    """First character of the name."""
     name_end: int
+    """Offset after the name."""
     children: list[OutlineEntry] = field(default_factory=list)
+    """Declarations in its block."""
 
 
 def outline(tree: s.File) -> list[OutlineEntry]:
-    """The file's declarations in order."""
+    """The file's declarations, in order."""
     return _entries(tree.items)
 
 
 def _entries(items: tuple[s.Statement, ...]) -> list[OutlineEntry]:
-    found: list[OutlineEntry] = []
+    entries: list[OutlineEntry] = []
     for item in items:
         inner = getattr(item, "item", item)
         block = getattr(inner, "block", None)
@@ -35,12 +43,12 @@ def _entries(items: tuple[s.Statement, ...]) -> list[OutlineEntry]:
         keyword = inner.keyword if isinstance(inner, s.EntityBlock) else s.DECLARING.get(type(inner))
         name = getattr(inner, "name", None)
         if keyword is None or not isinstance(name, s.Name):
-            found.extend(children)
+            entries.extend(children)
             continue
-        found.append(
+        entries.append(
             OutlineEntry(name.text, keyword, _detail(inner), item.start, item.end, name.start, name.end, children)
         )
-    return found
+    return entries
 
 
 def _detail(item: s.Statement) -> str:

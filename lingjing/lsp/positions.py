@@ -1,4 +1,4 @@
-"""Offsets of characters ↔ the protocol's lines and columns, which count code units of the negotiated encoding."""
+"""Character offsets ↔ the protocol's lines and columns, which count code units of the negotiated encoding."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ from dataclasses import dataclass
 from lingjing.dsl.source.text import SourceText
 
 ENCODINGS = ("utf-16", "utf-8", "utf-32")
+"""Encodings that the protocol defines."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextPosition:
-    """A position as the protocol counts: line and code unit from 0."""
+    """A position of the protocol."""
 
     line: int
+    """Line, counted from 0."""
     character: int
+    """Code unit in the line, counted from 0."""
 
 
 class Positions:
-    """Converts for one text."""
+    """Converts positions of one text."""
 
     def __init__(self, source: SourceText, encoding: str = "utf-16") -> None:
         self.text = source.text
@@ -27,13 +30,15 @@ class Positions:
         self.encoding = encoding if encoding in ENCODINGS else "utf-16"
 
     def place(self, offset: int) -> TextPosition:
-        """Where a character stands."""
+        """The position of an offset."""
         offset = max(0, min(offset, len(self.text)))
         line = bisect_right(self.starts, offset) - 1
         return TextPosition(line, self._units(self.text[self.starts[line] : offset]))
 
     def offset(self, place: TextPosition) -> int:
-        """The offset of a position; one beyond the line's end means its end, within a character its beginning."""
+        """The offset of a position. A position beyond the line's end gives its end; one inside a character gives its
+        start.
+        """
         if place.line < 0:
             return 0
         if place.line >= len(self.starts):

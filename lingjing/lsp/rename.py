@@ -1,4 +1,4 @@
-"""Renaming: the places to change, or the reason why it cannot be."""
+"""Renaming: the places to change, or the reason why it is impossible."""
 
 from __future__ import annotations
 
@@ -13,40 +13,41 @@ from lingjing.mission.vocabulary import EVERYONE, MODES
 
 _WORD = re.compile(r"[^\W\d]\w*")
 _RESERVED = frozenset((EVERYONE, "events", "peers", "mode", "tick", *MODES))
+"""Names with a built-in meaning."""
 
 
 def renamable(analysis: Analysis, offset: int) -> Occurrence:
-    """The name at an offset; raises `UsageError` if there is none of this file's own."""
-    one = analysis.names.at(offset)
-    if one is None:
+    """The name at an offset. Raises `UsageError` if there is no name that this file declares."""
+    occurrence = analysis.names.at(offset)
+    if occurrence is None:
         raise UsageError("there is no name here")
-    if one.key not in analysis.names.declared:
-        raise UsageError(f"`{one.key[1]}` is not declared in this file")
-    return one
+    if occurrence.key not in analysis.names.declared:
+        raise UsageError(f"`{occurrence.key[1]}` is not declared in this file")
+    return occurrence
 
 
 def rename(analysis: Analysis, offset: int, new: str) -> list[Occurrence]:
-    """The places where the new name goes; raises `UsageError` if it is no name, is taken, or changes the mission."""
-    one = renamable(analysis, offset)
+    """The places of the new name. Raises `UsageError` if it is no name, is in use, or changes the mission."""
+    occurrence = renamable(analysis, offset)
     if not _WORD.fullmatch(new):
         raise UsageError(f"`{new}` is no name: a name is letters, digits and _, and begins with no digit")
     if new in STATEMENTS or new in INNER:
         raise UsageError(f"`{new}` is a word of the language")
     if new in _RESERVED or new in FUNCTIONS or new in DISTRIBUTIONS:
         raise UsageError(f"`{new}` is built in")
-    if new == one.key[1]:
+    if new == occurrence.key[1]:
         return []
-    taken = _taken(analysis, one.key, new)
-    if taken is not None:
-        line = analysis.source.line_of(taken.start)
+    clash = _clash(analysis, occurrence.key, new)
+    if clash is not None:
+        line = analysis.source.line_of(clash.start)
         raise UsageError(f"`{new}` is already declared in line {line}")
-    places = analysis.names.of(one.key)
+    places = analysis.names.of(occurrence.key)
     _must_compile_as_before(analysis, places, new)
     return places
 
 
 def applied(text: str, places: list[Occurrence], new: str) -> str:
-    """The text with the new name in all the places."""
+    """The text with the new name at all places."""
     parts: list[str] = []
     at = 0
     for place in places:
@@ -55,8 +56,8 @@ def applied(text: str, places: list[Occurrence], new: str) -> str:
     return "".join([*parts, text[at:]])
 
 
-def _taken(analysis: Analysis, key: NameKey, new: str) -> Occurrence | None:
-    """A declaration the new name would clash with, or hide, or be hidden by."""
+def _clash(analysis: Analysis, key: NameKey, new: str) -> Occurrence | None:
+    """A declaration that conflicts with the new name, hides it or is hidden by it; None without one."""
     declared = analysis.names.declared
     for space in GLOBAL:
         if (space, new, None) in declared:
@@ -65,11 +66,11 @@ def _taken(analysis: Analysis, key: NameKey, new: str) -> Occurrence | None:
         scopes = [key[2]]
     else:
         scopes = [(place.start, place.end) for place in analysis.names.of(key)]
-    for (space, name, around), one in declared.items():
+    for (space, name, around), declaration in declared.items():
         if space != "local" or name != new or around is None:
             continue
         if any(around[0] <= end and start <= around[1] for start, end in scopes):
-            return one
+            return declaration
     return None
 
 

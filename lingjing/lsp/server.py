@@ -1,4 +1,4 @@
-"""The protocol: pygls over standard input and output. The one module that imports pygls and lsprotocol."""
+"""The protocol: pygls over standard input and output. The only module that imports pygls and lsprotocol."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from lingjing.lsp.positions import Positions, TextPosition
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Span
 
 DELAY_S = 0.2
-"""Seconds of quiet after a keystroke before the text is checked."""
+"""Pause after a keystroke until the text is checked, seconds (chosen)."""
 
 T = TypeVar("T")
 _SEVERITY = {
@@ -68,7 +68,7 @@ _SYMBOL_KINDS = {
 
 
 class Server(LanguageServer):
-    """The server and what it knows of the open texts: their newest analysis, and checks that are due."""
+    """The server: the newest analysis of each open text, and the pending checks."""
 
     def __init__(self) -> None:
         super().__init__("lingjing", __version__, text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental)
@@ -77,7 +77,7 @@ class Server(LanguageServer):
         self.busy = asyncio.Lock()
 
     def analysis(self, uri: str) -> Analysis:
-        """The analysis of the text as it is now; its parts are worked out when they are asked for."""
+        """The analysis of the present text. Its parts are computed on first use."""
         document = self.workspace.get_text_document(uri)
         version = document.version if document.version is not None else -1
         known = self.analyses.get(uri)
@@ -86,23 +86,23 @@ class Server(LanguageServer):
         return known[1]
 
     def positions(self, source: SourceText) -> Positions:
-        """Positions of a text in the encoding agreed with the client."""
+        """Positions of a text in the encoding that was negotiated with the client."""
         return Positions(source, str(getattr(self.workspace.position_encoding, "value", "utf-16")))
 
     async def off_loop(self, work: Callable[[], T]) -> T:
-        """Run work in a thread, one at a time, so that the protocol goes on meanwhile."""
+        """Run work in a thread, one at a time, so that the event loop stays responsive."""
         async with self.busy:
             return await asyncio.to_thread(work)
 
     # -- checks
 
     def check_soon(self, uri: str, delay: float = DELAY_S) -> None:
-        """Check the text after a while, instead of any check that was due."""
-        self.forget_check(uri)
+        """Check the text after a delay. A pending check is cancelled."""
+        self.cancel_check(uri)
         self.checks[uri] = asyncio.get_running_loop().create_task(self._check(uri, delay))
 
-    def forget_check(self, uri: str) -> None:
-        """Drop the check that is due."""
+    def cancel_check(self, uri: str) -> None:
+        """Cancel the pending check."""
         task = self.checks.pop(uri, None)
         if task is not None:
             task.cancel()
@@ -119,30 +119,30 @@ class Server(LanguageServer):
     def _diagnostics(self, analysis: Analysis) -> list[lsp.Diagnostic]:
         positions = self.positions(analysis.source)
         try:
-            found = analysis.diagnostics
-        except LingjingError as error:  # a library that cannot be read, two plug-ins of one name
+            diagnostics = analysis.diagnostics
+        except LingjingError as error:  # such as an unreadable library, or two plug-ins of one name
             nothing = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
             message = f"{error}\n{error.hint}" if error.hint else str(error)
             return [lsp.Diagnostic(nothing, message, lsp.DiagnosticSeverity.Error, source="lingjing")]
-        return [self.diagnostic(one, positions, analysis.source.path) for one in found]
+        return [self.diagnostic(item, positions, analysis.source.path) for item in diagnostics]
 
-    def diagnostic(self, one: Diagnostic, positions: Positions, path: str) -> lsp.Diagnostic:
-        """One of the compiler's diagnostics as the protocol has it."""
+    def diagnostic(self, diagnostic: Diagnostic, positions: Positions, path: str) -> lsp.Diagnostic:
+        """Convert a diagnostic of the compiler to the protocol."""
         related = [
             lsp.DiagnosticRelatedInformation(self.location(item.span, positions, path), item.message)
-            for item in one.related
+            for item in diagnostic.related
         ]
         return lsp.Diagnostic(
-            range=_range(positions, one.span.start, one.span.end),
-            message=f"{one.message}\n{one.hint}" if one.hint else one.message,
-            severity=_SEVERITY[one.severity],
-            code=one.code,
+            range=_range(positions, diagnostic.span.start, diagnostic.span.end),
+            message=f"{diagnostic.message}\n{diagnostic.hint}" if diagnostic.hint else diagnostic.message,
+            severity=_SEVERITY[diagnostic.severity],
+            code=diagnostic.code,
             source="lingjing",
             related_information=related or None,
         )
 
     def location(self, span: Span, positions: Positions, path: str) -> lsp.Location:
-        """A span of this text or of a library."""
+        """Convert a span of this text or of a library to the protocol."""
         if span.path == path:
             return lsp.Location(_uri(path), _range(positions, span.start, span.end))
         begin = lsp.Position(span.line - 1, span.column - 1)
@@ -150,7 +150,7 @@ class Server(LanguageServer):
 
 
 def create() -> Server:
-    """A server with all features, not yet connected."""
+    """Create a server with all features, not yet connected."""
     server = Server()
     for feature, handler, options in _FEATURES:
         server.feature(feature, options)(handler)
@@ -158,11 +158,11 @@ def create() -> Server:
 
 
 def serve() -> None:
-    """Serve standard input and output until the client says `exit` or goes away."""
+    """Serve standard input and output until the client sends `exit` or disconnects."""
     logging.getLogger("pygls").setLevel(logging.CRITICAL)
     sys.stdout.flush()
     incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what anybody prints must not get into the protocol
+    os.dup2(2, 1)  # output of other code must not get into the protocol's stream
     with contextlib.suppress(KeyboardInterrupt):
         create().start_io(incoming, outgoing)
 
@@ -171,7 +171,7 @@ def serve() -> None:
 
 
 async def opened(server: Server, params: lsp.DidOpenTextDocumentParams) -> None:
-    """Check a text as soon as it is opened."""
+    """Check a text when it is opened."""
     server.check_soon(params.text_document.uri, 0.0)
 
 
@@ -181,36 +181,36 @@ async def changed(server: Server, params: lsp.DidChangeTextDocumentParams) -> No
 
 
 async def closed(server: Server, params: lsp.DidCloseTextDocumentParams) -> None:
-    """Forget a text; what was said of it goes."""
+    """Drop the analysis and the diagnostics of a closed text."""
     uri = params.text_document.uri
-    server.forget_check(uri)
+    server.cancel_check(uri)
     server.analyses.pop(uri, None)
     server.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, []))
 
 
 async def saved(server: Server, _params: lsp.DidSaveTextDocumentParams) -> None:
-    """A saved file may be another's library: check all that are open."""
+    """Check all open texts: the saved file may be a library of another one."""
     for uri in list(server.workspace.text_documents):
         server.analyses.pop(uri, None)
         server.check_soon(uri, 0.0)
 
 
 async def ended(server: Server, *_: object) -> None:
-    """Nothing is checked after the client has said goodbye."""
+    """Cancel all checks at shutdown."""
     for uri in list(server.checks):
-        server.forget_check(uri)
+        server.cancel_check(uri)
 
 
 # -- questions
 
 
 async def complete(server: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
-    """What could stand at the cursor."""
+    """The proposals at the cursor."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
     offset = _offset(positions, params.position)
-    found = await server.off_loop(lambda: completing.complete(analysis, offset))
-    place = _range(positions, found.start, found.end)
+    completion = await server.off_loop(lambda: completing.complete(analysis, offset))
+    place = _range(positions, completion.start, completion.end)
     items = [
         lsp.CompletionItem(
             label=item.label,
@@ -219,35 +219,35 @@ async def complete(server: Server, params: lsp.CompletionParams) -> lsp.Completi
             sort_text=f"{number:04d}",
             text_edit=lsp.TextEdit(place, item.label),
         )
-        for number, item in enumerate(found.items)
+        for number, item in enumerate(completion.items)
     ]
     return lsp.CompletionList(is_incomplete=False, items=items)
 
 
 async def hover(server: Server, params: lsp.HoverParams) -> lsp.Hover | None:
-    """What stands under the cursor."""
+    """Markdown about the thing under the cursor."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
     offset = _offset(positions, params.position)
-    said = await server.off_loop(lambda: explaining.explain(analysis, offset))
-    if said is None:
+    hovered = await server.off_loop(lambda: explaining.explain(analysis, offset))
+    if hovered is None:
         return None
-    text, start, end = said
+    text, start, end = hovered
     return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text), _range(positions, start, end))
 
 
 async def definition(server: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
-    """Where the name under the cursor is declared, in this file or in a library."""
+    """The declaration of the name under the cursor, in this file or in a library."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
     offset = _offset(positions, params.position)
 
     def find() -> lsp.Location | None:
-        one = analysis.names.at(offset)
-        found = analysis.declaration(one) if one is not None else None
-        if found is None:
+        occurrence = analysis.names.at(offset)
+        place = analysis.declaration(occurrence) if occurrence is not None else None
+        if place is None:
             return None
-        path, start, end = found
+        path, start, end = place
         if path == analysis.source.path:
             return lsp.Location(params.text_document.uri, _range(positions, start, end))
         other = library_file(path)
@@ -257,35 +257,35 @@ async def definition(server: Server, params: lsp.DefinitionParams) -> lsp.Locati
 
 
 async def references(server: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
-    """Every place in the file that means the same as the name under the cursor."""
+    """Every place in the file with the same meaning as the name under the cursor."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
-    one = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))
-    found = analysis.names.of(one.key) if one is not None else []
-    wanted = [place for place in found if params.context.include_declaration or not place.declares]
+    occurrence = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))
+    occurrences = analysis.names.of(occurrence.key) if occurrence is not None else []
+    wanted = [place for place in occurrences if params.context.include_declaration or not place.declares]
     return [lsp.Location(params.text_document.uri, _range(positions, p.start, p.end)) for p in wanted]
 
 
 async def highlight(server: Server, params: lsp.DocumentHighlightParams) -> list[lsp.DocumentHighlight]:
-    """The same places, lit up."""
+    """The same places, for highlighting."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
-    one = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))
-    found = analysis.names.of(one.key) if one is not None else []
-    return [lsp.DocumentHighlight(_range(positions, place.start, place.end)) for place in found]
+    occurrence = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))
+    occurrences = analysis.names.of(occurrence.key) if occurrence is not None else []
+    return [lsp.DocumentHighlight(_range(positions, place.start, place.end)) for place in occurrences]
 
 
 async def prepare_rename(server: Server, params: lsp.PrepareRenameParams) -> lsp.Range:
-    """The name that would be changed; an error that says why there is none."""
+    """The extent of the name to change. Responds with an error that gives the reason if there is none."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
     offset = _offset(positions, params.position)
-    one = await server.off_loop(lambda: _refusable(lambda: renaming.renamable(analysis, offset)))
-    return _range(positions, one.start, one.end)
+    occurrence = await server.off_loop(lambda: _refusable(lambda: renaming.renamable(analysis, offset)))
+    return _range(positions, occurrence.start, occurrence.end)
 
 
 async def rename(server: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit:
-    """The edits of a renaming; an error that says why it cannot be."""
+    """The edits of a renaming. Responds with an error that gives the reason if it is impossible."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
     offset = _offset(positions, params.position)
@@ -302,7 +302,7 @@ async def symbols(server: Server, params: lsp.DocumentSymbolParams) -> list[lsp.
 
 
 async def formatting(server: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:
-    """The whole text laid out anew; nothing if it has syntax errors or is laid out already."""
+    """The formatted text as one edit; None if it has syntax errors or is formatted already."""
     analysis = server.analysis(params.text_document.uri)
     source = analysis.source
     formatted = await server.off_loop(lambda: format_source(source))
@@ -318,13 +318,13 @@ async def actions(server: Server, params: lsp.CodeActionParams) -> list[lsp.Code
     positions = server.positions(analysis.source)
     begin, end = _offset(positions, params.range.start), _offset(positions, params.range.end)
     diagnostics = await server.off_loop(lambda: analysis.diagnostics)
-    found = []
-    for one in diagnostics:
-        if one.fix is not None and one.span.start <= end and begin <= one.span.end:
-            shown = server.diagnostic(one, positions, analysis.source.path)
-            edits = {params.text_document.uri: [_edit(edit, positions) for edit in one.fix.edits]}
-            found.append(_action(one.fix, shown, lsp.WorkspaceEdit(changes=edits)))
-    return found
+    code_actions: list[lsp.CodeAction] = []
+    for diagnostic in diagnostics:
+        if diagnostic.fix is not None and diagnostic.span.start <= end and begin <= diagnostic.span.end:
+            shown = server.diagnostic(diagnostic, positions, analysis.source.path)
+            edits = {params.text_document.uri: [_edit(edit, positions) for edit in diagnostic.fix.edits]}
+            code_actions.append(_action(diagnostic.fix, shown, lsp.WorkspaceEdit(changes=edits)))
+    return code_actions
 
 
 _FEATURES: tuple[tuple[str, Callable[..., object], object], ...] = (
@@ -399,7 +399,7 @@ def _refusable(work: Callable[[], T]) -> T:
 
 
 def _path(uri: str) -> str:
-    """The file's path, or a name in angle brackets for what is no file (an unsaved text)."""
+    """The file's path, or a name in angle brackets for an unsaved text."""
     parts = urlsplit(uri)
     if parts.scheme != "file":
         return f"<{Path(unquote(parts.path)).name or 'untitled'}>"

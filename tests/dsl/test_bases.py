@@ -7,7 +7,7 @@ import json
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.printing.printer import lost, to_ljs
+from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
 from lingjing.mission import document, model
 from lingjing.mission.instantiate import instantiate
 
@@ -67,4 +67,4 @@ def test_the_text_extends_the_same_types(race: model.Mission) -> None:
     text = to_ljs(race)
     assert "asset racer : quadrotor {" in text and "asset lead_racer : racer {" in text
     assert "asset taxi : car {" in text and "delivery_van" in text.split("asset", 1)[0]
-    assert lost(race, text) == ()
+    assert round_trip_losses(race, text) == ()

@@ -38,16 +38,16 @@ CASES = [
     ("LJ0104", "mission small", f"{RAFT}\nmission small", 6, 82, "the interaction `rescue` is declared twice"),
     ("LJ0104", "mission small", f"{HIT}\nmission small", 6, 42, "`collided` is what engines tell of a body"),
     ("LJ0104", "mission small", f"{GO}\nmission small", 6, 43, "the argument `a`"),
-    ("LJ0105", "exists r: matched(v, r) }", "exists q: rescued(v) }", 35, 51, "what `q` ranges over"),
+    ("LJ0105", "exists r: matched(v, r) }", "exists q: rescued(v) }", 35, 51, "the domain of `q`"),
     ("LJ0106", "ticks <= 60, ", "", 10, 3, "lacks `ticks`"),
     ("LJ0107", "everybody.\"", "everybody.\"\n  done when true", 8, 3, "`done` has no meaning in a mission"),
     ("LJ0108", "visibility = 8 km", "visibilty = 8 km", 11, 40, "knows no `visibilty`"),
     ("LJ0109", "channels = [rgb]", "channels = [rbg]", 23, 66, "cannot be `rbg`"),
-    ("LJ0110", "{ done when rescued(v) }", "{ when rescued(v) }", 36, 35, "says `done when …`"),
+    ("LJ0110", "{ done when rescued(v) }", "{ when rescued(v) }", 36, 35, "needs `done when …`"),
     ("LJ0111", "victim[1..3]", "victim[3]", 18, 17, "counted `1..n`"),
     ("LJ0112", ": lifeboat {", ": person_in_water {", 26, 16, "is a target type"),
     ("LJ0113", "takePhoto }", "takePicture }", 24, 41, "has no verb `takePicture`"),
-    ("LJ0114", "may command boat", "may command victim", 30, 34, "nobody commands it"),
+    ("LJ0114", "may command boat", "may command victim", 30, 34, "agents cannot command it"),
     ("LJ0115", "as coordinator when", "as coordinator controls boat when", 29, 43, "controlled by two agents"),
     ("LJ0116", "observes cells }", "observes search }", 29, 63, "cannot be observed"),
     ("LJ0117", "ljs 1", "ljs 9", 1, 5, "version 9"),
@@ -56,7 +56,7 @@ CASES = [
     ("LJ0122", "{ datum = sea", '{ map = "../a.osm", datum = sea', 8, 21, "leads out of the project"),
     ("LJ0123", "  param altitude", "  override param altitude", 14, 3, "nothing to override"),
     ("LJ0201", "heading = 30 deg", "heading = boat", 26, 67, "an angle is due"),
-    ("LJ0201", "(v: victim) when exists", "(u: uav) when exists v in victim: exists", 33, 20, "nothing that is done"),
+    ("LJ0201", "(v: victim) when exists", "(u: uav) when exists v in victim: exists", 33, 20, "is no interaction of"),
     ("LJ0202", "tick = 10 s", "tick = 10", 9, 18, "a duration is due"),
     ("LJ0203", "tick = 10 s", "tick = 10 m", 9, 18, "this is a length"),
     ("LJ0203", "forall v in victim: rescued(v)", "now >= 3 tick", 38, 16, "a duration with a count of ticks"),
@@ -93,7 +93,7 @@ CASES = [
     ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
     ("LJ0501", "sync = 500 ms", "sync = 1e-9 ms", 9, 31, "at most 100,000 are possible"),
     ("LJ0503", "  success", "  sweep s over uavs in 1..10000000\n  success", 38, 24, "10,000,000 values"),
-    ("LJ0504", "mode broadcast in { star, broadcast }", "mode single in { single, star }", 15, 18, "stands alone"),
+    ("LJ0504", "mode broadcast in { star, broadcast }", "mode single in { single, star }", 15, 18, "excludes other"),
     ("LJ0507", "lifeboat {", "lifeboat when mode == star {", 27, 9, "in broadcast mode, there is no"),
     ("LJ0508", "bay { datum = sea level at -3.5 m }", "coastal { datum = sea level at 0 m }", 8, 19, "flood"),
     ("LJ0510", "forall v in victim: rescued(v)", "now >= 0 s", 38, 3, "holds at the start, before anybody acts"),
@@ -104,8 +104,8 @@ CASES = [
 ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506", "LJ0509"} | {
     code for code in CODES if code.startswith("LJ06") or code in ("LJ0125", "LJ0126", "LJ0210")
 }
-"""Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs`,
-`test_absent`, `test_refused`, `test_interactions`, `test_library`, `test_inherit` and `test_wide`."""
+"""Codes whose examples are files of their own; tested below, in `test_infeasibility`, `test_inputs`,
+`test_providers`, `test_playability`, `test_interactions`, `test_library`, `test_inherit` and `test_wide`."""
 
 
 def test_the_small_mission_is_good(small: str) -> None:

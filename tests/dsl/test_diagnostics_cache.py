@@ -24,13 +24,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_second_time_gives_the_same_mission(small: str, folder: Path) -> None:
     source = SourceText(small, "m.ljs")
-    assert cache.known_good(source) is None
+    assert cache.cached_warnings(source) is None
     first = cache.compile_cached(source)
     (entry,) = folder.iterdir()
-    assert cache.known_good(source) == ()
+    assert cache.cached_warnings(source) == ()
     assert cache.compile_cached(source) == first == compile_source(source)
     entry.write_bytes(entry.read_bytes()[:-1] + b"\x00")
-    assert cache.known_good(source) is None
+    assert cache.cached_warnings(source) is None
     entry.write_bytes(b"")
     assert cache.compile_cached(source) == first
 
@@ -43,10 +43,10 @@ def test_errors_are_not_kept(small: str, folder: Path) -> None:
 
 def test_another_text_path_or_compiler_is_another_entry(small: str, monkeypatch: pytest.MonkeyPatch) -> None:
     cache.compile_cached(SourceText(small, "m.ljs"))
-    assert cache.known_good(SourceText(small, "n.ljs")) is None
-    assert cache.known_good(SourceText(small + "\n", "m.ljs")) is None
+    assert cache.cached_warnings(SourceText(small, "n.ljs")) is None
+    assert cache.cached_warnings(SourceText(small + "\n", "m.ljs")) is None
     monkeypatch.setattr(cache, "_compiler", lambda: "another")
-    assert cache.known_good(SourceText(small, "m.ljs")) is None
+    assert cache.cached_warnings(SourceText(small, "m.ljs")) is None
 
 
 def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,14 +59,14 @@ def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(library, "shipped_folder", lambda first: str(std))
     source = SourceText(small, "m.ljs")
     cache.compile_cached(source)
-    assert cache.known_good(source) == ()
+    assert cache.cached_warnings(source) == ()
     text = (std / "sea.ljs").read_text()
     (std / "sea.ljs").write_text(text + "# changed\n")
-    assert cache.known_good(source) is None
+    assert cache.cached_warnings(source) is None
     (std / "sea.ljs").write_text(text)
-    assert cache.known_good(source) == ()
+    assert cache.cached_warnings(source) == ()
     (std / "air.ljs").unlink()
-    assert cache.known_good(source) is None
+    assert cache.cached_warnings(source) is None
 
 
 def test_where_nothing_can_be_kept_nothing_fails(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,7 +76,7 @@ def test_where_nothing_can_be_kept_nothing_fails(small: str, tmp_path: Path, mon
     monkeypatch.setattr("lingjing.data._temporary_cache", lambda: "")
     source = SourceText(small, "m.ljs")
     assert cache.compile_cached(source) == cache.compile_cached(source)
-    assert cache.known_good(source) is None
+    assert cache.cached_warnings(source) is None
 
 
 def test_the_cache_can_be_turned_off(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,4 +99,4 @@ def test_writers_at_once_leave_a_whole_entry(small: str, tmp_path: Path, folder:
     running = [subprocess.Popen([sys.executable, "-c", script, str(file)], env=os.environ) for _ in range(4)]
     assert [process.wait() for process in running] == [0, 0, 0, 0]
     assert [path.name.startswith(".new-") for path in folder.iterdir()] == [False]
-    assert cache.known_good(SourceText(small, str(file))) == ()
+    assert cache.cached_warnings(SourceText(small, str(file))) == ()

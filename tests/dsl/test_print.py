@@ -13,7 +13,7 @@ from lingjing.dsl import compile_text
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.printing.phrases import Phrases, number_text
-from lingjing.dsl.printing.printer import _KNOWN, canonical, lost, to_ljs, unprinted
+from lingjing.dsl.printing.printer import _KNOWN, canonical, round_trip_losses, to_ljs, unprintable_paths
 from lingjing.errors import MissionError
 from lingjing.mission import document, model
 from lingjing.mission import expression as ex
@@ -38,7 +38,7 @@ def test_text_to_json_to_text_to_json_is_stable(file: Path) -> None:
     assert canonical(second) == canonical(first)
     assert to_ljs(document.decode(document.encode(second), "second.json")) == text
     assert format_text(text).text == text
-    assert [place for place in lost(first, text) if place != "$.origin.document"] == []
+    assert [place for place in round_trip_losses(first, text) if place != "$.origin.document"] == []
 
 
 def test_types_come_back_from_the_libraries(small: str) -> None:
@@ -70,7 +70,7 @@ def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> Non
     text = to_ljs(mission)
     assert canonical(compiled(text)) == canonical(mission)
     assert "interaction douse { by = vessel, within = 9 m, lasting = 3 s, status = out }" in text
-    assert lost(mission, text) == ()
+    assert round_trip_losses(mission, text) == ()
 
 
 def test_rules_keep_their_brackets(small: str) -> None:
@@ -180,12 +180,12 @@ def test_long_texts_come_back_over_lines(small: str) -> None:
 
 def test_what_has_no_place_is_named() -> None:
     mission = compiled(SMALLEST)
-    assert unprinted(mission) == ()
+    assert unprintable_paths(mission) == ()
     documented = msgspec.structs.replace(
         mission, parameters=(model.Parameter(name="p", default=ex.Number(1.0), doc="why"),)
     )
-    assert unprinted(documented) == ("$.parameters[0].doc",)
-    assert "$.parameters" in lost(documented, to_ljs(documented))
+    assert unprintable_paths(documented) == ("$.parameters[0].doc",)
+    assert "$.parameters" in round_trip_losses(documented, to_ljs(documented))
 
 
 def test_a_name_that_is_no_word_is_a_clear_error() -> None:
@@ -195,7 +195,7 @@ def test_a_name_that_is_no_word_is_a_clear_error() -> None:
 
 
 def test_every_part_of_a_mission_is_printed_or_named() -> None:
-    """A new field of `Mission` must be printed, or `unprinted` must name it when it is set."""
+    """A new field of `Mission` must be printed, or `unprintable_paths` must name it when it is set."""
     fields = set(model.Mission.__struct_fields__)
     assert fields - _KNOWN <= NOT_PRINTED
 

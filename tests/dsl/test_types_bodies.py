@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.printing.printer import lost, to_ljs
+from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import BodyPart, CameraMount, Group
 
@@ -65,14 +65,14 @@ def test_a_mission_may_give_measures_of_its_own(small: str) -> None:
     first, second, _ = (one for one in instantiate(compilation.mission, seed=3).entities if one.group == "victim")
     assert 1.0 <= float(first.properties["height_m"]) <= 2.0  # type: ignore[arg-type]
     assert first.properties["height_m"] != second.properties["height_m"] and first.properties["colour"] == "pink"
-    assert "look" not in first.properties and lost(compilation.mission, to_ljs(compilation.mission)) == ()
+    assert "look" not in first.properties and round_trip_losses(compilation.mission, to_ljs(compilation.mission)) == ()
 
 
 def test_a_colour_is_drawn_from_a_list(small: str) -> None:
     text = small.replace("  target victim[1..3] : person_in_water {",
                          "  target victim[1..3] : person_in_water {\n    colour ~ choice([red, blue])")  # fmt: skip
     mission = compile_text(text).mission
-    assert mission is not None and lost(mission, to_ljs(mission)) == ()
+    assert mission is not None and round_trip_losses(mission, to_ljs(mission)) == ()
     drawn = [one for seed in range(4) for one in instantiate(mission, seed=seed).entities if one.group == "victim"]
     assert {one.properties["colour"] for one in drawn} == {"red", "blue"}
 
@@ -86,7 +86,7 @@ def test_bodies_survive_the_way_back_to_text(small: str) -> None:
     text = with_type(small, BUOY)
     mission = compile_text(text).mission
     assert mission is not None
-    assert lost(mission, to_ljs(mission)) == ()
+    assert round_trip_losses(mission, to_ljs(mission)) == ()
 
 
 @pytest.mark.parametrize(

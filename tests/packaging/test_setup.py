@@ -74,7 +74,7 @@ def test_the_end_says_what_pip_check_will_say(environment, created, pips, tmp_pa
     listed.write_text("# only its files\nbig-one==1.2\n")
     setup.ensure(replace(environment, without_dependencies=(listed,)))
     said = capsys.readouterr().err
-    assert "`pip check` complains about big-one" in said
+    assert "`pip check` reports missing requirements of big-one" in said
     setup.ensure(environment)
     assert not capsys.readouterr().err
 
@@ -187,4 +187,4 @@ def test_two_at_once_are_one_after_the_other(monkeypatch) -> None:
     with setup.locked():
         assert ended.is_set()
     other.join()
-    assert told == ["setup: another one is running here, waiting for it"]
+    assert told == ["setup: another set-up runs in this checkout, waiting for its end"]

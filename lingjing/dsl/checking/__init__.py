@@ -1,15 +1,19 @@
-"""Syntax tree → `lingjing.mission.model.Mission`: what names mean, types and dimensions, the way of hidden values.
+"""Syntax tree → `lingjing.mission.model.Mission`: resolution of names, types and dimensions, and hidden values.
 
-In the order of the work:
+A *declaration* (an asset, a rule, …) becomes a part of the mission. An *expression* gets a *type* (a quantity of a
+dimension, a position, …). A *hidden* value may not become visible to agents; its *taint* is the path from the
+declaration that hides it to the place that reads it.
 
-- `library`: which files `use` means. `toplevel`: the top of a file. `inherit`: what `extends` brings.
-- `values`: checked expressions. `keys`: what a block may say.
-- `scope`: the tables of declared names. `unknown`: names nobody declared. `typenames`: types in words.
-- `constants`: the numbers that expressions always are. `expressions`: what the parts of their checking share.
-- `calls`, `aggregates`, `elaborate`: expressions, typed, with the way hidden values take.
-- `blocks`: properties of a block against the keys it knows. `properties`: their form in the mission.
+The modules in control-flow order:
+
+- `library`: the files that `use` names. `toplevel`: the top of a file. `inherit`: the statements that `extends` adds.
+- `values`: checked expressions. `keys`: the properties that a block may have.
+- `scope`: the tables of declared names. `unknown`: names without a declaration. `typenames`: types in words.
+- `constants`: the numbers that expressions always equal. `expressions`: the base of the checkers of expressions.
+- `calls`, `aggregates`, `elaborate`: expressions with their types and taints.
+- `blocks`: the properties of a block against its keys. `properties`: their form in the mission.
 - `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
-  `events`, `studies`: one checker for each sort of declaration.
-- `unseen_pictures`: the warning for agents that observe fields of an asset and not its cameras.
+  `events`, `studies`: a checker for each kind of declaration.
+- `unseen_pictures`: the warning for agents that observe fields of an asset but not its cameras.
 - `checker`: a whole mission.
 """

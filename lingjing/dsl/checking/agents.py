@@ -1,4 +1,4 @@
-"""Checks of who acts, who sees what, who may command what and who speaks to whom."""
+"""Checkers of agents: their bodies and observations, authority over commands, messages and relations between roles."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
 from lingjing.mission.vocabulary import EVERYONE, MOTION
 
 RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
+"""The paper's relations between roles."""
 
 
 class AgentChecker(DeclarationChecker):
-    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker, entities: EntityChecker) -> None:
         super().__init__(blocks)
@@ -33,7 +34,7 @@ class AgentChecker(DeclarationChecker):
         self.controlled: dict[str, s.Expression] = {}
 
     def head(self, node: s.AgentBlock) -> None:
-        """Make the agent's name and role known."""
+        """Register the agent's name and role."""
         self.report.once(self.scope.agents, node.name, "the agent")
         self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
 
@@ -72,7 +73,7 @@ class AgentChecker(DeclarationChecker):
         )
 
     def authority(self, node: s.AuthorityLine) -> tuple[model.Authority, ...]:
-        """`authority role, role may command resource`: one of the graph's for each role."""
+        """`authority role, role may command resource`: one authority of the graph for each role."""
         for role in node.roles:
             self.role(role)
         resource = self.asset(node.resource, "for a command")
@@ -82,7 +83,7 @@ class AgentChecker(DeclarationChecker):
         return tuple(model.Authority(role=role.text, resource=resource.ir, when=guard) for role in node.roles)
 
     def message_head(self, node: s.MessageLine) -> None:
-        """Make the message kind known."""
+        """Register the message kind."""
         record = self.scope.records.get(node.type.text)
         if record is None:
             self.of.unknown_name(node.type, list(self.scope.records), "no message record")
@@ -151,7 +152,7 @@ class AgentChecker(DeclarationChecker):
         )
 
     def role(self, name: s.Name) -> None:
-        """Report a role nobody plays."""
+        """Report a role without an agent."""
         if name.text not in self.scope.roles:
             self.of.unknown_name(name, list(self.scope.roles), "no role")
 
@@ -200,7 +201,7 @@ class AgentChecker(DeclarationChecker):
             )
             return None
         if field is None or field.text in ("position", "velocity"):
-            self._told_by_motion(node, value)
+            self._check_motion_leak(node, value)
         if field is None:
             return model.Channel(source=value.ir)
         return self._entity_channel(node, value, field)
@@ -238,8 +239,10 @@ class AgentChecker(DeclarationChecker):
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
 
-    def _told_by_motion(self, node: s.ObservedChannel, value: TypedExpression) -> None:
-        """Who sees a target's places from boundary to boundary sees how fast it drifts; an asset's speed is public."""
+    def _check_motion_leak(self, node: s.ObservedChannel, value: TypedExpression) -> None:
+        """Report a hidden drift that positions reveal: a target's successive places show it. An asset's speed is
+        public.
+        """
         info = self.scope.groups[value.type.of]
         place = info.attributes.get("position")
         for name in MOTION if info.role == "target" and not (place and place.taint) else ():

@@ -1,6 +1,6 @@
-"""Checks of aggregates: `count(rescued(v) for v in victim)`, `sum(o.demand for o in order)`, `min(…)`, `max(…)`.
+"""Checkers of aggregates: `count(rescued(v) for v in victim)`, `sum(o.demand for o in order)`, `min(…)`, `max(…)`.
 
-They are known only while the mission runs. Without `for`, `min` and `max` are the functions of two and more numbers.
+They are known only while the mission runs. Without `for`, `min` and `max` are functions of two or more numbers.
 """
 
 from __future__ import annotations
@@ -16,32 +16,32 @@ from lingjing.suggest import did_you_mean
 
 
 def is_aggregate(node: s.CallExpr) -> bool:
-    """Whether the call is meant as an aggregate: by its name, or by a `for` inside."""
+    """True if a call is an aggregate: by its name, or by a `for` inside."""
     name = node.function.text
     return (name in AGGREGATES and name not in FUNCTIONS) or any(argument.over for argument in node.arguments)
 
 
 def aggregate(calls: CallChecker, node: s.CallExpr, environment: Environment) -> TypedExpression:
-    """The checked aggregate; its value is a number, or a quantity of its body's dimension."""
-    function, of = node.function, calls.of
+    """The checked aggregate. Its value is a number, or a quantity of its body's dimension."""
+    function, checker = node.function, calls.of
     if function.text not in AGGREGATES:
         hint = did_you_mean(function.text, AGGREGATES)
-        of.report.at("LJ0306", function, f"`{function.text}` does not range over a group", hint)
+        checker.report.at("LJ0306", function, f"`{function.text}` does not range over a group", hint)
         return UNKNOWN
     if not environment.rule:
         message = f"`{function.text}(…)` over a group is known only while the mission runs"
-        of.report.at("LJ0304", function, message, "it belongs into a rule")
+        checker.report.at("LJ0304", function, message, "use it in a rule")
         return UNKNOWN
     over = node.arguments[0].over if len(node.arguments) == 1 else None
     if over is None:
         hint = f"`{function.text}(… for x in group)`"
-        of.report.at("LJ0306", node, f"`{function.text}` takes one argument with `for … in …`", hint)
+        checker.report.at("LJ0306", node, f"`{function.text}` takes one argument with `for … in …`", hint)
         return UNKNOWN
     kind = calls.domain_type(over.domain)
     if kind is None:
         return UNKNOWN
     inside = environment.binding(over.variable.text, kind)
-    body = of.expect(node.arguments[0].value, inside, AGGREGATES[function.text], f"`{function.text}`")
+    body = checker.expect(node.arguments[0].value, inside, AGGREGATES[function.text], f"`{function.text}`")
     if body is UNKNOWN:
         return UNKNOWN
     name: Any = function.text

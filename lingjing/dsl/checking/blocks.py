@@ -1,7 +1,7 @@
-"""Blocks of `key = value` lines: which keys a block knows, and reading them into checked values.
+"""Blocks of `key = value` lines: the keys of a block, and reading of its lines into checked values.
 
-A key says what a property is called, what fits it and with which relation. `BlockReader.read` reports what does not
-belong (unknown keys, wrong relations, repeats, misplaced statements) and gives the good ones by name.
+A key gives a property's name, type and relations. `BlockReader.read` reports lines that do not fit (unknown keys, wrong
+relations, repeated lines, misplaced statements) and returns the others by name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SEA_LEVEL = "sea level"
 
 
 class BlockReader:
-    """Reads blocks against their keys."""
+    """Reads blocks with their keys."""
 
     def __init__(self, elaborator: Elaborator) -> None:
         self.of = elaborator
@@ -40,9 +40,9 @@ class BlockReader:
         owner: s.SyntaxNode | None = None,
         lenient: bool = False,
     ) -> dict[str, PropertyEntry]:
-        """The block's good properties. `others` are statement types that the caller reads itself.
+        """Return the block's correct properties. `others`: statement types that the caller reads itself.
 
-        `lenient` passes over unknown keys: what they could be is itself not known.
+        `lenient`: True to skip unknown keys, if the permitted keys are not known.
         """
         entries: dict[str, PropertyEntry] = {}
         seen: dict[str, s.PropertyLine] = {}
@@ -60,13 +60,13 @@ class BlockReader:
         return entries
 
     def misplaced(self, item: s.Statement, what: str, keys: Iterable[str] = ()) -> None:
-        """Report a statement that does not belong into this block."""
+        """Report a statement that does not belong in this block."""
         text = self.report.source.text[item.start : item.end]
         first = text.split(None, 1)[0].rstrip(":({,") if text.split() else ""
         declared = getattr(item, "name", None)
         was_poisoned = isinstance(declared, s.Name) and declared.text in self.of.scope.poisoned
         if isinstance(item, s.PropertyLine | s.UnknownBlock) and isinstance(declared, s.Name):
-            self.of.scope.poisoned.add(declared.text)  # it may have been meant as the declaration it looks like
+            self.of.scope.poisoned.add(declared.text)  # it may have been intended as the declaration that it resembles
         name: s.SyntaxNode = item
         if isinstance(item, s.Bare | s.UnknownBlock):
             name, first = item.name, item.name.text
@@ -81,7 +81,7 @@ class BlockReader:
         self.report(code, name.start, max(end, name.start + 1), message, hint)
 
     def leak(self, taint: Taint, node: s.SyntaxNode, sink: str) -> None:
-        """Report a hidden value that becomes visible, with the way it took."""
+        """Report a hidden value that becomes visible, with its path."""
         if not taint:
             return
         from lingjing.mission.diagnostics import Related
@@ -119,7 +119,7 @@ class BlockReader:
             certain = is_certain(name.text, set(proposed) - seen.keys())
             self.report.at("LJ0108", name, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain)
             if close is not None:
-                seen.setdefault(close, item)  # so that it is not reported as missing, too
+                seen.setdefault(close, item)  # otherwise it would be reported as missing too
             return
         if name.text in seen:
             first = seen[name.text].name
@@ -132,7 +132,7 @@ class BlockReader:
                 item.start,
                 name.end,
                 f"`{name.text}` in {what} cannot be hidden",
-                "only what targets and assets have can be",
+                "only properties of targets and assets can be hidden",
             )
             return
         if item.guard is not None and not key.guarded:
@@ -162,7 +162,7 @@ class BlockReader:
         entries[name.text] = PropertyEntry(item, key, parts)
 
     def in_bounds(self, item: s.PropertyLine, key: PropertyKey, parts: tuple[TypedExpression, ...]) -> bool:
-        """Whether a value lies within its key's bounds, and all that a draw can give; one that does not is reported."""
+        """True if a value, and all results of a draw, are within the key's bounds. Reports a value that is not."""
         number = self.of.constant(parts[0].ir)
         if number is not None and key.whole and number != int(number):
             place = item.value
@@ -183,7 +183,9 @@ class BlockReader:
         return False
 
     def _ends(self, ir: ex.Expr) -> list[float]:
-        """The constant numbers between which a value lies: itself, or the ends of a draw, endless where not cut off."""
+        """The constants between which a value lies: itself, or the ends of a draw; infinite where a draw is not cut
+        off.
+        """
         ends: list[ex.Expr] = [ir]
         endless: list[float] = []
         if isinstance(ir, ex.Draw):
@@ -197,7 +199,7 @@ class BlockReader:
         return [number for end in ends if (number := self.of.constant(end)) is not None] + endless
 
     def check_state(self, item: s.PropertyLine, kind: Type) -> None:
-        """A state is a number that changes in a run; places and headings change by themselves."""
+        """Check that a state is a number. Places and headings change without a declaration."""
         if not item.state or kind.kind == "any":
             return
         if item.name.text in ("position", "heading"):
@@ -206,7 +208,7 @@ class BlockReader:
             self.report.at("LJ0201", item.value, f"a state is a number, this is {with_article(kind)}")
 
     def duplicate(self, node: s.SyntaxNode, first: s.SyntaxNode, message: str, code: str = "LJ0103") -> None:
-        """Report a repeated declaration and point at the first."""
+        """Report a repeated declaration, with the place of the first."""
         from lingjing.mission.diagnostics import Related
 
         self.report.at(
@@ -220,7 +222,7 @@ class BlockReader:
     def parts(
         self, node: s.Expression, key: PropertyKey, relation: str, environment: Environment
     ) -> tuple[TypedExpression, ...]:
-        """The checked value in its parts."""
+        """Return the checked value in its parts."""
         what = f"`{key.name}`"
         kind = key.type.kind
         if isinstance(node, s.Broken):
@@ -253,7 +255,7 @@ class BlockReader:
         return UNKNOWN
 
     def _drawn_choice(self, node: s.Expression, key: PropertyKey, environment: Environment) -> TypedExpression:
-        """`~ choice([red, blue])`: the draw of one of the words that fit the key."""
+        """`~ choice([red, blue])`: a draw among the words that the key permits."""
         drawn = node.function.text if isinstance(node, s.CallExpr) else ""
         listed = node.arguments[0].value if isinstance(node, s.CallExpr) and len(node.arguments) == 1 else None
         if drawn not in ("choice", "subset") or not isinstance(listed, s.List):
@@ -342,7 +344,8 @@ class BlockReader:
 
 
 class DeclarationChecker:
-    """Base of what checks declarations: a method each, which gives its part of the mission, or None if it is faulty."""
+    """Base of the checkers of declarations: a method for each kind returns its part of the mission, or None if
+    faulty."""
 
     def __init__(self, blocks: BlockReader) -> None:
         self.blocks = blocks
@@ -351,7 +354,9 @@ class DeclarationChecker:
         self.scope = blocks.of.scope
 
     def asset(self, node: s.Expression, what: str, environment: Environment = STATIC) -> TypedExpression | None:
-        """The checked asset or group of assets that is due at a place, which `what` names; None for another."""
+        """Return the checked asset or group of assets; None for other expressions, which are reported. `what` names the
+        place.
+        """
         value = self.of.value(node, environment)
         if value is UNKNOWN:
             return None
@@ -359,7 +364,7 @@ class DeclarationChecker:
             self.report.at("LJ0201", node, f"an asset is due {what}, this is {with_article(value.type)}")
             return None
         if self.scope.groups[value.type.of].role != "asset":
-            self.report.at("LJ0114", node, f"`{value.type.of}` is a target: nobody commands it")
+            self.report.at("LJ0114", node, f"`{value.type.of}` is a target: agents cannot command it")
             return None
         return value
 

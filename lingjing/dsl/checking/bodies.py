@@ -1,7 +1,7 @@
-"""Checks of what a type says of its body: measures, colour, shape and look as properties, `mount` and `part` as blocks.
+"""Checkers of bodies in types: measures, colour, shape and look as properties; `mount` and `part` as blocks.
 
-All of it is constant: a body is the same in every mission. A mission may give its entities measures and a colour of
-their own, as any other property.
+Mounts and parts are constant: a body is the same in every mission. A mission may give its entities other measures and
+colours, like any other property.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from lingjing.mission.units import MASS
 
 _DRAWN = ("=", "~")
 _MOST_KG = 1e7
+"""Greatest mass, kilograms (chosen)."""
 _MOUNTED_M = 100.0
-"""How far a camera sits from its body's position at most, ahead or above."""
+"""Greatest distance of a camera from its body's position, ahead or above, metres (chosen)."""
 
 BODY_KEYS = keyed(
     *(PropertyKey(name, METRES, _DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False) for name in MEASURES),
@@ -31,8 +32,8 @@ BODY_KEYS = keyed(
     PropertyKey("origin", Type("name"), choices=ORIGINS),
     PropertyKey("look", Type("name"), choices=(*MODELS, BARE)),
 )
-"""Properties of any type and entity: how large, heavy and of what colour its body is, what one bumps into, where in it
-the position lies, and which of the camera's models shows it."""
+"""Properties of any type and entity: size, mass and colour of the body, its collision shape, the position's place in
+it, and the camera's model for it."""
 
 MOUNT_KEYS = keyed(
     PropertyKey("ahead", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
@@ -48,16 +49,16 @@ PART_KEYS = keyed(
 )
 
 
-def reshaped(said: set[str]) -> bool:
-    """Whether what a type or an entity says makes its body another one than that of the type it begins with."""
-    return "look" not in said and not RESHAPING.isdisjoint(said)
+def reshaped(changed: set[str]) -> bool:
+    """True if the changed properties give the body another shape than that of the type that it extends."""
+    return "look" not in changed and not RESHAPING.isdisjoint(changed)
 
 
 class BodyChecker(DeclarationChecker):
     """The mounts and parts of asset and target types."""
 
     def mounts(self, nodes: list[s.MountBlock], base: dict[str, model.CameraMount]) -> dict[str, model.CameraMount]:
-        """View → where its cameras sit: what the type says, beside what its base says of other views."""
+        """View → mount of its cameras: the type's own, and those of its base for other views."""
         made = dict(base)
         seen: set[str] = set()
         for node in nodes:
@@ -77,7 +78,7 @@ class BodyChecker(DeclarationChecker):
         return made
 
     def parts(self, nodes: list[s.PartBlock], base: dict[str, model.BodyPart]) -> dict[str, model.BodyPart]:
-        """Name → solid: what the type says, beside the other parts of its base."""
+        """Name → solid part: the type's own, and the other parts of its base."""
         made = dict(base)
         seen: set[str] = set()
         for node in nodes:
@@ -109,8 +110,8 @@ class BodyChecker(DeclarationChecker):
         return True
 
     def _constants(self, entries: dict[str, PropertyEntry]) -> dict[str, float]:
-        """The numbers among the entries. One that is no constant is reported."""
-        found = {}
+        """The numbers among the entries. Reports entries that are not constant."""
+        numbers = {}
         for name, entry in entries.items():
             if entry.key.type.kind != "quantity":
                 continue
@@ -119,5 +120,5 @@ class BodyChecker(DeclarationChecker):
                 place = entry.node.value
                 self.report.at("LJ0201", place, f"`{name}` of a body is a constant")
             else:
-                found[name] = number
-        return found
+                numbers[name] = number
+        return numbers

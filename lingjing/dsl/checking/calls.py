@@ -1,4 +1,4 @@
-"""Calls: built-in functions, draws and the mission's own rules, checked against their signatures."""
+"""Calls: built-in functions, draws and the mission's own rules, checked with their signatures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lingjing.mission.units import Dimension
 
 
 class CallChecker:
-    """The elaborator's part for calls."""
+    """The part of the elaborator that checks calls."""
 
     def __init__(self, checker: ExpressionChecker) -> None:
         self.of = checker
@@ -28,7 +28,7 @@ class CallChecker:
         self.scope = checker.scope
 
     def call(self, node: s.CallExpr, environment: Environment) -> TypedExpression:
-        """A call of a rule or of a built-in."""
+        """Check a call of a rule or of a built-in function."""
         name = node.function.text
         if name in self.scope.rules:
             return self._rule(node, environment)
@@ -37,7 +37,7 @@ class CallChecker:
             self._all_arguments(node, environment)
             return self.of.unknown_name(node.function, [*FUNCTIONS, *self.scope.rules], "no function")
         if signature.where == "rule" and not environment.rule:
-            self._misplaced(node, f"`{name}(…)` is known only while the mission runs", "it belongs into a rule")
+            self._misplaced(node, f"`{name}(…)` is known only while the mission runs", "use it in a rule")
             return UNKNOWN
         if signature.where == "static" and environment.rule:
             self._misplaced(node, f"`{name}(…)` cannot stand in a rule", "declare a param or a region with it")
@@ -54,7 +54,7 @@ class CallChecker:
         return TypedExpression(ex.Call(name, arguments, named), result, taint)
 
     def draw(self, node: s.Expression, environment: Environment) -> TypedExpression:
-        """What stands after `~`: a distribution's call, lowered to a `Draw`."""
+        """Check the expression after `~`: the call of a distribution, lowered to a `Draw`."""
         if isinstance(node, s.Broken):
             return UNKNOWN
         if not isinstance(node, s.CallExpr):
@@ -80,19 +80,19 @@ class CallChecker:
         return TypedExpression(ex.Draw(signature.name, arguments, named), result, taint)
 
     def domain_of(self, node: s.QuantifiedExpr) -> tuple[str, Type] | None:
-        """What a quantifier ranges over: as written, or as the rules in its body take the variable."""
+        """The domain of a quantifier: as written, or inferred from the rules that its body applies to the variable."""
         if node.domain is not None:
             kind = self.domain_type(node.domain)
             return None if kind is None else (node.domain.text, kind)
-        found = self._inferred(node.body, node.variable.text)
-        if not found:
+        domains = self._inferred(node.body, node.variable.text)
+        if not domains:
             variable = node.variable
-            hint = f"say over what: `{node.quantifier} {variable.text} in …:`"
+            hint = f"name its domain: `{node.quantifier} {variable.text} in …:`"
             if not _mentions_unknown(node.body, self.scope.rules):
-                self.report.at("LJ0105", variable, f"what `{variable.text}` ranges over is not clear", hint)
+                self.report.at("LJ0105", variable, f"the domain of `{variable.text}` is not clear", hint)
             return None
-        first = found[0]
-        for other in found[1:]:
+        first = domains[0]
+        for other in domains[1:]:
             if other.text != first.text:
                 variable = node.variable
                 message = f"`{variable.text}` is used both as `{first.text}` and as `{other.text}`"
@@ -114,7 +114,7 @@ class CallChecker:
     # -- private
 
     def _item_type(self, node: s.CallExpr, environment: Environment) -> Type:
-        """What `at(i, [items], rest = …)` gives: one of the items."""
+        """The type of `at(i, [items], rest = …)`: that of the items."""
         listed = [argument.value for argument in node.arguments if argument.name is None]
         kind = self.of.value(listed[1], environment).type
         item = Type(kind.item or "any", kind.dimension)
@@ -143,7 +143,7 @@ class CallChecker:
         return UNKNOWN
 
     def _inferred(self, node: s.Expression, variable: str) -> list[s.Name]:
-        found: list[s.Name] = []
+        types: list[s.Name] = []
         waiting: list[s.Expression] = [node]
         while waiting:
             part = waiting.pop()
@@ -153,20 +153,18 @@ class CallChecker:
                 parameters = self.scope.rules[part.function.text].parameters
                 for parameter, argument in zip(parameters, part.arguments, strict=False):
                     if isinstance(argument.value, s.Name) and argument.value.text == variable:
-                        found.append(parameter.type)
+                        types.append(parameter.type)
             waiting.extend(children(part))
-        return found
+        return types
 
     def _rule(self, node: s.CallExpr, environment: Environment) -> TypedExpression:
         rule = self.scope.rules[node.function.text]
         if not environment.rule:
-            self._misplaced(
-                node, f"the rule `{rule.name}` is known only while the mission runs", "it belongs into a rule"
-            )
+            self._misplaced(node, f"the rule `{rule.name}` is known only while the mission runs", "use it in a rule")
             return UNKNOWN
         if len(node.arguments) != len(rule.parameters):
-            due, given = len(rule.parameters), len(node.arguments)
-            self.report.at("LJ0306", node, f"`{rule.name}` takes {_count(due, 'argument')}, {given} given")
+            due, actual = len(rule.parameters), len(node.arguments)
+            self.report.at("LJ0306", node, f"`{rule.name}` takes {_count(due, 'argument')}, {actual} given")
             self._all_arguments(node, environment)
             return UNKNOWN
         values = []
@@ -294,14 +292,14 @@ class CallChecker:
         self.report.unknown("LJ0306", name, message, known, hint)
         return False
 
-    def _count_fits(self, node: s.CallExpr, signature: Signature, given: int) -> bool:
+    def _count_fits(self, node: s.CallExpr, signature: Signature, actual: int) -> bool:
         least = signature.least or sum(1 for p in signature.parameters if not p.optional)
         most = None if signature.variadic else len(signature.parameters)
-        if given >= least and (most is None or given <= most):
+        if actual >= least and (most is None or actual <= most):
             return True
         due = f"at least {least}" if most is None else str(least) if least == most else f"{least} to {most}"
         shown = ", ".join(p.name for p in signature.parameters) + (", …" if signature.variadic else "")
-        message = f"`{signature.name}` takes {due} argument{'' if due == '1' else 's'}, {given} given"
+        message = f"`{signature.name}` takes {due} argument{'' if due == '1' else 's'}, {actual} given"
         self.report.at("LJ0306", node, message, f"`{signature.name}({shown})`")
         return False
 
@@ -333,7 +331,7 @@ def children(node: s.Expression) -> tuple[s.Expression, ...]:
 
 
 def _mentions_unknown(node: s.Expression, rules: dict[str, object] | object) -> bool:
-    """Whether the body calls something that is no rule and no function: then that is the fault to report."""
+    """True if the body calls something that is neither a rule nor a function; then that is the error to report."""
     waiting: list[s.Expression] = [node]
     unknown = False
     while waiting:

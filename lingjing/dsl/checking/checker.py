@@ -1,8 +1,8 @@
-"""`check`: a syntax tree becomes the `Mission`, its declarations in the order in which they may refer to each other.
+"""`check`: a syntax tree → the `Mission`, with declarations checked in the order of their dependencies.
 
-Names may be used before they are declared in the text, so heads come first: types and records, mode, params, regions
-and grids, the names of entities, agents, messages, stages and rules; then the bodies. Faulty parts are reported and
-left out; the rest is still checked.
+Names may be used before their declaration in the text. So the heads come first: types and records, mode, params,
+regions and grids, the names of entities, agents, messages, stages and rules. The bodies follow. Faulty parts are
+reported and left out; the rest is checked.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TypeVar
 from lingjing.dsl.checking.agents import AgentChecker
 from lingjing.dsl.checking.conduct import ConductChecker
 from lingjing.dsl.checking.events import EventChecker
-from lingjing.dsl.checking.inherit import inherited
+from lingjing.dsl.checking.inherit import merge_base
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import NO_HUB
@@ -37,12 +37,14 @@ _REQUIRED = (
     ("budget", "add `budget { ticks <= … }`"),
     ("success", "add `success when …`"),
 )
+"""Required statements of a mission, and the hint if one is missing."""
 
 
 def check(tree: s.File, report: Reporter, files: Files | None = None) -> model.Mission | None:
-    """The mission of a file. None if errors were reported, or if it holds none; that is an error unless it holds types.
+    """Return the mission of a file.
 
-    `files` are those that the compilation has read before.
+    None if errors were reported, or if the file holds no mission, which is an error unless it holds types. `files`:
+    files that the compilation has already read.
     """
     file = FileChecker(report, files=files)
     file.declarations(tree)
@@ -52,16 +54,16 @@ def check(tree: s.File, report: Reporter, files: Files | None = None) -> model.M
 
 
 def check_mission(file: FileChecker, tree: s.File) -> model.Mission | None:
-    """Check the mission of a file whose top is checked already; it leaves what names mean in `file.scope`.
+    """Check the mission of a file with a checked top. The meaning of names stays in `file.scope`.
 
-    The mission lacks what is faulty; it is None if a part is faulty that none can do without.
+    The result lacks faulty parts. It is None if a required part is faulty.
     """
     report = file.report
     missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
     for extra in missions[1:]:
         report.at("LJ0104", extra.name, "a file holds one mission", "move it into a file of its own")
     if missions:
-        whole = inherited(file, missions[0], check)
+        whole = merge_base(file, missions[0], check)
         return None if whole is None else MissionChecker(file).mission(whole)
     faulty = any(isinstance(item, s.Faulty) for item in tree.items)
     if not faulty and not file.own:
@@ -71,7 +73,7 @@ def check_mission(file: FileChecker, tree: s.File) -> model.Mission | None:
 
 
 class MissionChecker:
-    """The inside of a mission."""
+    """Checks the content of a mission."""
 
     def __init__(self, file: FileChecker) -> None:
         self.report = file.report
@@ -87,7 +89,7 @@ class MissionChecker:
         self.studies = StudyChecker(file.blocks, file.settings)
 
     def mission(self, node: s.MissionBlock) -> model.Mission | None:
-        """All passes over a mission's block."""
+        """Run all passes over a mission's block."""
         items = node.block.items
         self.scope.poisoned.update(names_in_faults(items))
         self._misplaced(items)
@@ -104,8 +106,8 @@ class MissionChecker:
         scene_block = self._one(items, s.SceneBlock, "scene")
         weather, comms = sections.get("weather"), sections.get("comms")
         outcomes = self._outcomes(items)
-        given = [name for name, part in (("goal", goal), ("scene", scene_block)) if part]
-        self._required(node, {*given, *sections, *outcomes})
+        declared = [name for name, part in (("goal", goal), ("scene", scene_block)) if part]
+        self._required(node, {*declared, *sections, *outcomes})
         scene = self.settings.scene(scene_block) if scene_block else None
         clock = self.settings.clock(sections["clock"]) if "clock" in sections else None
         budget = self.settings.budget(sections["budget"]) if "budget" in sections else None
@@ -194,44 +196,45 @@ class MissionChecker:
                 self.rules.head(item)
 
     def _taints(self, items: tuple[s.Statement, ...]) -> None:
-        """Repeat until no property or region becomes hidden any more; each round hides at least one, so it ends.
+        """Propagate taints until no further property or region becomes hidden. Each round hides at least one, so it
+        ends.
 
-        Before anything is read: a param may read a place that is computed from a hidden one further down.
+        It runs before anything is read: a param may read a place that is computed from a hidden value further down.
         """
         nodes, regions = _all(items, s.EntityBlock), _all(items, s.RegionLine)
         before = -1
         while (now := _hidden_count(self.scope)) != before:
             before = now
             for node in nodes:
-                self.entities.taints(node)
+                self.entities.propagate_taints(node)
             for region in regions:
-                self.entities.veils(region)
+                self.entities.propagate_taint_to_region(region)
 
     def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.SettingsBlock]:
-        found: dict[str, s.SettingsBlock] = {}
+        sections: dict[str, s.SettingsBlock] = {}
         for item in _all(items, s.SettingsBlock):
-            if item.keyword in found:
-                self._twice(item.keyword, item, found[item.keyword])
+            if item.keyword in sections:
+                self._twice(item.keyword, item, sections[item.keyword])
             else:
-                found[item.keyword] = item
-        return found
+                sections[item.keyword] = item
+        return sections
 
     def _outcomes(self, items: tuple[s.Statement, ...]) -> dict[str, ex.Expr]:
-        found: dict[str, ex.Expr] = {}
+        conditions: dict[str, ex.Expr] = {}
         first: dict[str, s.OutcomeLine] = {}
         for item in _all(items, s.OutcomeLine):
             if item.keyword in first:
                 self._twice(item.keyword, item, first[item.keyword])
                 continue
             first[item.keyword] = item
-            found[item.keyword] = self.rules.outcome(item)
-        return found
+            conditions[item.keyword] = self.rules.outcome(item)
+        return conditions
 
     def _one(self, items: tuple[s.Statement, ...], kind: type[N], keyword: str) -> N | None:
-        found = [i for i in _all(items, kind) if not isinstance(i, s.TextLine) or i.keyword == keyword]
-        for extra in found[1:]:
-            self._twice(keyword, extra, found[0])
-        return found[0] if found else None
+        matches = [i for i in _all(items, kind) if not isinstance(i, s.TextLine) or i.keyword == keyword]
+        for extra in matches[1:]:
+            self._twice(keyword, extra, matches[0])
+        return matches[0] if matches else None
 
     def _twice(self, keyword: str, node: s.Statement, first: s.Statement) -> None:
         self.report(
@@ -243,18 +246,18 @@ class MissionChecker:
             related=(Related(self.report.span(first.start, first.start + len(keyword)), "first given here"),),
         )
 
-    def _required(self, node: s.MissionBlock, given: set[str]) -> None:
+    def _required(self, node: s.MissionBlock, declared: set[str]) -> None:
         faulty = names_in_faults(node.block.items)
         text = self.report.source.text
         broken = [text[i.start : i.end].split(None, 1)[0] for i in node.block.items if isinstance(i, s.Faulty)]
-        missing = [(word, hint) for word, hint in _REQUIRED if word not in given and word not in {*broken, *faulty}]
+        missing = [(word, hint) for word, hint in _REQUIRED if word not in declared and word not in {*broken, *faulty}]
         strays = sum(isinstance(item, s.UnknownBlock) for item in node.block.items) + broken.count("{")
-        if len(missing) > strays:  # else each block without a keyword of its own may be what is missing
+        if len(missing) > strays:  # otherwise each block without its own keyword may be a missing one
             for keyword, hint in missing:
                 self.report.at("LJ0106", node.name, f"the mission lacks `{keyword}`", hint)
 
     def _whole(self, node: s.MissionBlock, modes: model.Modes | None) -> None:
-        """What only the whole mission can show."""
+        """Report errors that only the whole mission shows."""
         items = node.block.items
         if any(isinstance(item, s.Faulty) for item in items):
             return
@@ -277,7 +280,7 @@ class MissionChecker:
             )
 
     def _alone(self, node: s.MissionBlock, modes: model.Modes | None) -> None:
-        """`single` is for one agent."""
+        """Report the mode `single` in a mission of several agents."""
         agents = _all(node.block.items, s.AgentBlock)
         several = len(agents) > 1 or any(agent.index for agent in agents)
         if modes is None or modes.default != "single" or not several:
@@ -334,7 +337,7 @@ def _no_hub(line: s.PropertyLine) -> bool:
 
 def _hidden_count(scope: SymbolTables) -> int:
     attributes = (attribute for info in scope.groups.values() for attribute in info.attributes.values())
-    return len(scope.veiled) + sum(1 for attribute in attributes if attribute.taint)
+    return len(scope.hidden_regions) + sum(1 for attribute in attributes if attribute.taint)
 
 
 def _origin(source: SourceText) -> model.Origin:
@@ -343,8 +346,8 @@ def _origin(source: SourceText) -> model.Origin:
 
 
 def _ceilings(nodes: list[s.Param]) -> dict[str, float]:
-    """The greatest value of each param whose bounds are written as bare numbers."""
-    found: dict[str, float] = {}
+    """The greatest value of each param with bounds written as bare numbers."""
+    ceilings: dict[str, float] = {}
     for node in nodes:
         bounds = node.value.right if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in" else None
         items = bounds.items if isinstance(bounds, s.List) else ()
@@ -352,5 +355,5 @@ def _ceilings(nodes: list[s.Param]) -> dict[str, float]:
             items = (bounds.right,)
         values = [item.value for item in items if isinstance(item, s.NumberLiteral) and not item.unit]
         if values and len(values) == len(items):
-            found[node.name.text] = max(values)
-    return found
+            ceilings[node.name.text] = max(values)
+    return ceilings

@@ -1,4 +1,4 @@
-"""Checks of what binds agents while a mission runs: counted budgets, permits, constraints, inspections of routes."""
+"""Checkers of restrictions while a mission runs: counted budgets, permits, constraints, inspections of routes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from lingjing.mission import model
 from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
 
 KINDS = ("hard", "soft")
+"""Kinds of constraints."""
 ORDERS = ("strict", "any")
+"""Orders in which an inspection may visit its waypoints."""
 INSPECTION_KEYS = keyed(
     PropertyKey("within", METRES, above=0, required=True),
     PropertyKey("destination", ENTITY),
@@ -26,7 +28,7 @@ CONSTRAINT_KEYS = {"penalty": PropertyKey("penalty", NUMBER, low=0, high=1)}
 
 
 class ConductChecker(DeclarationChecker):
-    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker, rules: RuleChecker) -> None:
         super().__init__(blocks)
@@ -34,7 +36,7 @@ class ConductChecker(DeclarationChecker):
         self.rules = rules
 
     def head(self, node: s.InspectionBlock | s.LimitLine) -> None:
-        """Make the name of an inspection or a counted budget known, for the functions that ask about it."""
+        """Register the name of an inspection or a counted budget, for the functions that read it."""
         table = self.scope.inspections if isinstance(node, s.InspectionBlock) else self.scope.limits
         what = "inspection" if isinstance(node, s.InspectionBlock) else "limit"
         self.report.once(table, node.name, f"the {what}")
@@ -122,14 +124,15 @@ class ConductChecker(DeclarationChecker):
     # -- private
 
     def _named(self, name: s.Name) -> None:
-        """A constraint that is broken is an event of its name, as a rule that has come true is."""
+        """Register a constraint's name. A broken constraint is an event of that name, like a rule that has become
+        true."""
         rule = self.scope.rules.get(name.text)
         if rule is not None:
             self.report.declared_twice(name, f"`{name.text}`", rule.span)
         self.report.once(self.scope.constraints, name, "the constraint")
 
     def _destination(self, entry: PropertyEntry | None) -> ex.Expr | None:
-        """Where the inspected route leads: an entity whose place is no secret, for every agent may see its route."""
+        """The end of the inspected route: an entity with a public place, since every agent may see its route."""
         if entry is None:
             return None
         place = self.scope.groups[entry.value.type.of].attributes.get("position")

@@ -1,4 +1,4 @@
-"""Constants of expressions: the numbers that are known in the text, as `lingjing.mission.evaluate` reads them."""
+"""Constants: the numbers that expressions always equal, computed by `lingjing.mission.evaluate`."""
 
 from __future__ import annotations
 
@@ -11,16 +11,13 @@ from lingjing.mission.values import is_number
 
 
 class Constants:
-    """The number that each expression always is, None if it is none or not known.
-
-    `parameters` are params at their defaults.
-    """
+    """Computes the number that an expression always equals. `parameters`: params at their defaults."""
 
     def __init__(self, parameters: Mapping[str, float]) -> None:
         self._scope = Scope(parameters=parameters)
 
     def of(self, ir: ex.Expr) -> float | None:
-        """The number an expression always is."""
+        """The number that an expression always equals; None if it varies or is no number."""
         if isinstance(ir, ex.Number):
             return ir.value
         if any(isinstance(leaf, ex.Ref) and leaf.kind != "param" for leaf in ex.leaves(ir)):
@@ -31,9 +28,9 @@ class Constants:
             return None
 
     def joined(self, ir: ex.Expr, left: float | None) -> tuple[float | None, bool]:
-        """What a binary operation always is whose left side is `left`, and whether that is too large a number.
+        """The number of a binary operation with the left side `left`, and True if it is too large.
 
-        A chain of operations is so read once from left to right.
+        With this function a chain of operations is computed once from left to right.
         """
         right = self.of(ir.right) if isinstance(ir, ex.Binary) and left is not None else None
         if not isinstance(ir, ex.Binary) or left is None or right is None:
@@ -44,6 +41,6 @@ class Constants:
             return None, True
 
     def _value(self, ir: ex.Expr) -> float | None:
-        """`MissionError` if there is no such number, because it is too large or divides by zero."""
+        """The value of a constant expression. Raises `MissionError` if it is too large or divides by zero."""
         value = evaluate(ir, self._scope)
         return float(value) if is_number(value) else None

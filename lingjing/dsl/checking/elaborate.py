@@ -1,7 +1,7 @@
-"""Expressions: from the syntax tree to the graph's typed expressions.
+"""Expressions: syntax tree → typed expressions of the mission graph.
 
-`Elaborator.value(node, environment)` resolves names, checks types and dimensions, tracks hidden values, and gives the
-lowered expression. Every fault is reported once; what is faulty becomes `UNKNOWN`, which fits everywhere.
+`Elaborator.value(node, environment)` resolves names, checks types and dimensions, follows hidden values and returns the
+lowered expression. Every error is reported once. A faulty expression becomes `UNKNOWN`, which fits everywhere.
 """
 
 from __future__ import annotations
@@ -46,19 +46,24 @@ from lingjing.mission.units import (
 from lingjing.suggest import nearest
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">="))
+"""Operators of comparison."""
 _NAMELIKE = frozenset(("name", "names", "entity", "role", "text"))
+"""Kinds of types that can be compared as names."""
 _POINT_FIELDS = {"east": METRES, "north": METRES, "elevation": METRES, "x": METRES, "y": METRES, "z": METRES}
+"""Fields of a position."""
 _REGION_FIELDS = {"centre": POSITION, "area": Type("quantity", AREA)}
+"""Fields of a region."""
 
 
 class Elaborator(ExpressionChecker):
-    """Checks expressions against one scope and gives their form in the mission."""
+    """Checks expressions with one scope, and returns their form in the mission."""
 
     def __init__(self, report: Reporter, scope: SymbolTables) -> None:
         super().__init__(report, scope)
         self.calls = CallChecker(self)
         self.before_clock = False
-        """Whether what is read is evaluated before the clock: params, their sweeps, the clock itself."""
+        """True while checking an expression that is evaluated before the clock: params, their sweeps, the clock
+        itself."""
         self._handlers: dict[type, Callable[[Any, Environment], TypedExpression]] = {
             s.NumberLiteral: self._number,
             s.Name: self._name,
@@ -78,7 +83,7 @@ class Elaborator(ExpressionChecker):
 
     @contextmanager
     def without_clock(self) -> Iterator[None]:
-        """Read what is evaluated before the clock."""
+        """Check expressions that are evaluated before the clock."""
         self.before_clock = True
         try:
             yield
@@ -107,7 +112,7 @@ class Elaborator(ExpressionChecker):
         return TypedExpression(ex.Number(value, node.unit), kind) if abs(value) <= LARGEST else self._too_large(node)
 
     def _too_large(self, node: s.SyntaxNode) -> TypedExpression:
-        """Report a number beyond what is computed with."""
+        """Report a number beyond the supported range."""
         text = self.report.source.text[node.start : node.end]
         shown = f"`{text}`" if len(text) <= 30 else "this"
         hint = f"numbers go up to {LARGEST:g} in SI units"
@@ -130,7 +135,7 @@ class Elaborator(ExpressionChecker):
             return TypedExpression(ex.Ref("now", "clock"), Type("quantity", TIME))
         if name == "tick":
             if self.before_clock:
-                self.report.at("LJ0304", node, "how long a `tick` is, is not known before the clock is")
+                self.report.at("LJ0304", node, "the length of a `tick` is not known before the clock")
                 return UNKNOWN
             return TypedExpression(ex.Ref("tick", "clock"), Type("quantity", TIME))
         if name in self.scope.types:
@@ -320,7 +325,7 @@ class Elaborator(ExpressionChecker):
         return self._arithmetic(node, left, right)
 
     def _name_side(self, left: TypedExpression, node: s.Expression, environment: Environment) -> TypedExpression:
-        """The right side of a comparison with a name: a bare word is looked up among the names of that sort."""
+        """The right side of a comparison with a name. A bare word is looked up among the names of the same kind."""
         if left.type.of == "mode" and isinstance(node, s.Name):
             return self._one_of(node, self.scope.modes, "mode")
         if left.type.of == "mode" and isinstance(node, s.NameSet):
@@ -420,7 +425,7 @@ class Elaborator(ExpressionChecker):
     def _quantified(self, node: s.QuantifiedExpr, environment: Environment) -> TypedExpression:
         if not environment.rule:
             self.report(
-                "LJ0304", node.start, node.start + len(node.quantifier), f"`{node.quantifier}` belongs into a rule"
+                "LJ0304", node.start, node.start + len(node.quantifier), f"`{node.quantifier}` can stand only in a rule"
             )
             return UNKNOWN
         domain = self.calls.domain_of(node)
@@ -438,10 +443,11 @@ _PHRASES = {
     "to": "`0.2 m/s to 60 deg` is a current",
     "at": "`sea level at -3.5 m` is a datum",
 }
+"""Operators that are valid only in certain properties → an example."""
 
 
 def _counts_none(node: s.BinaryExpr, low: float, high: float) -> bool:
-    """Whether it is `1..n` of a computed `n` that is 0 now: a group without members."""
+    """True for `1..n` with a computed `n` that is 0 now: a group without members."""
     return (low, high) == (1.0, 0.0) and not isinstance(node.right, s.NumberLiteral)
 
 

@@ -1,4 +1,4 @@
-"""Checks of a mission's entities: assets and targets, single or in groups, with their properties."""
+"""Checkers of a mission's entities: assets and targets, single or in groups, with their properties."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from lingjing.mission.vocabulary import MOTION
 
 
 class EntityChecker(DeclarationChecker):
-    """Entities in missions."""
+    """Checks the entities of a mission."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
         super().__init__(blocks)
@@ -33,7 +33,7 @@ class EntityChecker(DeclarationChecker):
         self.equipment = EquipmentChecker(blocks)
 
     def head(self, node: s.EntityBlock) -> None:
-        """Make the name known before anything refers to it, with what can be said without its values."""
+        """Register the name before other declarations refer to it, with the facts that need no values."""
         decl = self._type_of(node)
         attributes: dict[str, PropertyType] = {"position": PropertyType(POSITION), "heading": PropertyType(DEGREES)}
         if decl is not None:
@@ -58,8 +58,8 @@ class EntityChecker(DeclarationChecker):
             most = None if node.index is None else self._most(node.index)
             self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, most)
 
-    def taints(self, node: s.EntityBlock) -> None:
-        """Properties computed from hidden ones are hidden too; runs until nothing changes, over all entities."""
+    def propagate_taints(self, node: s.EntityBlock) -> None:
+        """Hide properties that are computed from hidden ones. It runs over all entities until nothing changes."""
         for item in node.block.items if node.block else ():
             if not isinstance(item, s.PropertyLine) or item.hidden:
                 continue
@@ -72,16 +72,16 @@ class EntityChecker(DeclarationChecker):
                 step = self.of.step(f"`{node.name.text}.{item.name.text}`", item.name)
                 info.attributes[item.name.text] = PropertyType(known.type, (*taint, step), known.state)
 
-    def veils(self, node: s.RegionLine) -> None:
-        """A region around something hidden is hidden; known by names before any region is checked."""
-        taint = () if node.name.text in self.scope.veiled else self.hidden_source(node.shape)
+    def propagate_taint_to_region(self, node: s.RegionLine) -> None:
+        """Hide a region around a hidden place. It is found by names alone, before regions are checked."""
+        taint = () if node.name.text in self.scope.hidden_regions else self.hidden_source(node.shape)
         if taint:
-            self.scope.veiled[node.name.text] = (*taint, self.of.step(f"region `{node.name.text}`", node.name))
+            self.scope.hidden_regions[node.name.text] = (*taint, self.of.step(f"region `{node.name.text}`", node.name))
 
     def hidden_source(self, node: s.Expression) -> Taint:
-        """The hidden value an expression reads, found by its names alone (types are checked later).
+        """The taint of the hidden value that an expression reads, found by names alone, since types are checked later.
 
-        An entity named without a field is read as its place: `distance_xy(victim[1], boat)`.
+        An entity without a field stands for its place: `distance_xy(victim[1], boat)`.
         """
         from lingjing.dsl.checking.calls import children
 
@@ -106,8 +106,8 @@ class EntityChecker(DeclarationChecker):
         return ()
 
     def _named_taint(self, name: str) -> Taint:
-        if name in self.scope.veiled:
-            return self.scope.veiled[name]
+        if name in self.scope.hidden_regions:
+            return self.scope.hidden_regions[name]
         symbol, info = self.scope.symbols.get(name), self.scope.groups.get(name)
         if symbol is not None and symbol.taint:
             return symbol.taint
@@ -132,7 +132,7 @@ class EntityChecker(DeclarationChecker):
         self._needs_position(node, decl)
         self._possible_places(entries.get("position"), decl.engine)
         if verbs:
-            self._told_by_receipts(node, entries)
+            self._check_receipt_leak(node, entries)
         for entry in entries.values():
             self.blocks.check_state(entry.node, entry.value.type)
         labels = self._labels(entries, count, node)
@@ -142,12 +142,12 @@ class EntityChecker(DeclarationChecker):
                 known = self.scope.groups[node.name.text].attributes.get(name, _PUBLIC)
                 own.extend(lowered(entry, hidden=bool(known.taint), state=known.state))
         anew = reshaped(set(entries))
-        given = {prop.name for prop in own} | ({"look"} if anew else set())
+        replaced = {prop.name for prop in own} | ({"look"} if anew else set())
         hidden = self._hidden_attributes(node, decl)
         inherited = tuple(
             msgspec.structs.replace(prop, hidden=True) if hidden and prop.name.startswith(hidden) else prop
             for prop in decl.properties
-            if prop.name not in given
+            if prop.name not in replaced
         )
         role: Literal["asset", "target"] = "asset" if node.keyword == "asset" else "target"
         return model.Group(
@@ -169,7 +169,7 @@ class EntityChecker(DeclarationChecker):
         )
 
     def count(self, index: s.Expression | None) -> tuple[ex.Expr | None, str]:
-        """`[1..n]` or `[i in 1..n]`: how many, and what the index is called."""
+        """`[1..n]` or `[i in 1..n]`: the number of members and the name of the index."""
         if index is None:
             return None, "i"
         name, range_node = "i", index
@@ -198,7 +198,7 @@ class EntityChecker(DeclarationChecker):
     # -- private
 
     def _most(self, index: s.Expression) -> float | None:
-        """How many members `[1..n]` means at most; None if a param without bounds, or a computation, says it."""
+        """Most members of `[1..n]`; None if it is computed, or a param without bounds."""
         range_node = index.right if isinstance(index, s.BinaryExpr) and index.operator == "in" else index
         high = range_node.right if isinstance(range_node, s.BinaryExpr) and range_node.operator == ".." else None
         if isinstance(high, s.NumberLiteral) and not high.unit:
@@ -236,13 +236,16 @@ class EntityChecker(DeclarationChecker):
         return keys
 
     def _hidden_attributes(self, node: s.EntityBlock, decl: TypeDecl) -> tuple[str, ...]:
-        """Attributes of the type that the block hides; the names of what they are lowered to begin with theirs."""
+        """Attributes of the type that the block hides. The names of their lowered properties begin with them."""
         attributes = self.scope.groups[node.name.text].attributes
         return tuple(name for name, attribute in attributes.items() if attribute.taint and name in decl.attributes)
 
-    def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, PropertyEntry]) -> None:
-        """An asset's band bounds its commands, its speed says how long they take, and receipts say where one was
-        clipped and when it ended: so these are public."""
+    def _check_receipt_leak(self, node: s.EntityBlock, entries: dict[str, PropertyEntry]) -> None:
+        """Report hidden properties that receipts of commands reveal.
+
+        An asset's band bounds its commands, and its speed decides their duration. Receipts report the clipping and the
+        end of a command, so both are public.
+        """
         for name in ("band", *MOTION) if node.keyword == "asset" else ():
             entry, known = entries.get(name), self.scope.groups[node.name.text].attributes.get(name)
             if known is not None:
@@ -250,9 +253,9 @@ class EntityChecker(DeclarationChecker):
 
     def _needs_position(self, node: s.EntityBlock, decl: TypeDecl) -> None:
         items = node.block.items if node.block else ()
-        given = any(isinstance(item, s.PropertyLine) and item.name.text == "position" for item in items)
+        is_declared = any(isinstance(item, s.PropertyLine) and item.name.text == "position" for item in items)
         faulty = any(isinstance(item, s.Faulty) for item in items)
-        if not given and not faulty and "position" not in decl.attributes:
+        if not is_declared and not faulty and "position" not in decl.attributes:
             self.report.at(
                 "LJ0106",
                 node.name,
@@ -261,7 +264,7 @@ class EntityChecker(DeclarationChecker):
             )
 
     def _possible_places(self, entry: PropertyEntry | None, engine: str) -> None:
-        """Report points that no scene has, as far as they are constants."""
+        """Report constant places that no scene contains."""
         for part in ex.parts(entry.value.ir) if entry else ():
             if entry is None or not isinstance(part, ex.Point):
                 continue

@@ -1,4 +1,4 @@
-"""Checks of what an asset carries and may do: its cameras and its action space."""
+"""Checkers of an asset's equipment: its cameras and its action space."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CAMERA_KEYS = keyed(
 
 
 class EquipmentChecker(DeclarationChecker):
-    """The asset's part that is no property."""
+    """Checks the parts of an asset that are no properties."""
 
     def equipment(
         self, node: s.EntityBlock, decl: TypeDecl | None
@@ -70,7 +70,7 @@ class EquipmentChecker(DeclarationChecker):
         missing = [key for key in ("size", "hfov", "channels") if key not in entries]
         if missing:
             if preset and not any(isinstance(item, s.Faulty | s.PropertyLine) for item in _items(node)):
-                message = f"neither the camera `{node.name.text}` nor its preset says `{missing[0]}`"
+                message = f"neither the camera `{node.name.text}` nor its preset has `{missing[0]}`"
                 self.report.at("LJ0106", node.name, message, f"add `{missing[0]} = …`")
             return None
         width, height = entries["size"].parts
@@ -162,7 +162,7 @@ class EquipmentChecker(DeclarationChecker):
 
 
 def _parts(item: s.PropertyLine) -> tuple[s.Expression | None, s.Expression | None]:
-    """The default and the bounds that an action's line gives."""
+    """The default and the bounds in a line of `actions`."""
     value = item.value
     if item.relation != "=":
         return None, value

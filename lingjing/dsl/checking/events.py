@@ -1,4 +1,4 @@
-"""Checks of what happens by itself: `event squall at 12 tick { weather { … }, appear jam[2] }`."""
+"""Checkers of scripted events: `event squall at 12 tick { weather { … }, appear jam[2] }`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class EventChecker(DeclarationChecker):
             return None
         number = self.of.constant(value.ir)
         if number is not None and number < 0:
-            self.report.at("LJ0206", node.at, "nothing happens before the mission begins")
+            self.report.at("LJ0206", node.at, "an event cannot come before the mission begins")
             return None
         self.blocks.leak(value.taint, node.at, f"the time of the event `{node.name.text}`")
         counted_in = "s" if value.type.dimension == TIME else "tick"
@@ -72,7 +72,7 @@ class EventChecker(DeclarationChecker):
             shown = with_article(value.type)
             if value.type.kind in ("entity", "group"):
                 shown = f"the asset `{value.type.of}`"
-            self.report.at("LJ0201", item.entity, f"what can {item.keyword} is a target, this is {shown}")
+            self.report.at("LJ0201", item.entity, f"only a target can {item.keyword}, this is {shown}")
             return None
         if isinstance(value.ir, ex.Index):
             self.blocks.leak(value.taint, item.entity, f"the event `{node.name.text}`")
@@ -80,7 +80,7 @@ class EventChecker(DeclarationChecker):
 
 
 def _in_unit(ir: ex.Expr, unit: str) -> ex.Expr:
-    """The time with the unit it is counted in where it can be read off: `wait` becomes `wait + 0 s`."""
+    """The time with its unit, if it has one: `wait` becomes `wait + 0 s`."""
     if isinstance(ir, ex.Number):
         return ir
     if isinstance(ir, ex.Draw):

@@ -1,4 +1,4 @@
-"""`ExpressionChecker`: what every part of the checking of expressions shares, and how faults of types are told."""
+"""`ExpressionChecker`: the base of the checkers of expressions, and the reports of type errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lingjing.mission.units import BY_DIMENSION, LENGTH, NONE, dimension_unit
 
 
 class ExpressionChecker:
-    """Base of `elaborate.Elaborator`, which says what `value` does with each kind of node."""
+    """Base of `elaborate.Elaborator`, which implements `value` for each kind of node."""
 
     def __init__(self, report: Reporter, scope: SymbolTables) -> None:
         self.report = report
@@ -28,16 +28,16 @@ class ExpressionChecker:
         raise NotImplementedError
 
     def constant(self, ir: ex.Expr) -> float | None:
-        """The number an expression always is (parameters at their defaults), or None."""
+        """The number that an expression always equals (params at their defaults), or None."""
         return self.constants.of(ir)
 
     def expect(self, node: s.Expression, environment: Environment, due: Type, what: str = "") -> TypedExpression:
-        """The checked expression, which must be of the type `due`; `what` names the place in the message."""
+        """The checked expression, which must have the type `due`. `what` names the place in the message."""
         value = self.value(node, environment)
         return value if self.fits(value, due, node, what) else UNKNOWN
 
     def fits(self, value: TypedExpression, due: Type, node: s.SyntaxNode, what: str = "") -> bool:
-        """Whether the value fits; reports if it does not."""
+        """True if the value fits. Reports one that does not."""
         if fits(value.type, due):
             return True
         where = f" for {what}" if what else " here"
@@ -63,12 +63,14 @@ class ExpressionChecker:
             self.report.at("LJ0201", node, message)
 
     def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> TypedExpression:
-        """Note a name nobody declared; it is reported at the end unless a faulty statement may have declared it."""
+        """Store a name without a declaration. It is reported at the end, unless a faulty statement may have declared
+        it.
+        """
         self.names.note(node, known, what)
         return UNKNOWN
 
     def step(self, name: str, node: s.SyntaxNode) -> FlowStep:
-        """A station of a hidden value's path."""
+        """A step on the path of a hidden value."""
         return FlowStep(name, self.report.span(node.start, node.end))
 
 

@@ -1,9 +1,9 @@
-"""`mission night extends ssr { override … }`: a mission that begins with another one's declarations.
+"""`mission night extends ssr { override … }`: a mission that starts from another mission's declarations.
 
-The base is read into the same source, behind the text of the mission that extends it, and its statements are merged
-into one list: in the base's order, those overridden in the place of what they override, new ones at the end. So every
-later phase sees one mission. What goes wrong inside the base because of an override is reported where it is extended,
-with the place in the base beside it.
+The base is read into the same source, after the text of the extending mission. The statements of both are merged into
+one list: the base's order, overriding statements in the place of the overridden ones, new ones at the end. So all later
+phases see one mission. An error inside the base that an override causes is reported at the name of the base, with the
+place in the base as a related place.
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
 from lingjing.suggest import did_you_mean, nearest
 
 DEEPEST = 8
-"""Missions that extend each other in a row."""
+"""Most missions that extend each other in a row (chosen)."""
 
 LONGEST_TEXT = 16 * 1024 * 1024
-"""Characters of a mission and of all that it extends."""
+"""Most characters of a mission together with all that it extends (chosen)."""
 
 Items = tuple[s.Statement, ...]
+"""Statements of a mission."""
 CheckFile = Callable[[s.File, Reporter, Files], object]
-"""`checker.check`."""
+"""The function `checker.check`, passed as an argument because of the import order."""
 
 
-def inherited(
+def merge_base(
     file: FileChecker, node: s.MissionBlock, check: CheckFile, chain: tuple[str, ...] = ()
 ) -> s.MissionBlock | None:
-    """The mission with its base's statements; None if the base cannot be had, which is reported.
+    """Return the mission with its base's statements; None if the base is unusable, which is reported.
 
-    `check` says whether the base is good by itself.
+    `check` tests the base by itself.
     """
     if node.base is None:
         _nothing_to_override(file.report, node)
@@ -47,7 +48,7 @@ def inherited(
     if base is None:
         return None
     decl, block = base
-    above = inherited(file, block, check, (*chain, decl.path))
+    above = merge_base(file, block, check, (*chain, decl.path))
     if above is None:
         return None
     items = _merged(file.report, above.block.items, node)
@@ -86,27 +87,27 @@ def _base(
 
 
 def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl, check: CheckFile) -> bool:
-    """Whether the base is good by itself; only then is it looked at here. Whether it can be won does not matter."""
+    """True if the base has no errors by itself. Only then is it merged. It need not be winnable."""
     report = file.report
-    found = _errors(file, decl.path, check)
-    if found is None:
+    errors = _errors(file, decl.path, check)
+    if errors is None:
         report.at("LJ0120", name, f"`{name.text}` extends itself, through others")
         return False
-    if found:
+    if errors:
         report.at(
             "LJ0119",
             name,
             f"the mission `{name.text}` has errors",
             f"run `lingjing validate {decl.path}`",
-            related=(Related(found[0].span, found[0].message),),
+            related=(Related(errors[0].span, errors[0].message),),
         )
-    return not found
+    return not errors
 
 
 def _errors(file: FileChecker, path: str, check: CheckFile) -> tuple[Diagnostic, ...] | None:
-    """The errors of the mission in a file; None if it is being checked right now, so that it leads back to itself.
+    """The errors of a file's mission; None if it is being checked now, so that it leads back to itself.
 
-    Each file is checked once in a compilation: a chain of missions costs what its members cost.
+    Each file is checked once in a compilation, so a chain of missions costs no more than its members.
     """
     bases = file.files.bases
     bases.setdefault(file.chain[-1], None)
@@ -136,12 +137,12 @@ def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
     for item in node.block.items:
         if isinstance(item, s.Override):
             if isinstance(item.item, s.Faulty):
-                continue  # what is wrong with it has been told
+                continue  # its error is already reported
             at = places.get(_key(item.item) or ("", ""))
             if at is None:
                 _no_such(report, item, list(places), node.base)
             else:
-                items[at] = _amended(items[at], item.item)
+                items[at] = _overridden(items[at], item.item)
             continue
         key = _key(item)
         if key is not None and key in places:
@@ -167,7 +168,11 @@ def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], b
     start, end = item.start, item.start + len("override")
     if key is None:
         report(
-            "LJ0123", start, end, "this cannot be overridden", "only what has a name or stands once in a mission can"
+            "LJ0123",
+            start,
+            end,
+            "this cannot be overridden",
+            "only named declarations and single blocks can be overridden",
         )
         return
     names = [name for word, name in known if word == key[0] and name]
@@ -183,7 +188,7 @@ def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], b
 
 
 def _key(item: s.Statement) -> tuple[str, str] | None:
-    """What makes two statements the same declaration: its keyword and its name, or what it joins."""
+    """The identity of a declaration: its keyword and its name, or the names that it relates; None without identity."""
     if isinstance(item, s.TextLine | s.SettingsBlock | s.OutcomeLine):
         return item.keyword, ""
     if isinstance(item, s.SceneBlock):
@@ -203,21 +208,21 @@ def _key(item: s.Statement) -> tuple[str, str] | None:
 
 
 def _dotted(node: s.Expression) -> str:
-    """`dog.forward`, or "" for what is no path of names: no two such statements are the same."""
+    """`dog.forward`; "" for an expression that is no path of names, so that no two of them are equal."""
     if isinstance(node, s.FieldExpr):
         return f"{_dotted(node.base)}.{node.name.text}"
     return node.text if isinstance(node, s.Name) else ""
 
 
-def _amended(old: s.Statement, new: s.Statement) -> s.Statement:
-    """Settings and entities keep the lines that the override does not name; all else is replaced whole."""
+def _overridden(old: s.Statement, new: s.Statement) -> s.Statement:
+    """Merge an override. Settings and entities keep the lines that it does not name; all others are replaced."""
     if isinstance(old, s.SettingsBlock) and isinstance(new, s.SettingsBlock):
         block = _joined(old.block, new.block) or new.block
         return s.SettingsBlock(new.start, new.end, new.keyword, block, new.preset or old.preset)
     if isinstance(old, s.SceneBlock) and isinstance(new, s.SceneBlock) and old.kind.text == new.kind.text:
         return msgspec.structs.replace(new, block=_joined(old.block, new.block))
     if isinstance(old, s.EntityBlock) and isinstance(new, s.EntityBlock):
-        new = msgspec.structs.replace(new, block=_veiled(old.block, new.block))
+        new = msgspec.structs.replace(new, block=_hidden_as_before(old.block, new.block))
         if new.type is None:
             return msgspec.structs.replace(
                 new,
@@ -229,8 +234,8 @@ def _amended(old: s.Statement, new: s.Statement) -> s.Statement:
     return new
 
 
-def _veiled(old: s.BracedBlock | None, new: s.BracedBlock | None) -> s.BracedBlock | None:
-    """The new lines, of which those are hidden that the old ones hid: another value is no reason to show it."""
+def _hidden_as_before(old: s.BracedBlock | None, new: s.BracedBlock | None) -> s.BracedBlock | None:
+    """The new lines, hidden where the old ones were: a new value must not reveal a hidden property."""
     if old is None or new is None:
         return new
     hidden = {_line(item) for item in old.items if isinstance(item, s.PropertyLine) and item.hidden}
@@ -246,8 +251,8 @@ def _veiled(old: s.BracedBlock | None, new: s.BracedBlock | None) -> s.BracedBlo
 def _joined(old: s.BracedBlock | None, new: s.BracedBlock | None) -> s.BracedBlock | None:
     if old is None or new is None:
         return new or old
-    said = {_line(item) for item in new.items} - {None}
-    kept = [item for item in old.items if _line(item) not in said]
+    overridden = {_line(item) for item in new.items} - {None}
+    kept = [item for item in old.items if _line(item) not in overridden]
     return s.BracedBlock(new.start, new.end, (*kept, *new.items))
 
 

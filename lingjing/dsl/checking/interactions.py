@@ -1,9 +1,9 @@
-"""Checks of interactions: who performs them, and what they move between which states.
+"""Checkers of interactions: the actor, and the states between which something is moved.
 
-`by` names an engine or a role. A role is known to the types of the file whose mission's agents play it.
+`by` names an engine or a role. The roles that a type may name are those of the missions in its file.
 
-`type` looks at one target type by itself, once every type of the file is known; `between` at a mission's target and the
-assets that may act on it. What is moved must be declared as a state at both ends, and measured in one dimension.
+`type` checks one target type by itself, after all types of the file are known. `between` checks a mission's target with
+the assets that may act on it. Both ends of a move must be declared as states, in one dimension.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from lingjing.mission.interactions import UNSAID, Holder, InteractionFault, acto
 from lingjing.suggest import did_you_mean, nearest
 
 _WORDS = {name: name for name in ("by", "status", "takes", "gives", "up_to", "told")} | {"source": "from"}
-"""The names that an interaction is made of → the author's words for them."""
+"""Fields of an interaction → their words in the language."""
 
 
 def declared(name: str, entries: dict[str, PropertyEntry], base: model.Interaction | None) -> model.Interaction:
-    """What an interaction's block says, over what the base type's interaction of that name says."""
+    """The interaction that a block declares, completed by the base type's interaction of that name."""
     old = base or model.Interaction(name=name, by="", within=UNSAID)
     words = {to: word_of(entries, key) for to, key in _WORDS.items() if key in entries}
     values = {key: entries[key].value.ir for key in ("within", "lasting", "aboard") if key in entries}
@@ -36,54 +36,54 @@ def declared(name: str, entries: dict[str, PropertyEntry], base: model.Interacti
 
 
 class InteractionChecker(DeclarationChecker):
-    """The interactions of a file's target types, and of a mission's targets."""
+    """Checks the interactions of a file's target types, and of a mission's targets."""
 
     def __init__(self, blocks: BlockReader) -> None:
         super().__init__(blocks)
         self._roles: Collection[str] = ()
 
     def type(self, decl: TypeDecl, nodes: Iterable[s.InteractionBlock], roles: Collection[str]) -> None:
-        """Check what a type of this file says of its interactions; `roles` are those of the file's missions."""
+        """Check the interactions that a type of this file declares. `roles`: roles of the file's missions."""
         self._roles = roles
         for node in nodes:
-            one = decl.interactions.get(node.name.text)
-            if one is not None and not any(isinstance(item, s.Faulty) for item in node.block.items):
-                self._type(decl, one, node)
+            interaction = decl.interactions.get(node.name.text)
+            if interaction is not None and not any(isinstance(item, s.Faulty) for item in node.block.items):
+                self._type(decl, interaction, node)
 
     def between(self, node: s.EntityBlock, target: GroupInfo, agents: Iterable[model.Agent]) -> None:
-        """Check that somebody in the mission has what the interactions of a target move."""
+        """Check that some asset in the mission has the states that the interactions of a target move."""
         if target.type is None or node.type is None or self.scope.incomplete:
             return
         played: dict[str, set[str]] = {}
         for agent in agents:
             named = {part.name for expr in agent.controls for part in ex.parts(expr) if isinstance(part, ex.Ref)}
             played.setdefault(agent.role, set()).update(named)
-        for one in target.type.interactions.values():
+        for interaction in target.type.interactions.values():
             actors = [
                 group
                 for group in self.scope.groups.values()
                 if group.role == "asset" and group.type is not None
-                if group.type.engine == one.by or group.name in played.get(one.by, ())
+                if group.type.engine == interaction.by or group.name in played.get(interaction.by, ())
             ]
-            for fault in shared_faults(one, _holder(target), [_holder(actor) for actor in actors]):
-                self._tell(node.type, fault)
+            for fault in shared_faults(interaction, _holder(target), [_holder(actor) for actor in actors]):
+                self._report(node.type, fault)
 
     # -- one type
 
-    def _type(self, decl: TypeDecl, one: model.Interaction, node: s.InteractionBlock) -> None:
+    def _type(self, decl: TypeDecl, interaction: model.Interaction, node: s.InteractionBlock) -> None:
         words = {item.name.text: item for item in node.block.items if isinstance(item, s.PropertyLine)}
-        if one.by and "by" in words:
-            self._actor(words["by"], one.by)
+        if interaction.by and "by" in words:
+            self._actor(words["by"], interaction.by)
         states = [name for name, known in decl.attributes.items() if known.state]
-        for fault in own_faults(one, states):
+        for fault in own_faults(interaction, states):
             item = next((words[word] for word in fault.words if word in words), None)
             if fault.code == "LJ0106":
-                if item is None:  # else it was said, and its own fault reported
-                    self._tell(node.name, fault)
+                if item is None:  # otherwise the line exists, and its own error is reported
+                    self._report(node.name, fault)
             elif item is not None:
-                self._tell(item.value if fault.code == "LJ0126" else item, fault)
-            elif fault.code in ("LJ0104", "LJ0126"):  # what else the base type has said was reported there
-                self._tell(node.name, fault)
+                self._report(item.value if fault.code == "LJ0126" else item, fault)
+            elif fault.code in ("LJ0104", "LJ0126"):  # all other errors of the base type are reported there
+                self._report(node.name, fault)
 
     def _actor(self, item: s.PropertyLine, name: str) -> None:
         engines = {decl.engine for decl in self.scope.types.values() if decl.role == "asset" and decl.engine}
@@ -94,10 +94,10 @@ class InteractionChecker(DeclarationChecker):
         hint = did_you_mean(name, fault.known) or fault.hint
         decl = self.scope.types.get(name)
         if decl is not None and decl.role == "asset":
-            close, hint = decl.engine, f"`by` names the engine of who acts, here `{decl.engine}`, or their role"
+            close, hint = decl.engine, f"`by` names the actor's engine, here `{decl.engine}`, or its role"
         self.report.at(fault.code, place, fault.message, hint, replace=close)
 
-    def _tell(self, place: s.SyntaxNode, fault: InteractionFault) -> None:
+    def _report(self, place: s.SyntaxNode, fault: InteractionFault) -> None:
         hint = (did_you_mean(fault.wrong, fault.known) if fault.wrong else "") or fault.hint
         self.report.at(fault.code, place, fault.message, hint)
 
@@ -107,5 +107,5 @@ def _holder(group: GroupInfo) -> Holder:
     return Holder(group.name, kinds, [name for name, known in group.attributes.items() if known.state])
 
 
-def _kind(given: Type) -> str:
-    return "" if given.kind == "any" else with_article(given)
+def _kind(typed: Type) -> str:
+    return "" if typed.kind == "any" else with_article(typed)

@@ -1,4 +1,4 @@
-"""What a block may say: its keys, and the entries that were read."""
+"""The properties that a block may have (keys), and those that were read (entries)."""
 
 from __future__ import annotations
 
@@ -11,38 +11,51 @@ from lingjing.mission.functions import Type
 
 
 class PropertyKey(msgspec.Struct, frozen=True):
-    """One property of a block. `choices` are the words allowed for a name or a list of names, None for any.
-
-    `public` names where the value becomes visible to agents or engines, so that a hidden one is a leak. One that is not
-    `proposed` is read, so that what refuses it can say why, and is in no hint and no completion.
-    """
+    """A property that a block may have."""
 
     name: str
+    """Its word in the language."""
     type: Type
+    """Type of its value."""
     relations: tuple[str, ...] = ("=",)
+    """Permitted relations: `=`, `~`, `<=`."""
     choices: tuple[str, ...] | None = None
+    """Permitted words for a name or a list of names; None permits any."""
     required: bool = False
+    """True if the block must have it."""
     guarded: bool = False
+    """True if it may have a condition."""
     hideable: bool = False
+    """True if it may be hidden."""
     public: bool = True
+    """True if its value becomes visible to agents or engines, so that a hidden value is a leak."""
     low: float | None = None
+    """Least value, SI; None without one."""
     high: float | None = None
+    """Greatest value, SI; None without one."""
     above: float | None = None
+    """The value must exceed this, SI; None without one."""
     whole: bool = False
+    """True if the value must be an integer."""
     proposed: bool = True
+    """False for a key that is read only to report why it is not permitted; it is not proposed in hints and
+    completions."""
 
 
 def keyed(*keys: PropertyKey) -> dict[str, PropertyKey]:
-    """The properties of a block by their names."""
+    """The properties of a block by name."""
     return {key.name: key for key in keys}
 
 
 class PropertyEntry(msgspec.Struct, frozen=True):
-    """A property that was read: its statement and its parts (two for a speed with a direction, a size, a range)."""
+    """A property that was read."""
 
     node: s.PropertyLine
+    """Its statement."""
     key: PropertyKey
+    """Its key."""
     parts: tuple[TypedExpression, ...]
+    """The checked values: two for a speed with a direction or a size, else one."""
 
     @property
     def value(self) -> TypedExpression:
@@ -56,6 +69,6 @@ class PropertyEntry(msgspec.Struct, frozen=True):
 
 
 def word_of(entries: dict[str, PropertyEntry], key: str) -> str:
-    """The bare word that was given for a key; "" if none was."""
+    """The bare word of a key's value; "" without the property."""
     entry = entries.get(key)
     return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

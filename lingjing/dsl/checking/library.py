@@ -1,10 +1,12 @@
-"""The standard library, the shipped missions, the project's own files and what plug-ins add: which file `use …` means.
+"""The file that a `use …` names: standard library, shipped missions, the project's own files, and plug-ins.
 
-`use std.NAME` reads `NAME.ljs` of the standard library and `use scenarios.NAME` a shipped mission, to extend it: both
-are shipped inside the package, else the repository's `scenarios/std` and `scenarios`. Any other first word names a
-package under the entry-point group `lingjing.std`, whose `.ljs` files are found by the words that follow
-(`use acme.rotors` → entry point `acme`, file `rotors.ljs`). `use .boats.tug` is `boats/tug.ljs` in the folder of the
-file that says so; as no word can be `..`, no path leads out of that folder, and a link that does is no file.
+`use std.NAME` reads `NAME.ljs` of the standard library, and `use scenarios.NAME` a shipped mission, to extend it. Both
+are inside the package, or else in the repository's `scenarios/std` and `scenarios`. Any other first word names a
+package under the entry-point group `lingjing.std`; the following words name one of its `.ljs` files (`use acme.rotors`
+→ entry point `acme`, file `rotors.ljs`).
+
+`use .boats.tug` is `boats/tug.ljs` in the folder of the using file. No word can be `..`, so no path leads out of that
+folder; a symbolic link that does counts as missing.
 """
 
 from __future__ import annotations
@@ -15,27 +17,31 @@ from pathlib import Path
 from lingjing.data import data_path
 from lingjing.errors import PluginError
 
-DEEPEST, LONGEST = 8, 100
-"""Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
+DEEPEST = 8
+"""Most words of a path (chosen)."""
+LONGEST = 100
+"""Most letters of a word (chosen): file systems permit names of about 250 bytes."""
 
 
 SHIPPED = ("std", "scenarios")
-"""First words of what ships with the package: the standard library and the missions."""
+"""First words of shipped files: the standard library and the missions."""
 
 
 def shipped_folder(first: str) -> str:
-    """Where the files are that begin with one of the words `SHIPPED`."""
+    """The folder of the files with this first word, one of `SHIPPED`."""
     return str(data_path(first))
 
 
 def folder_of(path: str) -> str | None:
-    """The folder of a file whose `use .name` is looked up; None for a text that is no file."""
+    """The folder in which a file's `use .name` is looked up; None for a text without a file."""
     return None if path.startswith("<") else os.path.dirname(os.path.realpath(path))  # noqa: PTH120
 
 
 def find_file(path: tuple[str, ...], folder: str | None = None) -> str | None:
-    """The file of a `use` path, or None; a relative one is looked up in `folder`. Words are identifiers, so no path
-    leads out of the library."""
+    """The file of a `use` path, or None. A relative path is looked up in `folder`.
+
+    Words are identifiers, so no path leads out of the library.
+    """
     if not (1 if folder else 2) <= len(path) <= DEEPEST or max(map(len, path)) > LONGEST:
         return None
     if folder is not None:
@@ -48,7 +54,7 @@ def find_file(path: tuple[str, ...], folder: str | None = None) -> str | None:
 
 
 def known_paths(first: str, beside: str | None = None) -> list[str]:
-    """What could have been meant: `std.air`, `std.sea`, … and the plug-ins' names, or the files `beside`."""
+    """Paths for proposals: `std.air`, `std.sea`, … and the plug-ins' names, or the files in the folder `beside`."""
     if beside is not None:
         return [f".{name}" for name in _files(beside)]
     folder = _folder(first)
@@ -84,9 +90,9 @@ def _plugin_names() -> list[str]:
 def _plugin_folder(name: str) -> str | None:
     from lingjing.installed_plugins.entry_points import TYPES, find_entries, package_folders
 
-    found = find_entries(TYPES)
-    points = [point for point in found.points if point.name == name]
-    broken = next((one for one in found.broken if one.name == name), None)
+    entries = find_entries(TYPES)
+    points = [point for point in entries.points if point.name == name]
+    broken = next((entry for entry in entries.broken if entry.name == name), None)
     if broken is not None:
         raise PluginError(f"the types `{name}` of {broken.distribution}: {broken.reason}", hint="reinstall the plug-in")
     if not points:

@@ -1,4 +1,4 @@
-"""Lowering of properties: SI values under names that carry their unit (`speed_mps`, `band_low_m`)."""
+"""Lowering of properties: SI values under names with their unit (`speed_mps`, `band_low_m`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PropertyMaker = Callable[..., model.Property]
 
 
 def suffix_of(dimension: Dimension | None) -> str:
-    """`_m`, `_mps`, …; empty for a bare number and for a dimension without a name."""
+    """Suffix of a name for a dimension: `_m`, `_mps`, …; empty for a bare number and for an unnamed dimension."""
     known = BY_DIMENSION.get(dimension or NONE)
     return known.suffix if known else ""
 
@@ -24,7 +24,7 @@ def suffix_of(dimension: Dimension | None) -> str:
 def lowered(
     entry: PropertyEntry, *, inherited: bool = False, hidden: bool = False, state: bool = False
 ) -> tuple[model.Property, ...]:
-    """The graph's properties for one read entry."""
+    """The mission's properties for one entry."""
     name, kind = entry.node.name.text, entry.key.type
     hides = hidden or entry.node.hidden
     changes = state or entry.node.state

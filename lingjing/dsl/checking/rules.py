@@ -1,4 +1,4 @@
-"""Checks of adjudication rules, unlocks, stages and the outcome."""
+"""Checkers of adjudication rules, unlocks, stages and outcomes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ STAGE_KEYS = keyed(PropertyKey("ticks", NUMBER, ("<=",), low=1, whole=True), Pro
 
 
 class RuleChecker(DeclarationChecker):
-    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
 
     def head(self, node: s.RuleBlock) -> None:
-        """Make the rule's name and parameters known."""
+        """Register the rule's name and parameters."""
         name = node.name
         known = self.scope.rules.get(name.text)
         if known is not None:
@@ -34,7 +34,7 @@ class RuleChecker(DeclarationChecker):
         self.scope.rules[name.text] = RuleInfo(name.text, node.parameters, self.report.span(name.start, name.end))
 
     def stage_head(self, node: s.StageBlock) -> None:
-        """Make the stage's name known."""
+        """Register the stage's name."""
         known = self.scope.stages.get(node.name.text)
         if known is not None:
             self.report.declared_twice(node.name, f"the stage `{node.name.text}`", known[1])
@@ -62,7 +62,7 @@ class RuleChecker(DeclarationChecker):
         if name.text not in interactions and not self.scope.incomplete:
             self.of.unknown_name(name, list(interactions), "no interaction")
         else:
-            self._done_to(node)
+            self._check_unlocked_groups(node)
         parameters, environment = self._parameters(node.parameters)
         value = self.of.expect(node.condition, environment, FLAG, "`when`")
         if value is UNKNOWN or parameters is None or name.text not in interactions:
@@ -70,7 +70,7 @@ class RuleChecker(DeclarationChecker):
         return model.Unlock(interaction=name.text, parameters=parameters, condition=value.ir)
 
     def stage(self, node: s.StageBlock, limit: Callable[[s.LimitLine], model.Limit | None]) -> model.Stage | None:
-        """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`; `limit` checks those inside."""
+        """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`. `limit` checks the limits inside."""
         environment = self.per(node.variable, node.domain)
         what = f"the stage `{node.name.text}`"
         entries = self.blocks.read(node.block, STAGE_KEYS, what, others=(s.Condition, s.LimitLine), owner=node.name)
@@ -90,7 +90,7 @@ class RuleChecker(DeclarationChecker):
         )
 
     def per(self, variable: s.Name | None, domain: s.Name | None) -> Environment | None:
-        """The environment inside of `per v in group`; None if there is no such group."""
+        """The environment inside `per v in group`; None if the group does not exist."""
         if variable is None or domain is None:
             return RULE
         kind = self.of.calls.domain_type(domain)
@@ -101,7 +101,7 @@ class RuleChecker(DeclarationChecker):
         return self.of.expect(node.condition, RULE, FLAG, f"`{node.keyword} when`").ir
 
     def unlocked_once(self, nodes: list[s.UnlockLine]) -> None:
-        """Report interactions with two conditions."""
+        """Report interactions with two unlocking conditions."""
         first: dict[str, s.UnlockLine] = {}
         for node in nodes:
             known = first.setdefault(node.name.text, node)
@@ -109,7 +109,7 @@ class RuleChecker(DeclarationChecker):
                 self.blocks.duplicate(node.name, known.name, f"`{node.name.text}` is unlocked twice", "LJ0104")
 
     def cycles(self, nodes: list[s.RuleBlock]) -> None:
-        """Report rules that refer to themselves, directly or through others."""
+        """Report rules that refer to themselves, directly or through other rules."""
         calls = {node.name.text: _called(node, self.scope) for node in nodes}
         by_name = {node.name.text: node for node in nodes}
         reported: set[str] = set()
@@ -118,7 +118,7 @@ class RuleChecker(DeclarationChecker):
             if way and not reported.intersection(way):
                 reported.update(way)
                 related = tuple(
-                    Related(self.report.span(by_name[n].name.start, by_name[n].name.end), "which refers on from here")
+                    Related(self.report.span(by_name[n].name.start, by_name[n].name.end), "the cycle continues here")
                     for n in way[1:-1]
                 )
                 self.report.at(
@@ -131,13 +131,15 @@ class RuleChecker(DeclarationChecker):
     def only_condition(
         self, block: s.BracedBlock, keyword: str, what: str, owner: s.Name, others: tuple[type, ...] = ()
     ) -> s.Expression | None:
-        """The one condition of a block, `when …`, `done when …` or `always …`; `others` are read elsewhere."""
-        found: s.Condition | None = None
+        """The single condition of a block: `when …`, `done when …` or `always …`. `others`: statements that are read
+        elsewhere.
+        """
+        first: s.Condition | None = None
         faulty = False
         spelled = {"when": "when", "done": "done when", "always": "always"}[keyword]
         for item in block.items:
             if isinstance(item, s.Condition) and item.keyword == keyword:
-                if found is not None:
+                if first is not None:
                     self.report(
                         "LJ0103",
                         item.start,
@@ -145,7 +147,7 @@ class RuleChecker(DeclarationChecker):
                         f"{what} has two conditions",
                         "join them with `and`",
                     )
-                found = found or item
+                first = first or item
             elif isinstance(item, s.Faulty):
                 faulty = True
             elif isinstance(item, s.Condition):
@@ -153,28 +155,28 @@ class RuleChecker(DeclarationChecker):
                     "LJ0110",
                     item.start,
                     item.start + len(item.keyword),
-                    f"{what} says `{spelled} …`",
+                    f"{what} needs `{spelled} …`",
                     f"write `{spelled}`",
                 )
                 faulty = True
             elif not isinstance(item, others):
                 self.blocks.misplaced(item, what, (spelled,))
-        if found is None and not faulty:
+        if first is None and not faulty:
             self.report.at("LJ0106", owner, f"{what} lacks its condition", f"add `{spelled} …`")
-        return found.condition if found else None
+        return first.condition if first else None
 
     # -- private
 
-    def _done_to(self, node: s.UnlockLine) -> None:
-        """Report an unlock whose parameters are groups that the interaction is not done to."""
+    def _check_unlocked_groups(self, node: s.UnlockLine) -> None:
+        """Report an unlock for groups that do not have the interaction."""
         every = self.scope.groups.values()
-        offering = [one.name for one in every if one.type and node.name.text in one.type.interactions]
+        offering = [info.name for info in every if info.type and node.name.text in info.type.interactions]
         groups = [self.scope.groups.get(parameter.type.text) for parameter in node.parameters]
         known = [group for group in groups if group is not None and group.type is not None]
         if known and len(known) == len(groups) and not any(group.name in offering for group in known):
-            hint = f"it is done to {', '.join(f'`{name}`' for name in offering)}" if offering else ""
-            said = f"`{node.name.text}` is nothing that is done to `{known[0].name}`"
-            self.report.at("LJ0201", node.parameters[0].type, said, hint)
+            hint = f"groups with it: {', '.join(f'`{name}`' for name in offering)}" if offering else ""
+            message = f"`{node.name.text}` is no interaction of `{known[0].name}`"
+            self.report.at("LJ0201", node.parameters[0].type, message, hint)
 
     def _parameters(self, nodes: tuple[s.Typed, ...]) -> tuple[tuple[model.RuleParameter, ...] | None, Environment]:
         environment, parameters, good = RULE, [], True
@@ -206,18 +208,18 @@ def _calls(node: s.Expression, function: str) -> bool:
 
 
 def _called(node: s.RuleBlock, scope: SymbolTables) -> list[str]:
-    found: list[str] = []
+    called: list[str] = []
     waiting: list[s.Expression] = [item.condition for item in node.block.items if isinstance(item, s.Condition)]
     while waiting:
         part = waiting.pop()
         if isinstance(part, s.CallExpr) and part.function.text in scope.rules:
-            found.append(part.function.text)
+            called.append(part.function.text)
         waiting.extend(children(part))
-    return sorted(set(found))
+    return sorted(set(called))
 
 
 def _way_back(start: str, calls: dict[str, list[str]]) -> list[str]:
-    """The shortest way from a rule back to itself, or nothing."""
+    """The shortest cycle from a rule back to itself; empty without one."""
     came: dict[str, str] = {}
     waiting = [start]
     while waiting:

@@ -1,4 +1,4 @@
-"""What names mean: the symbol tables of a mission and of the library files it uses."""
+"""The meaning of names: the symbol tables of a mission and of the library files that it uses."""
 
 from __future__ import annotations
 
@@ -15,28 +15,35 @@ from lingjing.mission.functions import Type
 
 
 class PropertyType(msgspec.Struct, frozen=True):
-    """One property of a type or a group: its type, the path by which it is hidden, whether it changes in a run."""
+    """One property of a type or a group."""
 
     type: Type
     taint: Taint = ()
+    """The path by which it is hidden; empty for a public one."""
     state: bool = False
+    """True if it changes during an episode."""
 
 
 class TypeDecl(msgspec.Struct, frozen=True):
-    """An asset or target type. `properties` are already lowered and marked as inherited; `bases` are the types it
-    extends, nearest first."""
+    """An asset or target type."""
 
     name: str
     role: str
+    """`asset` or `target`."""
     engine: str
+    """Name of the engine that moves it."""
     attributes: dict[str, PropertyType]
     properties: tuple[model.Property, ...]
+    """Lowered properties, marked as inherited."""
     verbs: dict[str, model.Verb]
     interactions: dict[str, model.Interaction]
     span: Span
     bases: tuple[str, ...] = ()
+    """The types that it extends, nearest first."""
     mounts: dict[str, model.CameraMount] = {}
+    """Camera mounts by view."""
     parts: dict[str, model.BodyPart] = {}
+    """Solid parts by name."""
 
 
 class RecordDecl(msgspec.Struct, frozen=True):
@@ -49,35 +56,38 @@ class RecordDecl(msgspec.Struct, frozen=True):
 
 
 class CameraDecl(msgspec.Struct, frozen=True):
-    """A camera preset: what it says, by key."""
+    """A camera preset."""
 
     name: str
     entries: dict[str, PropertyEntry]
+    """Its properties by key."""
     span: Span
 
 
 class WeatherDecl(msgspec.Struct, frozen=True):
-    """A weather preset: what it says, by key."""
+    """A weather preset."""
 
     name: str
     entries: dict[str, PropertyEntry]
+    """Its properties by key."""
     span: Span
 
 
 class MissionDecl(msgspec.Struct, frozen=True):
-    """A mission that another file may extend: the file it stands in."""
+    """A mission that another file may extend."""
 
     name: str
     path: str
+    """The file that declares it."""
     span: Span
 
 
 Declaration = TypeDecl | RecordDecl | CameraDecl | WeatherDecl | MissionDecl
-"""What a file declares at its top and another may `use`."""
+"""A declaration at the top of a file, which another file may `use`."""
 
 
 class Library(msgspec.Struct, frozen=True):
-    """What one file declares, by name."""
+    """The declarations of one file, by name."""
 
     path: str
     declared: dict[str, Declaration]
@@ -105,17 +115,18 @@ class DeclaredName(msgspec.Struct, frozen=True):
     type: Type
     span: Span
     taint: Taint = ()
+    """The path by which its value is hidden; empty for a public one."""
 
 
 class GroupInfo(msgspec.Struct, frozen=True):
-    """What rules and agents need to know of a group: its type, its attributes, and how many members it has at most, if
-    that is written down: as a number, or as a param with bounds."""
+    """The facts about a group that rules and agents need."""
 
     name: str
     role: str
     type: TypeDecl | None
     attributes: dict[str, PropertyType]
     most: float | None = None
+    """Most members, if the text states them as a number or as a param with bounds; else None."""
 
 
 class RuleInfo(msgspec.Struct, frozen=True):
@@ -127,7 +138,7 @@ class RuleInfo(msgspec.Struct, frozen=True):
 
 
 class SymbolTables:
-    """All tables of one mission, filled in the order in which declarations may refer to each other."""
+    """All tables of one mission, filled in the order of the declarations' dependencies."""
 
     def __init__(self) -> None:
         self.types: dict[str, TypeDecl] = {}
@@ -137,8 +148,8 @@ class SymbolTables:
         self.missions: dict[str, MissionDecl] = {}
         self.symbols: dict[str, DeclaredName] = {}
         self.groups: dict[str, GroupInfo] = {}
-        self.veiled: dict[str, Taint] = {}
-        """Region → why it is hidden: found before the regions are checked."""
+        self.hidden_regions: dict[str, Taint] = {}
+        """Region → the path by which it is hidden. Filled before regions are checked."""
         self.agents: dict[str, Span] = {}
         self.roles: dict[str, Span] = {}
         self.messages: dict[str, tuple[RecordDecl | None, Span]] = {}
@@ -148,24 +159,24 @@ class SymbolTables:
         self.limits: dict[str, Span] = {}
         self.constraints: dict[str, Span] = {}
         self.mounted: dict[str, list[str]] = {}
-        """Group → the names of its cameras."""
+        """Group → names of its cameras."""
         self.modes: tuple[str, ...] = ()
         self.constants: dict[str, float] = {}
         self.ceilings: dict[str, float] = {}
-        """Param → the greatest value that its bounds allow: found before anything is checked."""
+        """Param → the greatest value within its bounds. Filled before anything else is checked."""
         self.poisoned: set[str] = set()
-        """Names in faulty statements: they may have been declared there, so their absence is not reported."""
-        self.left_behind: dict[str, str] = {}
-        """What a library declares and the file did not ask for → the library."""
+        """Names in faulty statements. They may have been declared there, so their absence is not reported."""
+        self.not_imported: dict[str, str] = {}
+        """Declarations of used libraries that the file does not import → the library."""
         self.incomplete = False
-        """A library or a type is missing: what only it could declare is not reported as missing."""
+        """True if a library or a type is missing. Then names that it may declare are not reported as missing."""
 
     def enter(self, decl: Declaration) -> None:
-        """Make what a file declares known by its name."""
+        """Register a declaration under its name."""
         self._table(decl)[decl.name] = decl
 
     def declared(self, name: str) -> Declaration | None:
-        """What a `use` or this file's top has declared under that name."""
+        """The declaration of that name from a `use` or from this file's top; None if there is none."""
         tables: tuple[dict[str, Any], ...] = (self.types, self.records, self.cameras, self.weathers, self.missions)
         return next((table[name] for table in tables if name in table), None)
 
@@ -181,12 +192,12 @@ class SymbolTables:
 
     def interactions(self) -> dict[str, list[str]]:
         """Interaction name → the target types that offer it."""
-        found: dict[str, list[str]] = {}
+        offering: dict[str, list[str]] = {}
         for decl in self.types.values():
             for name in decl.interactions:
-                found.setdefault(name, []).append(decl.name)
-        return found
+                offering.setdefault(name, []).append(decl.name)
+        return offering
 
     def known_names(self) -> list[str]:
-        """Every name an expression could have meant."""
+        """Every name that an expression could refer to."""
         return [*self.symbols, *self.types, *self.roles, *self.agents, *self.modes, *self.messages]

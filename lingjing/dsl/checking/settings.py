@@ -1,4 +1,4 @@
-"""Checks of a mission's settings: scene, clock, budget, weather, parameters, mode, regions, grids, comms."""
+"""Checkers of a mission's settings: scene, clock, budget, weather, parameters, mode, regions, grids, comms."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from lingjing.mission.vocabulary import MODES
 
 SECONDS = Type("quantity", TIME)
 RECEIPTS = ("own", "all", "none")
-OWN_NAMES = {"mode": "the mode played in", "now": "the time since the beginning", "tick": "how long a tick is"}
-"""Names that expressions have without a declaration → what they mean."""
+"""Words for the receipts that an agent receives."""
+OWN_NAMES = {"mode": "the mode of the episode", "now": "the time since the beginning", "tick": "the length of a tick"}
+"""Names that expressions have without a declaration → their meaning."""
 
 _DRAWN = ("=", "~")
 _SCENE_KEYS = keyed(
@@ -32,8 +33,8 @@ _SCENE_KEYS = keyed(
     PropertyKey("layout", NUMBER, low=0, whole=True),
     PropertyKey("displacement", METRES, low=0),
 )
-"""What every scene has; `layout` is a number that picks another one of the same kind, `displacement` how far the scene
-may put a body from its declared place."""
+"""Properties of every scene. `layout` selects another scene of the same kind. `displacement` limits the distance from a
+body's declared place to its place in the scene."""
 
 _OPTION_TYPES = {
     "text": TEXT, "path": TEXT, "number": NUMBER, "metres": METRES, "size": Type("size"),
@@ -42,7 +43,7 @@ _OPTION_TYPES = {
 
 
 _DAY_S = 86_400.0
-"""The longest deadline of a barrier: nobody waits longer, and a system's clock cannot wait for ever."""
+"""Longest deadline of a barrier, seconds (chosen: one day; timers of the system need a limit)."""
 
 CLOCK_KEYS = keyed(
     PropertyKey("tick", SECONDS, above=0, required=True), PropertyKey("sync", SECONDS, above=0, required=True)
@@ -57,6 +58,7 @@ BUDGET_KEYS = keyed(
     PropertyKey("messages", NUMBER, ("<=",), low=0, whole=True),
 )
 ALLOWANCES = ("tokens", "money", "messages")
+"""Budgets that an agent may have of its own."""
 WEATHER_KEYS = keyed(
     PropertyKey("wind", Type("directed", of="from"), _DRAWN, low=0, high=120),
     PropertyKey("current", Type("directed", of="to"), _DRAWN, low=0, high=15),
@@ -69,8 +71,8 @@ WEATHER_KEYS = keyed(
     PropertyKey("sun_azimuth", DEGREES, _DRAWN),
     PropertyKey("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
 )
-"""Weather as there is on Earth: gusts of 113 m/s, tidal currents of 11 m/s and single waves of 26 m were measured, and
-engines' models are not for more."""
+"""Limits of weather on Earth: gusts of 113 m/s, tidal currents of 11 m/s and single waves of 26 m were measured. Engine
+models do not cover more."""
 GRID_KEYS = keyed(PropertyKey("shape", Type("size"), required=True), PropertyKey("overlap", NUMBER, low=0, high=0.9))
 COMMS_KEYS = keyed(
     PropertyKey("hub", Type("name"), guarded=True),
@@ -81,11 +83,13 @@ COMMS_KEYS = keyed(
     PropertyKey("receipts", Type("name"), choices=RECEIPTS),
 )
 _DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
-"""Seconds; the paper's limits, for a budget that names ticks only."""
+"""Default deadlines in seconds: the paper's limits, for a budget that declares only ticks."""
 
 
 def scene_keys(kind: str) -> dict[str, PropertyKey]:
-    """What can be said of a scene: its own options, and those of built-in scenes, which `scene_faults` may refuse."""
+    """The properties of a scene: its own options, and those of built-in scenes, which `scene_faults` rejects with a
+    reason.
+    """
     known = scene_kind(kind)
     kinds = (*builtin_scenes().values(), *((known,) if known else ()))
     options = {name: option for each in kinds for name, option in each.options.items()}
@@ -100,10 +104,10 @@ def _option_key(name: str, option: SceneOption, own: bool) -> PropertyKey:
 
 
 class SettingsChecker(DeclarationChecker):
-    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
 
     def declare(self, name: s.Name, symbol: DeclaredName) -> None:
-        """Enter a name that expressions may use; reports a second declaration, and a name that means something."""
+        """Register a name for expressions. Reports a second declaration, and a name with a built-in meaning."""
         if name.text in OWN_NAMES:
             self.report.at("LJ0104", name, f"`{name.text}` means {OWN_NAMES[name.text]}", "choose another name")
             return
@@ -121,7 +125,7 @@ class SettingsChecker(DeclarationChecker):
         return model.Scene(kind=node.kind.text, options=_lowered(entries))
 
     def clock(self, node: s.SettingsBlock) -> model.ClockDeclaration | None:
-        """`clock { tick = …, sync = … }`; the tick must be a whole multiple of the macro-step."""
+        """`clock { tick = …, sync = … }`. The tick must be a multiple of the macro-step."""
         with self.of.without_clock():
             entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
         if len(entries) < 2:
@@ -136,7 +140,7 @@ class SettingsChecker(DeclarationChecker):
         return model.ClockDeclaration(tick=tick.value.ir, sync=sync.value.ir)
 
     def budget(self, node: s.SettingsBlock) -> model.BudgetDeclaration | None:
-        """`budget { ticks <= …, … }`; deadlines not given are the paper's."""
+        """`budget { ticks <= …, … }`. Missing deadlines are the paper's."""
         entries = self.blocks.read(node.block, BUDGET_KEYS, "`budget`", owner=node)
         if "ticks" not in entries:
             return None
@@ -154,7 +158,7 @@ class SettingsChecker(DeclarationChecker):
         return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
 
     def weather(self, node: s.SettingsBlock) -> tuple[model.Property, ...]:
-        """`weather { … }`, or `weather storm { … }`: the preset and what differs from it."""
+        """`weather { … }`, or `weather storm { … }`: a preset with changes."""
         entries = self.blocks.read(node.block, WEATHER_KEYS, "`weather`")
         return _lowered({**self._preset(node.preset), **entries})
 
@@ -176,7 +180,7 @@ class SettingsChecker(DeclarationChecker):
             self.report.at(
                 "LJ0504",
                 node.allowed,
-                "`single` stands alone: a mission with one agent has no way to speak",
+                "`single` excludes other modes: its one agent sends no messages",
                 "write `mode single`",
             )
             return None
@@ -198,7 +202,7 @@ class SettingsChecker(DeclarationChecker):
                 self.blocks.leak(value.taint, place, f"the param `{node.name.text}`")
         kind = default.type if default is not UNKNOWN and bounds is not UNKNOWN else Type("any")
         span = self.report.span(node.name.start, node.name.end)
-        self.declare(node.name, DeclaredName("param", kind, span))  # a leak is reported here, once
+        self.declare(node.name, DeclaredName("param", kind, span))  # without a taint: a leak is reported only here
         constant = self.of.constant(default.ir)
         if constant is not None and default is not UNKNOWN:
             self.scope.constants[node.name.text] = constant
@@ -237,7 +241,7 @@ class SettingsChecker(DeclarationChecker):
         )
 
     def comms(self, node: s.SettingsBlock) -> model.Comms:
-        """`comms { … }`; a hub's only condition can be `mode == star`, because only star mode has one."""
+        """`comms { … }`. The only possible condition of a hub is `mode == star`, because only star mode has a hub."""
         entries = self.blocks.read(node.block, COMMS_KEYS, "`comms`")
         hub = entries.get("hub")
         name = None
@@ -272,7 +276,9 @@ class SettingsChecker(DeclarationChecker):
         return decl.entries
 
     def _map_beside(self, entry: PropertyEntry | None) -> None:
-        """A map is a file of the project: its path goes down, never up or out."""
+        """Check the path of a map. A map is a file of the project, so its path must not lead out of the project's
+        folder.
+        """
         if entry is None or not isinstance(entry.value.ir, ex.Text):
             return
         words = entry.value.ir.value.replace("\\", "/").split("/")
@@ -341,9 +347,7 @@ class SettingsChecker(DeclarationChecker):
             condition = self.of.expect(guard, STATIC, FLAG, "`when`")
             star = ex.Binary("==", ex.Ref("mode", "mode"), ex.Symbol("star"))
             if condition is not UNKNOWN and condition.ir != star:
-                self.report.at(
-                    "LJ0307", guard, "a hub exists in star mode, and only there", "write `when mode == star`"
-                )
+                self.report.at("LJ0307", guard, "a hub exists in star mode only", "write `when mode == star`")
                 return None
         if not isinstance(node, s.Name):
             self.report.at("LJ0201", node, "the hub is one agent", "name a single agent, not a group's member")
@@ -357,7 +361,7 @@ class SettingsChecker(DeclarationChecker):
 
 
 NO_HUB = "none"
-"""`hub = none`: what takes away the hub of the mission that is extended."""
+"""Word in `hub = none`, which removes the hub of the extended mission."""
 
 
 def _receipts(word: str) -> Literal["own", "all", "none"]:

@@ -1,4 +1,4 @@
-"""Checks of matched studies: `sweep team over uavs in [1, 2, 3] when mode == broadcast`."""
+"""Checkers of matched studies: `sweep team over uavs in [1, 2, 3] when mode == broadcast`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lingjing.mission.functions import Type
 from lingjing.mission.units import NONE
 
 MOST = 10_000
-"""Combinations of one sweep. A study of that size runs for weeks; more is a slip of the pen."""
+"""Most combinations of one sweep (chosen): such a study runs for weeks, so a larger one is a mistake."""
 
 
 class StudyChecker(DeclarationChecker):
@@ -77,8 +77,8 @@ class StudyChecker(DeclarationChecker):
             return None
         if (value.type.dimension or NONE) != (symbol.type.dimension or NONE):
             due = with_article(symbol.type)
-            given = with_article(Type("quantity", value.type.dimension or NONE))
-            self.report.at("LJ0203", node, f"`{axis.name.text}` is {due}, the values are {given}s")
+            actual = with_article(Type("quantity", value.type.dimension or NONE))
+            self.report.at("LJ0203", node, f"`{axis.name.text}` is {due}, the values are {actual}s")
             return None
         items = self._items(node, value.ir)
         return items if items is not None and self._allowed(axis, items) else None

@@ -1,4 +1,4 @@
-"""The top of a file: its version, what it uses, the types, records and presets it declares."""
+"""The top of a file: its version, the libraries that it uses, and its types, records and presets."""
 
 from __future__ import annotations
 
@@ -24,30 +24,32 @@ from lingjing.mission.diagnostics import Diagnostic, Related
 from lingjing.suggest import did_you_mean, nearest
 
 VERSION = 1
+"""The supported version of the language."""
 
 LONGEST_CHAIN = 32
-"""Files that use each other in a row. Each takes a few Python frames; libraries that use others need two or three."""
+"""Most files that use each other in a row (chosen): each takes a few Python frames, and real chains have two or
+three."""
 
 Loaded = tuple[Library, tuple[Diagnostic, ...]]
-"""The declarations of a library file and what is wrong with it."""
+"""The declarations of a library file, and its diagnostics."""
 
 
 class Files:
-    """The files that one compilation reads: each is checked once, however many ways lead to it.
-
-    `bases` holds the errors of missions that others extend, by file; None while one is being checked.
-    """
+    """The files that one compilation reads. Each is checked once, however many paths lead to it."""
 
     __slots__ = ("bases", "libraries")
 
     def __init__(self) -> None:
         self.libraries: dict[str, Loaded] = {}
+        """Checked libraries by file."""
         self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
+        """Errors of missions that others extend, by file; None while the mission is being checked."""
 
 
 def check_library(source: SourceText, chain: tuple[str, ...], files: Files) -> Loaded:
-    """Check the top of a file that another one uses. Its mission, if it has one, is only named: who extends it checks
-    it."""
+    """Check the top of a file that another file uses. Its mission is only registered; a mission that extends it checks
+    it.
+    """
     report = Reporter(source)
     tree = parse(report)
     file = FileChecker(report, chain, files)
@@ -62,11 +64,11 @@ def check_library(source: SourceText, chain: tuple[str, ...], files: Files) -> L
 
 
 def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = None) -> Loaded:
-    """The declarations of a library file and what is wrong with it. `chain` are the files that led here, `files` those
-    that the compilation has read.
+    """Return the declarations of a library file and its diagnostics.
 
-    What is good is kept from one compilation to the next: it leads back to none of `chain`, for else it would lead to
-    itself. What is faulty may be so because of `chain`.
+    `chain`: files that led here. `files`: files that the compilation has read. A library without errors is cached
+    across compilations: it cannot lead back to a file of `chain`, or it would lead to itself. Errors may depend on
+    `chain`, so they are not cached.
     """
     files = files or Files()
     known = files.libraries.get(file)
@@ -82,12 +84,12 @@ def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = N
 
 @lru_cache(maxsize=128)
 def _good(_file: str, _modified: int, _size: int) -> list[Loaded]:
-    """Where a library without errors is kept, once it has been read."""
+    """The cache entry of a library file in this version: a list with the library, once it was read without errors."""
     return []
 
 
 class FileChecker:
-    """Reads the top of a file into a scope. `chain` are the files whose `use` led here, `files` those read so far."""
+    """Checks the top of a file and fills a scope. `chain`: files that led here through `use`. `files`: files read."""
 
     def __init__(self, report: Reporter, chain: tuple[str, ...] = (), files: Files | None = None) -> None:
         self.report = report
@@ -103,7 +105,7 @@ class FileChecker:
         self.own: dict[str, Declaration] = {}
 
     def declarations(self, tree: s.File, path: str | None = None) -> None:
-        """Everything but the mission. `path` is the file the tree was read from, if not the reporter's."""
+        """Check everything except the mission. `path`: the file of the tree, if it is not the reporter's."""
         self.scope.poisoned.update(names_in_faults(tree.items))
         self.scope.incomplete = self.scope.incomplete or any(isinstance(item, s.Faulty) for item in tree.items)
         self._version(tree)
@@ -126,7 +128,9 @@ class FileChecker:
     # -- private
 
     def _interactions(self, tree: s.File) -> None:
-        """Once every type is known: an interaction may name the engine of one that is declared further down."""
+        """Check interactions after all types: an interaction may name the engine of a type that is declared further
+        down.
+        """
         roles = tuple(_roles(tree))
         for item in tree.items:
             decl = self.own.get(item.name.text) if isinstance(item, s.EntityBlock) else None
@@ -140,9 +144,7 @@ class FileChecker:
         first = tree.items[0] if tree.items else None
         if not isinstance(first, s.Version):
             if first is not None and not isinstance(first, s.Faulty):
-                self.report(
-                    "LJ0106", first.start, first.start + 1, "the file does not say its version", "begin with `ljs 1`"
-                )
+                self.report("LJ0106", first.start, first.start + 1, "the file lacks its version", "begin with `ljs 1`")
             return
         number = first.number
         if isinstance(number, s.NumberLiteral) and number.value != VERSION:
@@ -174,7 +176,7 @@ class FileChecker:
             message = f"`{shown}` is the end of more than {LONGEST_CHAIN} files in a row"
             self.report("LJ0120", start, end, message, "let fewer files use each other")
             return
-        found, faults = load_library(file, self.chain, self.files)
+        used, faults = load_library(file, self.chain, self.files)
         first = next((fault for fault in faults if fault.severity == "error"), None)
         if first is not None:
             self.report(
@@ -185,14 +187,14 @@ class FileChecker:
                 f"run `lingjing validate {file}`",
                 related=(Related(first.span, first.message),),
             )
-        self._import(node, found, shown)
+        self._import(node, used, shown)
 
     def _not_found(self, node: s.UseLine, shown: str, words: tuple[str, ...], folder: str | None) -> None:
         self.scope.incomplete = True
         known = library.known_paths(words[0], folder) if folder or not node.relative else []
         hint = did_you_mean(shown, known)
         if node.relative and folder is None:
-            hint = "a text that is no file has no neighbours"
+            hint = "`use .NAME` needs a mission in a file"
         close = nearest(shown, known)
         self.report(
             "LJ0118",
@@ -207,8 +209,8 @@ class FileChecker:
         else:
             self.scope.poisoned.update(re.findall(r"[^\W\d]\w*", self.report.source.text))
 
-    def _import(self, node: s.UseLine, found: Library, shown: str) -> None:
-        declared = found.declared
+    def _import(self, node: s.UseLine, used: Library, shown: str) -> None:
+        declared = used.declared
         wanted = list(declared)
         if node.names is not None:
             wanted = []
@@ -216,7 +218,7 @@ class FileChecker:
                 if not isinstance(item, s.Bare):
                     if not isinstance(item, s.Faulty):
                         self.blocks.misplaced(item, "`use`")
-                    wanted = list(declared)  # some name was meant there: better all than errors wherever it is used
+                    wanted = list(declared)  # a name was intended here: import all, to avoid errors at its uses
                     break
                 if item.name.text in declared:
                     wanted.append(item.name.text)
@@ -229,7 +231,7 @@ class FileChecker:
                     wanted.append(close)
                 else:
                     self.scope.incomplete = True
-        self.scope.left_behind.update({name: shown for name in declared if name not in wanted})
+        self.scope.not_imported.update({name: shown for name in declared if name not in wanted})
         for word in wanted:
             self.scope.enter(declared[word])
 
@@ -248,21 +250,21 @@ class FileChecker:
 
 
 def names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
-    """Every word in faulty statements, also inside blocks: any of them may have been a declaration."""
-    found: set[str] = set()
+    """Every word in faulty statements, including those inside blocks: any of them may have been a declaration."""
+    words: set[str] = set()
     waiting = list(items)
     while waiting:
         item = waiting.pop()
         if isinstance(item, s.Faulty):
-            found.update(item.names)
+            words.update(item.names)
         block = getattr(item, "block", None)
         if isinstance(block, s.BracedBlock):
             waiting.extend(block.items)
-    return found
+    return words
 
 
 def _roles(tree: s.File) -> Iterator[str]:
-    """The roles that agents of the file's missions play."""
+    """Yield the roles of the agents in the file's missions."""
     for mission in tree.items:
         for item in mission.block.items if isinstance(mission, s.MissionBlock) else ():
             inner = item.item if isinstance(item, s.Override) else item

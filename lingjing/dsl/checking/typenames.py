@@ -1,4 +1,4 @@
-"""Types in words, and whether one fits where another is due."""
+"""Types in words, and the rules by which one type fits another."""
 
 from __future__ import annotations
 
@@ -25,58 +25,58 @@ _COUNTED = {"ticks": "count of ticks", "tokens": "count of tokens", "money": "su
 """Names of dimensions that are no nouns for one quantity."""
 
 
-def dimension_of(given: Type) -> Dimension:
-    """The dimension of a quantity whose dimension is known."""
-    return given.dimension or NONE
+def dimension_of(quantity: Type) -> Dimension:
+    """The dimension of a quantity; that of a bare number if it is unknown."""
+    return quantity.dimension or NONE
 
 
-def word(given: Type) -> str:
+def word(typed: Type) -> str:
     """A type as a noun: `length`, `bare number`, `range of lengths`, `position`."""
-    if given.kind == "quantity":
-        if given.dimension is None:
+    if typed.kind == "quantity":
+        if typed.dimension is None:
             return "quantity"
-        name = "bare number" if given.dimension == NONE else dimension_name(given.dimension)
+        name = "bare number" if typed.dimension == NONE else dimension_name(typed.dimension)
         return _COUNTED.get(name, name)
-    if given.kind == "range" and given.dimension is not None:
-        return "range of numbers" if given.dimension == NONE else f"range of {dimension_name(given.dimension)}s"
-    if given.kind == "list":
-        return f"list of {given.item}s" if given.item else "list"
-    if given.kind == "name" and given.of == "type":
+    if typed.kind == "range" and typed.dimension is not None:
+        return "range of numbers" if typed.dimension == NONE else f"range of {dimension_name(typed.dimension)}s"
+    if typed.kind == "list":
+        return f"list of {typed.item}s" if typed.item else "list"
+    if typed.kind == "name" and typed.of == "type":
         return "type's name"
-    if given.kind == "name" and given.of == "mode":
+    if typed.kind == "name" and typed.of == "mode":
         return "mode"
-    if given.kind == "message" and given.of:
-        return f"`{given.of}` message"
-    if given.kind == "entity" and given.of:
-        return f"`{given.of}` entity"
-    if given.kind == "group" and given.of:
-        return f"group (`{given.of}`)"
-    return _WORDS.get(given.kind, given.kind)
+    if typed.kind == "message" and typed.of:
+        return f"`{typed.of}` message"
+    if typed.kind == "entity" and typed.of:
+        return f"`{typed.of}` entity"
+    if typed.kind == "group" and typed.of:
+        return f"group (`{typed.of}`)"
+    return _WORDS.get(typed.kind, typed.kind)
 
 
-def with_article(given: Type) -> str:
+def with_article(typed: Type) -> str:
     """`a length`, `an angle`."""
-    noun = word(given)
+    noun = word(typed)
     return f"an {noun}" if noun.lstrip("`")[:1] in "aeiou" else f"a {noun}"
 
 
-def of_type(given: Type, of: str) -> Type:
-    """The same kind, narrowed."""
-    return Type(given.kind, given.dimension, given.item, of)
+def of_type(typed: Type, of: str) -> Type:
+    """The same kind of type with the detail `of`."""
+    return Type(typed.kind, typed.dimension, typed.item, of)
 
 
-def fits(given: Type, due: Type) -> bool:
-    """Whether a value of `given` may stand where `due` is due."""
-    if given.kind == "any" or due.kind == "any":
+def fits(actual: Type, due: Type) -> bool:
+    """True if a value of type `actual` is permitted where `due` is required."""
+    if actual.kind == "any" or due.kind == "any":
         return True
     if due.kind == "position" and due.of == "entity":
-        return (given.kind == "position" and given.of != "degrees") or given.kind == "entity"
-    if due.kind == "position" and due.of != given.of:
+        return (actual.kind == "position" and actual.of != "degrees") or actual.kind == "entity"
+    if due.kind == "position" and due.of != actual.of:
         return False
-    if given.kind != due.kind:
+    if actual.kind != due.kind:
         return False
     if due.kind in ("quantity", "range"):
-        return due.dimension is None or given.dimension == due.dimension
+        return due.dimension is None or actual.dimension == due.dimension
     if due.kind == "list":
-        return due.item is None or given.item is None or given.item == due.item
-    return not due.of or given.of == due.of or not given.of
+        return due.item is None or actual.item is None or actual.item == due.item
+    return not due.of or actual.of == due.of or not actual.of

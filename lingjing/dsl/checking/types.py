@@ -1,7 +1,7 @@
-"""Checks of the top of a file: asset and target types with verbs and interactions, presets, message records.
+"""Checkers of the top of a file: asset and target types with verbs and interactions, presets, message records.
 
-A type may begin with another one (`asset fire_truck : car { … }`): it has all of its properties, verbs and
-interactions, and says what differs.
+A type may extend another one (`asset fire_truck : car { … }`): it has all of that type's properties, verbs and
+interactions, and declares the differences.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSIT
 from lingjing.mission.units import BY_NAME, LENGTH, NAMED, TIME, dimension_unit, without_unit
 
 CATEGORIES = ("report", "assignment", "target_status", "other")
+"""Categories of message records."""
 SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
-"""Where the scene stands what is placed: `on = road` moves an entity to the nearest carriageway."""
+"""Surfaces on which the scene places an entity: `on = road` moves it to the nearest carriageway."""
 ANY_RELATION = ("=", "~", "<=")
 
 INTERACTION_KEYS = keyed(
@@ -44,10 +45,13 @@ INTERACTION_KEYS = keyed(
     PropertyKey("up_to", Type("name")),
     PropertyKey("told", Type("name"), choices=("all", "actor", "none")),
 )
-"""`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
-`takes = demand, from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to =
-payload` raises the actor's `load` to its `payload`. `told` says which agents learn of it
-(`lingjing.kernel.event_visibility`)."""
+"""Properties of an interaction.
+
+- `by`: engine or role of the actor. `status`: the target's status afterwards. `aboard`: True if the actor takes it
+  along.
+- `takes = demand, from = load` lowers the target's `demand` by what the actor's `load` permits.
+- `gives = load, up_to = payload` raises the actor's `load` to its `payload`.
+- `told`: the agents that are informed (`lingjing.kernel.event_visibility`)."""
 COMMON_KEYS = (
     keyed(
         PropertyKey("position", POSITION, ("=", "~"), hideable=True, public=False),
@@ -58,11 +62,11 @@ COMMON_KEYS = (
     )
     | BODY_KEYS
 )
-"""What every entity may be given, whatever its type."""
+"""Properties of every entity, whatever its type."""
 
 
 class TypeChecker(DeclarationChecker):
-    """One method a declaration; each gives it, or None if it is faulty."""
+    """A method for each kind of declaration. It returns the declaration, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader) -> None:
         super().__init__(blocks)
@@ -86,7 +90,7 @@ class TypeChecker(DeclarationChecker):
         engine = base.engine if base else ""
         own: list[model.Property] = []
         seen: dict[str, s.PropertyLine] = {}
-        said: set[str] = set()
+        declared_verbs: set[str] = set()
         performed: dict[str, Span] = {}
         for item in node.block.items if node.block else ():
             if isinstance(item, s.PropertyLine) and item.name.text == "engine":
@@ -97,7 +101,7 @@ class TypeChecker(DeclarationChecker):
                     attribute = attributes[item.name.text] = _attribute(entry, self, attributes.get(item.name.text))
                     own.extend(lowered(entry, inherited=True, hidden=bool(attribute.taint), state=attribute.state))
             elif isinstance(item, s.VerbLine):
-                self._add_verb(item, verbs, said)
+                self._add_verb(item, verbs, declared_verbs)
             elif isinstance(item, s.InteractionBlock):
                 self.report.once(performed, item.name, "the interaction")
                 entries = self._interaction(item)
@@ -118,11 +122,14 @@ class TypeChecker(DeclarationChecker):
         faulty = any(isinstance(item, s.Faulty) for item in items)
         if not engine and "engine" not in seen and not faulty and node.type is None:
             self.report.at(
-                "LJ0106", node.name, f"the type `{node.name.text}` lacks `engine`", "add `engine = …`: who moves it"
+                "LJ0106",
+                node.name,
+                f"the type `{node.name.text}` lacks `engine`",
+                "add `engine = …`: the engine that moves it",
             )
         self._crowd(node, attributes)
-        given = {prop.name for prop in own} | ({"look"} if anew else set())
-        kept = tuple(prop for prop in (base.properties if base else ()) if prop.name not in given)
+        replaced = {prop.name for prop in own} | ({"look"} if anew else set())
+        kept = tuple(prop for prop in (base.properties if base else ()) if prop.name not in replaced)
         return TypeDecl(
             node.name.text,
             node.keyword,
@@ -138,15 +145,15 @@ class TypeChecker(DeclarationChecker):
         )
 
     def camera(self, node: s.CameraBlock) -> CameraDecl | None:
-        """`camera nadir_hd { … }`: a preset that a mission's cameras may begin with."""
+        """`camera nadir_hd { … }`: a preset that the cameras of missions may extend."""
         if node.type is not None:
-            self.report.at("LJ0110", node.type, "a camera preset has no other to begin with")
+            self.report.at("LJ0110", node.type, "a camera preset cannot extend another")
         keys = {name: msgspec.structs.replace(key, required=False) for name, key in CAMERA_KEYS.items()}
         entries = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)
         return CameraDecl(node.name.text, entries, self.report.span(node.name.start, node.name.end))
 
     def weather(self, node: s.SettingsBlock) -> WeatherDecl | None:
-        """`weather storm { … }`: a preset that a mission's weather may begin with."""
+        """`weather storm { … }`: a preset that the weather of missions may extend."""
         name = node.preset
         if name is None:
             self.report(
@@ -228,28 +235,28 @@ class TypeChecker(DeclarationChecker):
         return PropertyEntry(item, PropertyKey(name.text, parts[0].type, ANY_RELATION), parts)
 
     def _ends_like_a_unit(self, item: s.PropertyLine, kind: Type) -> bool:
-        """`load_kg = 5` would be taken for the mass `load = 5 kg`, which is how the graph calls it."""
+        """True if a name ends like a unit: `load_kg = 5` would collide with the mass `load = 5 kg` in the graph."""
         plain = without_unit(item.name.text)
         if kind != NUMBER or plain == item.name.text:
             return False
         place, named = item.name, next(n for n in NAMED if n.suffix == item.name.text.removeprefix(plain))
-        message = f"`{place.text}` is how {with_article(Type('quantity', named.dimension))} `{plain}` is kept"
+        message = f"`{place.text}` is the stored name of {with_article(Type('quantity', named.dimension))} `{plain}`"
         self.report.at("LJ0202", place, message, f"write `{plain} = … {named.unit}`")
         return True
 
     def _crowd(self, node: s.EntityBlock, attributes: dict[str, PropertyType]) -> None:
-        """Who comes and goes is counted: rates change a state `people` without a unit."""
+        """Arrivals and departures count people: they need a state `people` without a unit."""
         rate = next((name for name in ("arrivals", "departures") if name in attributes), None)
         people = attributes.get("people")
         if node.keyword == "target" and rate and (people is None or not people.state or people.type != NUMBER):
             message = f"`{rate}` counts people, `{node.name.text}` lacks a state for them"
             self.report.at("LJ0106", node.name, message, "add `state people = 0`, without a unit")
 
-    def _add_verb(self, node: s.VerbLine, verbs: dict[str, model.Verb], said: set[str]) -> None:
-        if node.name.text in said:
+    def _add_verb(self, node: s.VerbLine, verbs: dict[str, model.Verb], declared: set[str]) -> None:
+        if node.name.text in declared:
             self.report.at("LJ0104", node.name, f"the verb `{node.name.text}` is declared twice")
             return
-        said.add(node.name.text)
+        declared.add(node.name.text)
         arguments = []
         named: dict[str, Span] = {}
         for parameter in node.parameters:
@@ -309,7 +316,7 @@ class TypeChecker(DeclarationChecker):
 
 
 def _attribute(entry: PropertyEntry, checker: TypeChecker, base: PropertyType | None) -> PropertyType:
-    """What the base hides stays hidden whatever value it is given, and what changes in a run goes on changing."""
+    """The property in the type. It stays hidden if the base hides it, and stays a state if it is one in the base."""
     item = entry.node
     taint = base.taint if base is not None else ()
     taint = (checker.of.step(f"`{item.name.text}`", item),) if item.hidden else taint

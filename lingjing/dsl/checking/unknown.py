@@ -1,7 +1,7 @@
-"""Names nobody declared: collected while a file is checked, reported at its end.
+"""Names without a declaration: collected while a file is checked, reported at its end.
 
-Only the whole file shows which end is wrong. If an unknown name is used several times and resembles a declared one that
-nothing mentions, the declaration is what was misspelt, and one error says so there; else every use is an error.
+Only the whole file shows where the error is. If an unknown name is used several times and resembles a declared name
+that is never used, the declaration is misspelt, and one error is reported there. Otherwise every use is an error.
 """
 
 from __future__ import annotations
@@ -17,29 +17,35 @@ from lingjing.mission.diagnostics import Related, Span
 from lingjing.suggest import did_you_mean, nearest
 
 _MOST_RELATED = 5
+"""Most uses that an error at a declaration lists (chosen)."""
 _SYNTAX = ("LJ0010", "LJ0011", "LJ0006", "LJ0001")
+"""Codes of syntax errors."""
 _DECLARES_VALUES = ("param", "region", "grid", "target", "asset")
+"""Keywords of declarations that expressions can refer to."""
 _LOOKED_FOR_AS = {
     "agent": ("agent", "role"),
     "message": ("message kind",),
     "adjudicate": ("function",),
     "stage": ("stage",),
 }
-"""Keyword of a declaration → how `Use.what` calls what it declares; the others declare values."""
+"""Keyword of a declaration → the kinds in `UnknownUse.what` that it can declare. The others declare values."""
 _HEADS = {
     **{word: re.compile(rf"{word} +\w") for word in ("message", "adjudicate", "stage", *_DECLARES_VALUES)},
     "agent": re.compile(r"agent +\w+ *(\[[^\]]*\])? *as +(?!controls\b|when\b)\w"),
 }
-"""A declaration whose name is whole."""
+"""Keyword → pattern of a declaration with a complete name."""
 _FROM_LIBRARIES = ("no asset type", "no target type", "no type", "no message record", "no interaction")
+"""Kinds of names that libraries declare."""
 
 
 class UnknownUse(msgspec.Struct, frozen=True):
-    """One place where an unknown name stands; `known` is what it could have been, `what` what was looked for."""
+    """One use of an unknown name."""
 
     node: s.Name
     known: tuple[str, ...]
+    """Names that are known there."""
     what: str
+    """The kind of name that is missing, as the message begins: `nothing`, `no role`."""
 
 
 class UnknownNames:
@@ -51,16 +57,16 @@ class UnknownNames:
         self.uses: dict[str, list[UnknownUse]] = {}
 
     def note(self, node: s.Name, known: list[str], what: str) -> None:
-        """Remember a name that was not found; `what` begins the message: `nothing`, `no role`."""
+        """Store the use of a name without a declaration."""
         self.uses.setdefault(node.text, []).append(UnknownUse(node, tuple(known), what))
 
     def report_all(self) -> None:
-        """Report what was noted."""
-        lost = self._lost()
+        """Report the stored uses."""
+        faulty = self._faulty_declarations()
         for name, uses in self.uses.items():
             if self.report.full:
                 break
-            if name in lost or self._was_in_a_fault(name):
+            if name in faulty or self._was_in_a_fault(name):
                 continue
             declared = self._misspelt_declaration(name, uses)
             if declared is not None:
@@ -70,26 +76,26 @@ class UnknownNames:
                 self._at_use(use)
         self.uses.clear()
 
-    def _lost(self) -> set[str]:
-        """Names whose declarations are elsewhere known to be faulty: one that lost its name, or took another's.
+    def _faulty_declarations(self) -> set[str]:
+        """Names with a faulty declaration: it lacks its name, or has the name of another.
 
-        For each such declaration the most used unknown name of its kind.
+        For each such declaration this is the most used unknown name of its kind.
         """
-        found: set[str] = set()
+        names: set[str] = set()
         for keyword in self._nameless():
             kinds = _LOOKED_FOR_AS.get(keyword, ("nothing", "group"))
             fitting = [
                 (len(uses), name)
                 for name, uses in self.uses.items()
-                if name not in found and any(kind in uses[0].what for kind in kinds)
+                if name not in names and any(kind in uses[0].what for kind in kinds)
             ]
             if fitting:
-                found.add(max(fitting)[1])
-        return found
+                names.add(max(fitting)[1])
+        return names
 
     def _nameless(self) -> list[str]:
-        """The keywords of declarations whose own name cannot be what the author meant."""
-        found = []
+        """The keywords of declarations with a missing or a duplicate name."""
+        keywords = []
         source = self.report.source
         for item in self.report.diagnostics:
             line = source.line_text(item.span.line).strip()
@@ -97,13 +103,13 @@ class UnknownNames:
             if item.code == "LJ0104" and item.related:
                 first = source.line_text(item.related[0].span.line).strip()
                 if first != line and (keyword in _LOOKED_FOR_AS or keyword in _DECLARES_VALUES):
-                    found.append(keyword)
+                    keywords.append(keyword)
             elif item.code in _SYNTAX and keyword in _HEADS and not _HEADS[keyword].match(line):
-                found.append(keyword)
-        return found
+                keywords.append(keyword)
+        return keywords
 
     def _was_in_a_fault(self, name: str) -> bool:
-        """Whether a faulty statement may have declared it: the name, run together with another, or misspelt."""
+        """True if a faulty statement may have declared the name: as it is, joined with another word, or misspelt."""
         poisoned = self.scope.poisoned
         if name in poisoned or nearest(name, poisoned) is not None:
             return True
@@ -111,7 +117,7 @@ class UnknownNames:
 
     def _at_use(self, use: UnknownUse) -> None:
         node, name = use.node, use.node.text
-        library = self.scope.left_behind.get(name)
+        library = self.scope.not_imported.get(name)
         if self.scope.incomplete and (library is not None or use.what in _FROM_LIBRARIES):
             return
         hint = f"add it: `use {library} {{ {name} }}`" if library else did_you_mean(name, use.known)

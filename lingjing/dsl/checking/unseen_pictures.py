@@ -1,8 +1,8 @@
-"""Pictures that an agent does not receive, although it observes fields of a body that has cameras (LJ0403).
+"""The warning LJ0403: an agent observes fields of a body that has cameras, but does not receive its pictures.
 
-`observes uav.position` shows where a body is and none of its pictures. That is ordinary for an agent that sees by the
-cameras of a body of its own. It is a likely slip for an agent that controls the body itself, or sees by no body of its
-own, as a coordinator: these are warned about.
+`observes uav.position` shows the place of a body and none of its pictures. That is usual for an agent that sees through
+the cameras of its own body. It is a likely mistake for an agent that controls the observed body, or for one without
+cameras of its own, such as a coordinator. These get the warning.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from lingjing.mission import model
 
 
 class PlacedChannel(NamedTuple):
-    """One entry of `observes`: where it stands, and its part of the graph."""
+    """One entry of `observes`."""
 
     node: s.ObservedChannel
+    """Its place in the text."""
     channel: model.Channel
+    """Its part of the mission graph."""
 
 
 def warn_of_unseen(
@@ -30,11 +32,11 @@ def warn_of_unseen(
     agent: str,
     report: Reporter,
 ) -> None:
-    """Warn of each entry of `channels` by which the agent loses the pictures of a body.
+    """Warn of each entry of `channels` that lacks the pictures of a body.
 
-    `mounted` are the names of the cameras by group; `controls` are the bodies that the agent embodies.
+    `mounted`: names of the cameras by group. `controls`: bodies that the agent embodies.
     """
-    seen = [one.channel.source for one in channels if _shows_pictures(one.channel, mounted)]
+    seen = [placed.channel.source for placed in channels if _shows_pictures(placed.channel, mounted)]
     has_eyes = any(_covers(body, seen) for body in controls)
     warned: list[ex.Expr] = []
     for node, channel in channels:
@@ -59,7 +61,7 @@ def _shows_pictures(channel: model.Channel, mounted: Mapping[str, Sequence[str]]
 
 
 def _covers(source: ex.Expr, others: Sequence[ex.Expr]) -> bool:
-    """True if one of the others is the same body, or the group of which it is a member, or a member of this group."""
+    """True if one of the others is the same body, or the group that contains it, or a member of this group."""
     return any(
         other == source or (_group(other) == _group(source) and not (_is_member(other) and _is_member(source)))
         for other in others
@@ -71,6 +73,6 @@ def _is_member(source: ex.Expr) -> bool:
 
 
 def _group(source: ex.Expr) -> str:
-    """The name of the asset or target that an expression is or is a member of; "" for `events`, `peers` and a grid."""
+    """The name of the group or entity that an expression refers to; "" for `events`, `peers` and a grid."""
     base = source.base if isinstance(source, ex.Index) else source
     return base.name if isinstance(base, ex.Ref) else ""

@@ -1,4 +1,4 @@
-"""Checked expressions: their form in the mission, their type, the way of a hidden value, and the names around them."""
+"""Checked expressions: their form in the mission, their type, their taint, and the names around them."""
 
 from __future__ import annotations
 
@@ -10,36 +10,40 @@ from lingjing.mission.functions import ANY, Type
 
 
 class FlowStep(msgspec.Struct, frozen=True):
-    """One station on the way of a hidden value: what it is called there and where that stands."""
+    """One step on the path of a hidden value: its name there, and the place in the text."""
 
     name: str
     span: Span
 
 
 Taint = tuple[FlowStep, ...]
-"""How a hidden value came here, first the declaration that hides it; empty for a public value."""
+"""The path of a hidden value; the first step is the declaration that hides it. Empty for a public value."""
 
 
 class TypedExpression(msgspec.Struct, frozen=True):
-    """A checked expression: its form in the graph, its type, and the hidden value it depends on, if any."""
+    """A checked expression."""
 
     ir: ex.Expr
+    """Its form in the mission graph."""
     type: Type
     taint: Taint = ()
+    """The path of the hidden value that it depends on."""
 
 
 UNKNOWN = TypedExpression(ex.Symbol("?"), ANY)
-"""Stands for what was already reported; fits everywhere, so that nothing is reported twice."""
+"""Stands for an expression with a reported error. It fits everywhere, so that no error is reported twice."""
 
 
 class Environment(msgspec.Struct, frozen=True):
-    """Names bound around an expression, and whether it stands in a rule (evaluated while the mission runs)."""
+    """The context of an expression."""
 
     locals: dict[str, Type] = {}
+    """Names bound around it → their types."""
     rule: bool = False
+    """True inside a rule, which is evaluated while the mission runs."""
 
     def binding(self, name: str, of: Type) -> Environment:
-        """The same with one more name."""
+        """The environment with one more name."""
         return Environment({**self.locals, name: of}, self.rule)
 
 

@@ -1,4 +1,4 @@
-"""Checks of what agents read: goals and prompts with their typed holes `{altitude}`, `{uav[i].position}`.
+"""Checkers of texts for agents: goals and prompts with typed holes `{altitude}`, `{uav[i].position}`.
 
 A hole names a param, a region, a grid, an entity, one of an entity's public properties, the mode or an index variable.
 It is filled when the mission is instantiated (`lingjing.mission.wording`). Two braces stand for one.
@@ -19,13 +19,16 @@ from lingjing.suggest import did_you_mean, nearest
 _SHOWN = frozenset(
     ("quantity", "text", "name", "flag", "position", "entity", "group", "region", "grid", "list", "range", "any")
 )
+"""Kinds of types that a hole can show."""
 
 
 class WordingChecker(DeclarationChecker):
     """Checks the texts of one mission."""
 
     def text(self, node: s.TextLine, environment: Environment = STATIC) -> str:
-        """A goal or a prompt; reports holes that name nothing, cannot be shown, or would tell what is hidden."""
+        """Return a goal or a prompt. Reports holes that name nothing, have no textual form, or would reveal a hidden
+        value.
+        """
         raw = self.report.source.text[node.text.start : node.text.end]
         if "{" in raw:
             for hole in HOLE.finditer(raw):

@@ -1,4 +1,4 @@
-"""Diagnostics for people and programs, and what mends the text.
+"""Diagnostics for users and programs, and the application of fixes.
 
 - `codes`: every code and its meaning. `render`: text and JSON. `sarif`: SARIF 2.1.0. `fixes`: applying fixes.
 """

@@ -1,4 +1,4 @@
-"""The stable codes of diagnostics and what each means in a line. A code is never reused for another meaning."""
+"""The stable codes of diagnostics, each with a one-line meaning. A code is never reused for another meaning."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CODES: dict[str, str] = {
     "LJ0102": "there is no such field",
     "LJ0103": "given twice",
     "LJ0104": "declared twice",
-    "LJ0105": "what a quantifier ranges over cannot be inferred",
+    "LJ0105": "the domain of a quantifier cannot be inferred",
     "LJ0106": "something required is missing",
     "LJ0107": "a statement stands where it does not belong",
     "LJ0108": "a block does not know this key",
@@ -79,20 +79,20 @@ CODES: dict[str, str] = {
     "LJ0507": "a declaration that cannot be evaluated",
     "LJ0508": "a scene that cannot be built as it is described",
     "LJ0509": "the scene has nothing that this could stand on",
-    "LJ0510": "success holds before anybody acts",
-    "LJ0511": "lost before anybody acts",
+    "LJ0510": "success holds before any agent acts",
+    "LJ0511": "failure holds before any agent acts",
     # what cannot be won
     "LJ0601": "a place that cannot be reached in time",
     "LJ0602": "no schedule fits the budget",
     "LJ0603": "farther than the batteries last",
     "LJ0604": "more than the vehicles can carry",
-    "LJ0605": "a message that is needed and nobody can send",
-    "LJ0606": "what waits for itself",
-    "LJ0607": "what nobody can do",
+    "LJ0605": "a required message that no agent can send",
+    "LJ0606": "something that waits for itself",
+    "LJ0607": "something that no agent can do",
     "LJ0608": "a target too small for every camera",
     "LJ0609": "a picture that no camera can take",
     "LJ0610": "a counted budget below what is needed",
     "LJ0611": "more places than fit into their region",
-    "LJ0612": "more is asked for than there is",
+    "LJ0612": "more is required than there is",
 }
 """Code → meaning."""

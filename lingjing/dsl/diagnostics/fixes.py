@@ -1,8 +1,8 @@
-"""Apply the fixes that diagnostics offer: the safe ones, or on demand all.
+"""Application of the fixes that diagnostics offer: only the safe ones, or all on request.
 
-A fix is *safe* if the text can only have meant what the fix writes; the others are guesses that a reader should look
-at. Fixes are applied in rounds, because one may uncover the next; a round that leaves more errors than it found is
-taken back. Nothing here writes a file but `write_text`, which replaces it in one step.
+A fix is *safe* if it is certainly the author's intention; the others are guesses that a user should check. Fixes are
+applied in rounds, because one may uncover another. A round that does not reduce the errors is discarded. Only
+`write_text` writes a file, which it replaces in one step.
 """
 
 from __future__ import annotations
@@ -21,28 +21,35 @@ if TYPE_CHECKING:
     from lingjing.dsl.compilation import Compilation
 
 ROUNDS = 10
+"""Most rounds of fixing (chosen)."""
 
 
 class Applied(msgspec.Struct, frozen=True):
-    """One fix that was applied: where, for which code and what it did."""
+    """One applied fix."""
 
     line: int
+    """Line of the diagnostic."""
     code: str
+    """Code of the diagnostic."""
     title: str
+    """Description of the fix."""
 
 
 class FixedText(msgspec.Struct, frozen=True):
-    """A text after its fixes, what was done to it, and the compilation of the text as it is now."""
+    """A text after its fixes."""
 
     text: str
+    """The fixed text."""
     applied: tuple[Applied, ...]
+    """The applied fixes, in order."""
     compilation: Compilation
+    """The compilation of the fixed text."""
 
 
 def fix_source(
     source: SourceText, compile_it: Callable[[SourceText], Compilation], *, unsafe: bool = False
 ) -> FixedText:
-    """Compile, apply the fixes that do not touch each other, and again, until there are none left."""
+    """Compile, apply the fixes that do not touch each other, and repeat until none is left."""
     compilation = compile_it(source)
     applied: list[Applied] = []
     for _ in range(ROUNDS):
@@ -60,30 +67,32 @@ def fix_source(
 
 
 def choose(diagnostics: Iterable[Diagnostic], path: str, *, unsafe: bool) -> list[tuple[Diagnostic, Fix]]:
-    """The fixes of this file that may be applied together: of two that touch the same place, the first."""
+    """The fixes of this file that may be applied together. Of two that touch, the first is taken."""
     chosen: list[tuple[Diagnostic, Fix]] = []
-    taken: list[tuple[int, int]] = []
+    occupied: list[tuple[int, int]] = []
     for item in diagnostics:
         fix = item.fix
         if fix is None or not (fix.safe or unsafe) or any(edit.span.path != path for edit in fix.edits):
             continue
         places = [(edit.span.start, edit.span.end) for edit in fix.edits]
-        if any(start <= other_end and other_start <= end for start, end in places for other_start, other_end in taken):
+        if any(
+            start <= other_end and other_start <= end for start, end in places for other_start, other_end in occupied
+        ):
             continue
-        taken += places
+        occupied += places
         chosen.append((item, fix))
     return chosen
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
-    """The text with edits that do not overlap."""
+    """The text after edits that do not overlap."""
     for edit in sorted(edits, key=lambda edit: edit.span.start, reverse=True):
         text = text[: edit.span.start] + edit.text + text[edit.span.end :]
     return text
 
 
 def unified_diff(before: str, after: str, path: str) -> str:
-    """What changed, as `diff -u` shows it; empty if nothing did."""
+    """The difference in the format of `diff -u`; empty without changes."""
     from difflib import unified_diff as differ
 
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
@@ -92,7 +101,7 @@ def unified_diff(before: str, after: str, path: str) -> str:
 
 
 def write_text(path: str, text: str) -> None:
-    """Replace a file's text in one step, keeping its mode and a byte-order mark. `UsageError` if it cannot be."""
+    """Replace a file's text in one step, keeping its mode and a byte-order mark. Raises `UsageError` on failure."""
     import tempfile
 
     target = os.path.realpath(path)

@@ -11,14 +11,18 @@ from lingjing.mission.diagnostics import Diagnostic, Span
 from lingjing.terminal import cells, visible
 
 WIDEST = 140
-"""Columns of a snippet; a longer line is cut around the error."""
+"""Columns of a snippet (chosen). A longer line is cut around the error."""
 
 _COLOURS = {"error": "1;31", "warning": "1;33", "note": "1;36", "frame": "1;34", "bold": "1", "hint": "1;32"}
+"""ANSI colours by part of the text."""
 
 
 def render_text(diagnostics: Iterable[Diagnostic], source: SourceText, *, color: bool = False) -> str:
-    """One block a diagnostic: place, code, message, the line with carets, related places, hint. Ends with a newline
-    if there is anything. What the mission says is spelled out: no escape sequence but ours is in it."""
+    """Render each diagnostic as a block: place, code, message, the line with carets, related places, hint.
+
+    The text ends with a newline unless it is empty. Control characters from the mission are made visible, so that it
+    cannot inject escape sequences.
+    """
     paint = _Ansi if color else _Plain
     return "".join(_one(item, source, paint) for item in diagnostics)
 
@@ -29,7 +33,7 @@ def render_json(diagnostics: Iterable[Diagnostic]) -> str:
 
 
 def summary(diagnostics: Iterable[Diagnostic]) -> str:
-    """`3 errors in 2 files`; empty if there is no error."""
+    """`3 errors in 2 files`; empty without errors."""
     errors = [item for item in diagnostics if item.severity == "error"]
     if not errors:
         return ""
@@ -38,10 +42,10 @@ def summary(diagnostics: Iterable[Diagnostic]) -> str:
 
 
 def conclusion(diagnostics: Iterable[Diagnostic]) -> str:
-    """The summary, and what can be done about it: how many fixes there are, and where a code is explained."""
-    found = tuple(diagnostics)
-    lines = [summary(found)]
-    fixes = [item.fix for item in found if item.fix is not None]
+    """The summary, and a line for each kind of fix with the option that applies it."""
+    listed = tuple(diagnostics)
+    lines = [summary(listed)]
+    fixes = [item.fix for item in listed if item.fix is not None]
     safe = sum(fix.safe for fix in fixes)
     if safe:
         lines.append(f"{_counted(safe, 'safe fix', 'safe fixes')}: --fix applies {'it' if safe == 1 else 'them'}")
@@ -90,7 +94,7 @@ def _snippet(span: Span, source: SourceText, margin: str, paint: type[_Plain], c
 
 
 def _cut(text: str, start: int, end: int) -> tuple[str, int, int]:
-    """At most `WIDEST` characters around the marked part, and where the mark is then."""
+    """At most `WIDEST` characters around the marked part, and the new offsets of the mark."""
     if len(text) <= WIDEST:
         return text, start, min(end, len(text))
     left = max(0, min(start - WIDEST // 4, len(text) - WIDEST))
@@ -108,7 +112,7 @@ def _counted(number: int, noun: str, several: str = "") -> str:
 
 
 class _Plain:
-    """No colours."""
+    """Plain text."""
 
     @staticmethod
     def put(_colour: str, text: str) -> str:

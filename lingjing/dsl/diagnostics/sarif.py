@@ -1,7 +1,7 @@
-"""Diagnostics as SARIF 2.1.0 (OASIS, errata 01): one run, one rule a code, one result a diagnostic.
+"""Diagnostics as SARIF 2.1.0 (OASIS, errata 01): one run, one rule for each code, one result for each diagnostic.
 
-Columns count characters (`unicodeCodePoints`), as everywhere in this project. Paths become relative URI references
-with `/`, so that a viewer resolves them against the folder the command ran in.
+Columns count characters (`unicodeCodePoints`), as everywhere in this project. Paths are relative URI references with
+`/`, so that a viewer resolves them against the working folder of the command.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _LEVELS = {"error": "error", "warning": "warning", "note": "note"}
 
 
 def render_sarif(diagnostics: Iterable[Diagnostic], version: str) -> str:
-    """The log as JSON text with a newline at its end; `version` is the tool's."""
+    """The log as JSON text with a newline at its end. `version`: version of the tool."""
     items = tuple(diagnostics)
     codes = sorted({item.code for item in items})
     log = {
@@ -46,7 +46,7 @@ def _rule(code: str) -> dict[str, Any]:
     return {
         "id": code,
         "shortDescription": {"text": CODES.get(code, code)},
-        "help": {"text": f"`lingjing explain {code}` says what this means and how to mend it."},
+        "help": {"text": f"`lingjing explain {code}` explains this error and its correction."},
         "defaultConfiguration": {"level": "error"},
     }
 
@@ -71,10 +71,10 @@ def _result(item: Diagnostic, rule: int) -> dict[str, Any]:
 
 
 def _fix(fix: Fix) -> dict[str, Any]:
-    """All edits of a fix stand in one file."""
+    """A fix. All of its edits are in one file."""
     replacements = [{"deletedRegion": _region(edit.span), "insertedContent": {"text": edit.text}} for edit in fix.edits]
     artifact = {"artifactLocation": {"uri": _uri(fix.edits[0].span.path)}, "replacements": replacements}
-    safety = "safe" if fix.safe else "look at it: it may not be what was meant"
+    safety = "safe" if fix.safe else "check it: it may not be the intended text"
     return {"description": {"text": f"{fix.title} ({safety})"}, "artifactChanges": [artifact]}
 
 
@@ -94,7 +94,7 @@ def _region(span: Span) -> dict[str, int]:
 
 
 def _uri(path: str) -> str:
-    """RFC 3986: what is no plain path character is percent-encoded; an absolute path becomes a `file` URI."""
+    """The path as a URI (RFC 3986): special characters are percent-encoded; an absolute path becomes a `file` URI."""
     from urllib.parse import quote
 
     plain = quote(path.replace("\\", "/").encode("utf-8", "surrogateescape"))

@@ -1,6 +1,6 @@
-"""Why a mission without errors cannot be won, cannot be played, or not here, as diagnostics at its declarations.
+"""Diagnostics about missions without errors that cannot be won, or cannot be played, or not on this machine.
 
-- `infeasible`: what `lingjing.mission.feasibility` proves.
-- `refused`: what instantiating and building it would refuse.
-- `absent`: scenes and engines that it names and nobody here offers.
+- `infeasibility`: proofs of `lingjing.mission.feasibility`.
+- `playability`: errors of instantiating and building the mission.
+- `providers`: scenes, engines and maps that the mission names and that are not installed.
 """

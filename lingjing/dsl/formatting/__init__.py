@@ -1,5 +1,5 @@
-"""Text → the same text laid out the one way.
+"""Text → the same text in the standard layout.
 
-- `layout`: statements, blocks, comments and blank lines as the author has them. `spacing`: spaces between tokens.
+- `layout`: statements, blocks, comments and blank lines of the author's text. `spacing`: spaces between tokens.
 - `formatter`: both → the new text.
 """

@@ -1,12 +1,12 @@
-"""The formatter: one layout for one meaning, the author's words untouched.
+"""The formatter: one layout for each meaning; the author's words stay unchanged.
 
-What is decided here: indentation (two spaces), spaces between tokens, line breaks in what is wider than `WIDTH`, at
-most one blank line. What stays the author's: comments, units and the spelling of numbers, which statements share a
-line, which blocks are spread over lines, where blank lines are. A separator at the end of a line is dropped, because
-the line's end separates.
+It decides indentation (two spaces), spaces between tokens, line breaks in lines wider than `WIDTH`, and at most one
+blank line. The author decides comments, units and the notation of numbers, which statements share a line, which blocks
+span several lines, and the places of blank lines. A separator at the end of a line is dropped, because the line's end
+separates too.
 
-Invariants, asserted on every call: the tokens but for newlines and separators, the comments and the syntax tree but
-for its offsets are the same before and after.
+Invariants, asserted on every call: before and after, the tokens (except newlines and separators), the comments, and the
+syntax tree (except its offsets) are equal.
 """
 
 from __future__ import annotations
@@ -30,18 +30,21 @@ from lingjing.dsl.syntax.tokens import STATEMENTS, Token
 from lingjing.mission.diagnostics import Diagnostic, in_source_order
 
 WIDTH = 120
-"""Columns of a line; comments and single words may be longer."""
+"""Columns of a line (chosen). Comments and single words may be longer."""
 _CONTINUATION = 4
+"""Additional indentation of a continued line, columns."""
 _LINE_END = frozenset(("NL", "SEP", "$END"))
 _OPENING, _CLOSING = Token("LBRACE", "{", 0, 0), Token("RBRACE", "}", 0, 0)
 _COMMENT = re.compile(r"#[^\r\n]*")
 
 
 class Formatted(msgspec.Struct, frozen=True):
-    """The outcome: `text` is None if the file has syntax errors, which `diagnostics` then holds."""
+    """The result of formatting."""
 
     text: str | None
+    """None if the file has syntax errors."""
     diagnostics: tuple[Diagnostic, ...] = ()
+    """The syntax errors."""
 
 
 def format_text(text: str) -> Formatted:
@@ -50,7 +53,7 @@ def format_text(text: str) -> Formatted:
 
 
 def format_source(source: SourceText) -> Formatted:
-    """Format a source. A file with syntax errors is not touched; other errors do not matter here."""
+    """Format a source. A file with syntax errors is left unchanged; other errors do not matter."""
     with collector_at_rest():
         return _formatted(source)
 
@@ -76,16 +79,18 @@ def _read(source: SourceText) -> tuple[list[Token], s.File, tuple[Diagnostic, ..
 
 @dataclass(slots=True)
 class LineLayout:
-    """One line to be: text without indentation and the comment behind it.
-
-    `joinable`: a further statement may follow on it after a comma. An empty text without a comment is a blank line.
-    """
+    """One line of output."""
 
     level: int
+    """Level of the block around it."""
     text: str
+    """Code without indentation. Empty without a comment means a blank line."""
     comment: str = ""
+    """Comment behind the code."""
     joinable: bool = False
+    """True if another statement may follow on the line after a comma."""
     extra: int = 0
+    """Additional indentation, columns."""
 
     def line(self) -> str:
         """The finished line."""
@@ -95,15 +100,15 @@ class LineLayout:
         return f"{code}  {self.comment}" if code else "  " * self.level + " " * self.extra + self.comment
 
     def width(self) -> int:
-        """Columns taken by the code; a comment is never a reason to break a line."""
+        """Columns of the code. Comments do not cause line breaks."""
         return 2 * self.level + self.extra + len(self.text)
 
 
 class _Writer:
-    """Blocks to rows."""
+    """Turns blocks into lines."""
 
     def block(self, block: BlockLayout, level: int) -> list[LineLayout]:
-        """The rows of a block's inside."""
+        """The lines of a block's content."""
         rows: list[LineLayout] = []
         for item in block.items:
             self._comments(rows, item.leading, level)
@@ -134,7 +139,7 @@ class _Writer:
         rows.append(LineLayout(level, flat, comment, joinable=True))
 
     def _spread(self, item: StatementLayout, level: int) -> list[LineLayout]:
-        """A statement over several lines: its blocks opened, its head wrapped where it is still too wide."""
+        """Lay out a statement over several lines: its blocks opened, its head wrapped if it is too wide."""
         rows: list[LineLayout] = []
         words: list[Word] = []
         for part in item.parts:
@@ -175,9 +180,9 @@ class _Writer:
 
 
 def _line_stop(tokens: list[Token], spelling: Spelling, start: int, stop: int, room: int) -> int:
-    """Where a line that begins with the token `start` ends: at `stop` if it fits, else at the best place to break.
+    """The index after the last token of a line that begins with token `start`: `stop` if it fits, else the best break.
 
-    The best place is the last one of the least depth in the line's second half, or anywhere if there is none.
+    The best break is the last one of least bracket depth in the second half of the line, or anywhere if there is none.
     """
     begin = spelling.begins[start]
     if spelling.ends[stop - 1] - begin <= room:
@@ -198,7 +203,7 @@ def _line_stop(tokens: list[Token], spelling: Spelling, start: int, stop: int, r
 
 
 def _may_break(tokens: list[Token], at: int) -> bool:
-    """After a comma or before `and` and `or`; never so that the new line would begin like a statement."""
+    """True after a comma and before `and` and `or`, unless the new line would begin like a statement."""
     if tokens[at].text in STATEMENTS:
         return False
     return tokens[at - 1].type in ("COMMA", "SEP") or tokens[at].type in ("AND", "OR")
@@ -209,7 +214,7 @@ def _is_empty(block: BlockLayout) -> bool:
 
 
 def _flat(item: StatementLayout) -> str | None:
-    """The statement on one line, or None if its author or a comment spread it."""
+    """The statement on one line; None if its author or a comment spread it over several."""
     texts: list[str] = []
     words: list[Token] = []
     for part in item.parts:
@@ -259,25 +264,27 @@ def _essence(tokens: list[Token]) -> list[tuple[str, str, str]]:
 
 
 def _comments(text: str, tokens: list[Token]) -> list[str]:
-    """Every comment: what follows a `#` between tokens, not within a text in quotes."""
-    found: list[str] = []
+    """Every comment: the text after a `#` between tokens, outside of quoted texts."""
+    comments: list[str] = []
     at = 0
     for token in tokens:
         if text.find("#", at, token.start) >= 0:
-            found.extend(m[0].rstrip() for m in _COMMENT.finditer(text, at, token.start))
+            comments.extend(m[0].rstrip() for m in _COMMENT.finditer(text, at, token.start))
         at = max(at, token.end)
-    return found
+    return comments
 
 
-def _same_but_for_places(one: Any, other: Any) -> bool:
-    """Whether two trees, or parts of trees, differ in nothing but offsets."""
-    if isinstance(one, tuple):
-        return type(other) is type(one) and len(one) == len(other) and all(map(_same_but_for_places, one, other))
-    if isinstance(one, s.SyntaxNode):
-        return type(other) is type(one) and all(
-            _same_but_for_places(getattr(one, name), getattr(other, name)) for name in _fields(type(one))
+def _same_but_for_places(before: Any, after: Any) -> bool:
+    """True if two trees, or parts of trees, differ only in offsets."""
+    if isinstance(before, tuple):
+        return (
+            type(after) is type(before) and len(before) == len(after) and all(map(_same_but_for_places, before, after))
         )
-    return bool(one == other)
+    if isinstance(before, s.SyntaxNode):
+        return type(after) is type(before) and all(
+            _same_but_for_places(getattr(before, name), getattr(after, name)) for name in _fields(type(before))
+        )
+    return bool(before == after)
 
 
 @cache

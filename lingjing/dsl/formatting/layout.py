@@ -1,7 +1,7 @@
-"""The shape of a text as its author laid it out: statements, blocks, comments and blank lines around the tokens.
+"""The author's layout of a text: statements, blocks, comments and blank lines around the tokens.
 
-The formatter works on this and not on the syntax tree's kinds, so a new statement of the grammar is formatted without
-a word about it here. Of the tree only the places where statements begin are read.
+The formatter uses this instead of the syntax tree's node kinds, so that a new statement of the grammar needs no change
+here. From the tree it takes only the offsets at which statements begin.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ _GAP = re.compile(r"(?P<line>\r\n|\n|\r)|(?P<comment>#[^\r\n]*)")
 
 @dataclass(slots=True)
 class Comment:
-    """A comment with its `#`; `own_line` if nothing stands before it, `blank_before` if a blank line does."""
+    """A comment."""
 
     text: str
+    """The text, including `#`."""
     own_line: bool
+    """True if nothing precedes it on its line."""
     blank_before: bool
+    """True if a blank line precedes it."""
 
 
 @dataclass(slots=True)
 class Word:
-    """A token of a statement and the comments between it and the next one."""
+    """A token of a statement, and the comments between it and the next token."""
 
     token: Token
     comments: list[Comment] = field(default_factory=list)
@@ -37,23 +40,32 @@ class Word:
 
 @dataclass(slots=True)
 class StatementLayout:
-    """Words and blocks in order. `joined`: it stands on the line of the statement before it."""
+    """A statement."""
 
     parts: list[Word | BlockLayout] = field(default_factory=list)
+    """Words and blocks in order."""
     leading: list[Comment] = field(default_factory=list)
+    """Comments before the statement."""
     trailing: Comment | None = None
+    """Comment at the end of its last line."""
     blank_before: bool = False
+    """True if a blank line precedes it."""
     joined: bool = False
+    """True if it begins on the line of the statement before it."""
 
 
 @dataclass(slots=True)
 class BlockLayout:
-    """`{ … }`; `broken` if the author spread it over lines. `opening` stands behind `{`, `tail` before `}`."""
+    """`{ … }`."""
 
     items: list[StatementLayout] = field(default_factory=list)
+    """The statements."""
     opening: Comment | None = None
+    """Comment behind `{`."""
     tail: list[Comment] = field(default_factory=list)
+    """Comments before `}`."""
     broken: bool = False
+    """True if the author spread the block over several lines."""
 
 
 @dataclass(slots=True)
@@ -64,7 +76,7 @@ class _Gap:
 
 
 def lay_out(text: str, tokens: list[Token], tree: s.File) -> BlockLayout:
-    """The whole file as one block without braces. `tokens` and `tree` must come from `text`, without errors."""
+    """Return the whole file as one block without braces. `tokens` and `tree` must come from `text`, without errors."""
     starts = frozenset(_statement_starts(tree))
     return _Reader(text, [token for token in tokens if token.type not in ("NL", "$END")], starts).file()
 
@@ -78,13 +90,13 @@ def _statement_starts(tree: s.File) -> Iterator[int]:
         elif isinstance(node, s.SyntaxNode):
             if isinstance(node, s.Statement) and not isinstance(node, s.BracedBlock):
                 yield node.start
-            if isinstance(node, s.Override):  # one statement with what it overrides
+            if isinstance(node, s.Override):  # together with the overridden statement it is one statement
                 node = node.item
             waiting.extend(getattr(node, name) for name in _nested_fields(type(node)))
 
 
 def _nested_fields(kind: type[s.SyntaxNode]) -> tuple[str, ...]:
-    """The fields of a node that statements can stand in: its blocks and its items."""
+    """The fields of a node that can contain statements: its blocks and its items."""
     known = _NESTED.get(kind)
     if known is None:
         known = _NESTED[kind] = tuple(
@@ -114,7 +126,7 @@ class _Reader:
         return at + 1 < len(tokens) and tokens[at + 1].start in self.starts
 
     def _gap(self) -> _Gap:
-        """What stands between the token before `at` and the one at `at`."""
+        """The comments and line ends between the token before `at` and the one at `at`."""
         start = self.tokens[self.at - 1].end if self.at else 0
         end = self.tokens[self.at].start if self.at < len(self.tokens) else len(self.text)
         comments: list[Comment] = []

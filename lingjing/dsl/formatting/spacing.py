@@ -1,7 +1,7 @@
-"""What stands between two tokens of one line: a space or nothing, and how a token is spelt.
+"""Spacing: a space or nothing between two tokens of one line, and the text of a token.
 
-The lexer tells some things apart by a space (`at (…)` is the operator, `at(…)` the function; `- 3` is a sign before a
-number, `-3` one number), so the rules here keep exactly those.
+The lexer distinguishes some forms by a space: `at (…)` is the operator and `at(…)` the function; `- 3` is a sign before
+a number and `-3` one number. The rules here preserve these.
 """
 
 from __future__ import annotations
@@ -20,16 +20,20 @@ _QUANTIFIERS = frozenset(("EXISTS", "FORALL"))
 
 @dataclass(slots=True)
 class Spelling:
-    """Tokens on one line: `text`, and where each token begins and ends in it; `depths` counts open brackets."""
+    """Tokens on one line."""
 
     text: str
+    """The line."""
     begins: list[int]
+    """Offset of each token's first character."""
     ends: list[int]
+    """Offset after each token's last character."""
     depths: list[int]
+    """Number of open brackets at each token."""
 
 
 def spell(tokens: list[Token]) -> Spelling:
-    """The tokens of one statement's head, or of any stretch without a block, on one line."""
+    """Lay out the tokens of a statement's head, or of any sequence without a block, on one line."""
     parts: list[str] = []
     begins, ends, depths = [], [], []
     at = depth = 0
@@ -55,13 +59,13 @@ def spell(tokens: list[Token]) -> Spelling:
 
 
 def text_of(token: Token) -> str:
-    """A token's text; the line ends in a long text are of one kind, as they are everywhere."""
+    """The text of a token, with line ends inside a long text unified to LF."""
     return token.text.replace("\r\n", "\n").replace("\r", "\n") if token.type == "STRING" else token.text
 
 
 def _is_spaced(tokens: list[Token], at: int, colon_is_spaced: bool) -> bool:
     before, after = tokens[at - 1], tokens[at]
-    if before.type == "USE":  # `use .boats`: the dot begins a path here, and joins one elsewhere
+    if before.type == "USE":  # `use .boats`: here the dot begins a path; elsewhere it joins words
         return True
     if before.type in _TIGHT_AFTER or after.type in _TIGHT_BEFORE:
         return False

@@ -1,4 +1,5 @@
-"""A file or a shipped name → `Mission`.
+"""A file or the name of a shipped mission → `Mission`.
 
-- `shipped`: which file a word means. `cache`: compiled missions, kept by content. `load`: any mission file → `Mission`.
+- `shipped`: the file that a word on the command line names. `cache`: compiled missions, cached by content. `load`: any
+  mission file → `Mission`.
 """

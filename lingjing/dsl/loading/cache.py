@@ -1,12 +1,12 @@
-"""Compiled missions, kept by content in the user's cache folder (`$XDG_CACHE_HOME/lingjing/missions`).
+"""Compiled missions, cached by content in the user's cache folder (`$XDG_CACHE_HOME/lingjing/missions`).
 
-Only what has no error is kept: the diagnostics that are no errors, and the mission. The key covers the text, its path
-(it stands in the mission and in diagnostics), and the size and time of every file of this compiler; an entry also names
-each library the mission uses, directly or through others, with the digest of its text, and counts only while all of
-them are found at the same place with the same contents.
+Only compilations without errors are stored: their mission and their warnings. The key covers the text, its path (which
+is in the mission and in diagnostics), and the size and time of every file of the compiler. An entry also lists each
+library that the mission uses, directly or through others, with the hash of its text. It is valid only while all of them
+are unchanged.
 
-A cache may cost time, never truth: entries are files of `lingjing.kept_files`; where nothing can be written nothing is
-kept.
+The cache affects time only, never results: entries are files of `lingjing.kept_files`, and a cache folder without write
+permission means no cache.
 """
 
 from __future__ import annotations
@@ -30,30 +30,37 @@ if TYPE_CHECKING:
     from lingjing.mission.model import Mission
 
 FORMAT = b"1"
+"""Version of the entries' format."""
 MOST_ENTRIES = 200
+"""Most entries (chosen)."""
 MOST_BYTES = 1 << 28
+"""Most bytes of all entries (chosen)."""
 LARGEST_ENTRY = 16 * 1024 * 1024
-"""Bytes. A mission that takes more is compiled each time, so that the cache does not fill the disk."""
+"""Most bytes of one entry (chosen). A larger mission is compiled each time."""
 
 _USE = re.compile(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\.[ \t]*[^\W\d]\w*)*)")
+"""A `use` in a text. It also matches in comments, which only adds a dependency."""
 
 
 class CacheEntry(msgspec.Struct, frozen=True, array_like=True):
-    """`libraries`: file and SHA-256 of its text, in the order they are met; `mission` is msgpack, empty for types."""
+    """One cached compilation."""
 
     libraries: tuple[tuple[str, str], ...]
+    """File and SHA-256 of each library's text, in the order of their first use."""
     diagnostics: tuple[Diagnostic, ...]
+    """Warnings."""
     mission: bytes
+    """The mission as msgpack; empty for a file of types."""
 
 
-def known_good(source: SourceText) -> tuple[Diagnostic, ...] | None:
-    """The diagnostics of a text that is known to have no error; None if it is not known."""
+def cached_warnings(source: SourceText) -> tuple[Diagnostic, ...] | None:
+    """Return the cached warnings of a text without errors; None if the cache does not have it."""
     entry = _entry(source)
     return None if entry is None else entry.diagnostics
 
 
 def compile_cached(source: SourceText) -> Compilation:
-    """As `compile_source`, from the cache where it is known, and kept there where it is good."""
+    """Like `compile_source`, from the cache if possible; a result without errors is stored."""
     from lingjing.dsl.compilation import Compilation, compile_source
 
     entry = _entry(source)
@@ -68,9 +75,9 @@ def compile_cached(source: SourceText) -> Compilation:
 
 
 def keep(compilation: Compilation) -> None:
-    """Keep a compilation if it has no error. Never fails: what cannot be kept is made again.
+    """Store a compilation if it has no error. It never fails.
 
-    One that needs a plug-in or a map is not kept either: by the next time that may be there, or gone.
+    A mission that needs a plug-in or a map is not stored, because these may appear or disappear.
     """
     source = compilation.source
     if cache_is_off() or any(item.severity == "error" for item in compilation.diagnostics):
@@ -93,10 +100,10 @@ def keep(compilation: Compilation) -> None:
 
 
 def _needs_others(mission: Mission) -> bool:
-    from lingjing.dsl.feasibility.absent import strange
+    from lingjing.dsl.feasibility.providers import unknown_entities
     from lingjing.mission.kinds import scene_kind
 
-    if next(strange(mission), None) is not None:
+    if next(unknown_entities(mission), None) is not None:
         return True
     kind = scene_kind(mission.scene.kind)
     paths = {name for name, option in kind.options.items() if option.type == "path"} if kind else set()
@@ -125,23 +132,23 @@ def _file(source: SourceText) -> str:
 
 
 def _compiler() -> str:
-    """Size and time of every file that decides what a text compiles to: stricter than a version, and cheaper to get."""
+    """Size and time of every file that decides the result: stricter than a version, and cheaper to compute."""
     package = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # noqa: PTH100, PTH120
     waiting = [os.path.join(package, "dsl"), os.path.join(package, "mission")]  # noqa: PTH118
-    found = []
+    stamps = []
     while waiting:
         for item in sorted(os.scandir(waiting.pop()), key=lambda item: item.name):
             if item.name.endswith((".py", ".tables")):
                 stat = item.stat()
-                found.append(f"{item.name} {stat.st_size} {stat.st_mtime_ns}")
+                stamps.append(f"{item.name} {stat.st_size} {stat.st_mtime_ns}")
             elif "." not in item.name and item.name != "__pycache__":
                 waiting.append(item.path)
     kinds = os.stat(os.path.join(package, "engines", "kinds.json"))  # noqa: PTH116, PTH118
-    return "\n".join((*found, f"kinds.json {kinds.st_size} {kinds.st_mtime_ns}"))
+    return "\n".join((*stamps, f"kinds.json {kinds.st_size} {kinds.st_mtime_ns}"))
 
 
 def _libraries(source: SourceText) -> Iterator[tuple[str, str]]:
-    """Every library a text names in a `use`, and those that these name; a `use` in a comment does no harm."""
+    """Every library that a text names in a `use`, and those that these name."""
     from lingjing.dsl.checking import library
 
     seen: set[str] = set()

@@ -21,23 +21,27 @@ if TYPE_CHECKING:
     from lingjing.mission.diagnostics import Diagnostic
 
 STDIN = "-"
+"""Name of standard input on the command line."""
 LONGEST_NAME = 100
-"""Letters of a mission's name: file systems refuse longer names than some 250 bytes."""
+"""Most letters of a mission's name: file systems permit names of about 250 bytes."""
 
 
 def load_mission(path: str | os.PathLike[str]) -> Mission:
-    """The mission of a file, or a shipped one by name (`ssr`). `UsageError` if it cannot be read or holds no mission,
-    `MissionError` with the rendered diagnostics if it has errors."""
-    mission, _ = load_noted(os.fspath(path))
+    """Load the mission of a file, or a shipped one by name (`ssr`).
+
+    Raises `UsageError` if it cannot be read or holds no mission, `MissionError` with the rendered diagnostics if it has
+    errors.
+    """
+    mission, _ = load_with_notes(os.fspath(path))
     return mission
 
 
-def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
-    """The mission of a file or of a shipped name and, for a document, notes on how it was understood."""
+def load_with_notes(path: str) -> tuple[Mission, tuple[str, ...]]:
+    """Load the mission of a file or of a shipped name. For a document, also return notes on its interpretation."""
     source = source_of(str(find_mission(path)))
     if is_document(source):
         mission, notes = read_document(source)
-        _winnable(mission, source)
+        _check_winnable(mission, source)
         return mission, notes
     return mission_of(compile_cached(source)), ()
 
@@ -50,7 +54,7 @@ def source_of(path: str) -> SourceText:
 
 
 def is_document(source: SourceText) -> bool:
-    """Whether the text is JSON: by the file's name, or for standard input by its first character."""
+    """True for JSON: by the file's name, or for standard input by its first character."""
     if source.path == "<stdin>":
         return source.text.lstrip()[:1] in ("{", "[")
     return source.path.lower().endswith(".json")
@@ -64,55 +68,61 @@ def read_document(source: SourceText) -> tuple[Mission, tuple[str, ...]]:
 
 
 def proofs(mission: Mission, source: SourceText) -> tuple[Diagnostic, ...]:
-    """Why the mission of a document would be refused as a text, cannot be won or cannot be played, at the document's
-    first line."""
+    """Errors and proofs about a document's mission, at the document's first line.
+
+    These are the errors that its text would have, the proofs that it cannot be won, and the errors of building it.
+    """
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.feasibility import prove
     from lingjing.mission.interactions import faults_of
     from lingjing.mission.trial import trial
 
     start = source.span(0, 0)
-    refused = tuple(Diagnostic(one.code, start, f"{path}: {one.message}", one.hint) for path, one in faults_of(mission))
-    if refused:
-        return refused
+    errors = tuple(
+        Diagnostic(fault.code, start, f"{path}: {fault.message}", fault.hint) for path, fault in faults_of(mission)
+    )
+    if errors:
+        return errors
 
-    def told(message: str, path: str = "") -> str:
+    def located(message: str, path: str = "") -> str:
         place = place_of(mission, path, message)
         return f"{place}: {message}" if place else message
 
-    found = [
-        Diagnostic(one.code, start, told(one.message), one.hint, severity="warning" if one.partly else "error")
-        for one in prove(mission)
+    proved = [
+        Diagnostic(
+            fault.code, start, located(fault.message), fault.hint, severity="warning" if fault.partly else "error"
+        )
+        for fault in prove(mission)
     ]
-    tried = (Diagnostic(item.code, start, told(item.message, item.path), item.hint) for item in trial(mission))
-    return (*found, *tried)
+    tried = (Diagnostic(item.code, start, located(item.message, item.path), item.hint) for item in trial(mission))
+    return (*proved, *tried)
 
 
 def place_of(mission: Mission, path: str, message: str) -> str:
-    """JSON path at which the mission's document places the entity or group that a fault is about, else ""."""
+    """JSON path at which a document places the entity or group that a message names; "" without one."""
     places = mission.origin.places
     names = [*re.findall(r"[`']([^`']+)[`']", message), *path.split("/")[1:]]
     for name in names:
         if name in places:
             return places[name]
-    groups = {one.partition("[")[0]: where for one, where in reversed(places.items())}
+    groups = {path_name.partition("[")[0]: where for path_name, where in reversed(places.items())}
     return next((re.sub(r"\[\d+\](\.data)?$", "", groups[name]) for name in names if name in groups), "")
 
 
-def _winnable(mission: Mission, source: SourceText) -> None:
-    """`MissionError` for the mission of a document that cannot be won, as for one written in the language."""
+def _check_winnable(mission: Mission, source: SourceText) -> None:
+    """Raise `MissionError` if a document's mission cannot be won, as for a mission in the language."""
     from lingjing.mission.diagnostics import has_errors
 
-    found = proofs(mission, source)
-    if has_errors(found):
-        raise MissionError(f"{summary(found)}\n\n{render_text(found, source).rstrip()}")
+    diagnostics = proofs(mission, source)
+    if has_errors(diagnostics):
+        raise MissionError(f"{summary(diagnostics)}\n\n{render_text(diagnostics, source).rstrip()}")
 
 
 def templates_beside(folder: Path) -> Callable[[str], Mission]:
-    """Finds a document's template by name: in the document's own folder, else among the shipped missions and those that
-    are shipped for documents alone (`scenarios/reset`).
+    """Return a function that finds a document's template by name.
 
-    The function raises `KeyError` if there is none.
+    It searches the document's own folder, then the shipped missions, then those that are shipped for documents alone
+    (`scenarios/reset`). It raises `KeyError` if there is none.
     """
 
     def find(name: str) -> Mission:
@@ -130,7 +140,7 @@ def templates_beside(folder: Path) -> Callable[[str], Mission]:
 
 
 def mission_of(compilation: Compilation) -> Mission:
-    """The mission of a compilation, or a `MissionError` that shows all its errors."""
+    """The mission of a compilation. Raises `MissionError` with all errors if it has any."""
     if compilation.mission is not None:
         return compilation.mission
     path = compilation.source.path

@@ -1,4 +1,4 @@
-"""Which mission file a word means, on the command line and in `lingjing.compile`."""
+"""The mission file that a word names, on the command line and in `lingjing.compile`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from lingjing.errors import UsageError
 from lingjing.suggest import nearest_or
 
 LONGEST_SHOWN = 300
-"""Characters of a name in a message."""
+"""Most characters of a name in a message (chosen)."""
 
 
 def find_mission(word: str) -> Path:
-    """A file that is there wins; else a shipped mission by name (`ssr`, `scenarios/ssr.ljs`, `reset/ssr-001.json`).
+    """Return an existing file of that name, else the shipped mission (`ssr`, `scenarios/ssr.ljs`,
+    `reset/ssr-001.json`).
 
-    Raises `UsageError` if neither is there. `-` stays what it is: standard input.
+    `-`, which means standard input, is returned unchanged. Raises `UsageError` if there is neither.
     """
     path = Path(word)
     if word == "-" or (word and _exists(path)):
@@ -30,14 +31,14 @@ def find_mission(word: str) -> Path:
 
 
 def shipped_missions() -> tuple[str, ...]:
-    """The names of the missions that come with the package, sorted."""
+    """The names of the shipped missions, sorted."""
     return tuple(sorted(path.stem for path in data_path("scenarios").glob("*.ljs")))
 
 
 def _exists(path: Path) -> bool:
     try:
         return path.exists()
-    except OSError:  # a name longer than any file system takes
+    except OSError:  # the name is longer than the file system permits
         return False
 
 

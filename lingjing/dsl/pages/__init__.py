@@ -1,5 +1,5 @@
-"""`Mission` → what a reader is told of it.
+"""`Mission` → documentation for readers.
 
-- `judging`: how each mission is judged, as a table.
+- `judging`: the adjudication of missions, as a table.
 - `page`: the documentation page of a mission.
 """

@@ -1,4 +1,4 @@
-"""What is adjudicated, as one table: every event, who makes it true, within which distance, under which condition."""
+"""The adjudication of a mission as one table: event, cause, distance, condition."""
 
 from __future__ import annotations
 
@@ -14,46 +14,47 @@ from lingjing.mission.intervals import Bounds
 from lingjing.mission.values import Value
 
 HEADS = ("Event", "Made true by", "Bounds", "In words")
-"""The table's heads; `judging` gives its rows."""
+"""The heads of the table; `judging` yields its rows."""
 
 
 def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
-    """A row for each rule, then for what the missions' targets offer: what an engine performs once it is allowed."""
+    """Yield a row for each rule, each interaction of the targets, and each inspection."""
     printer = Printer(mission)
     words = ConditionWords(printer.phrases.text, printer.phrases.declared())
     for rule in mission.rules:
         over = ", ".join(parameter.domain for parameter in rule.parameters)
         by = "a report" if rule.matching else "the kernel"
-        bounds = ", ".join(words.bounds(rule.condition, {one.name: one.domain for one in rule.parameters}))
+        bounds = ", ".join(words.bounds(rule.condition, {item.name: item.domain for item in rule.parameters}))
         yield f"**{rule.name}** ({over})" if over else f"**{rule.name}**", by, bounds, words.sentence(rule.condition)
-    for group, one, before in interactions(mission):
+    for group, item, before in interactions(mission):
         awaited = [words.sentence(condition) for condition in before if truth(condition, {}, _Start()) is not True]
         allowed = f"allowed when {awaited[0]}" if awaited else "allowed from the start"
-        is_role = any(agent.role == one.by for agent in mission.agents)
-        by = f"the role `{one.by}`" if is_role else f"the `{one.by}` engine"
-        yield f"{one.name} ({group.name})", by, f"≤ {printer.text(one.within)}", allowed
+        is_role = any(agent.role == item.by for agent in mission.agents)
+        by = f"the role `{item.by}`" if is_role else f"the `{item.by}` engine"
+        yield f"{item.name} ({group.name})", by, f"≤ {printer.text(item.within)}", allowed
     for route in mission.inspections:
         near = " or ".join(f"`{printer.text(by)}`" for by in route.by)
         order = "in their order" if route.order == "strict" else "in any order"
-        said = f"{near} comes to every waypoint of the route of `{printer.text(route.asset)}`, {order}"
-        yield f"**{route.name}** (route)", "the kernel", f"≤ {printer.text(route.within)}", said
+        sentence = f"{near} comes to every waypoint of the route of `{printer.text(route.asset)}`, {order}"
+        yield f"**{route.name}** (route)", "the kernel", f"≤ {printer.text(route.within)}", sentence
 
 
 def interactions(mission: model.Mission) -> Iterator[tuple[model.Group, model.Interaction, tuple[ex.Expr, ...]]]:
-    """(group, interaction, what must be true before) of what targets offer."""
+    """Yield (group, interaction, conditions that must hold before it) for the interactions of targets."""
     for group in mission.groups:
-        for one in group.interactions:
+        for interaction in group.interactions:
             before = tuple(
                 unlock.condition
                 for unlock in mission.unlocks
-                if unlock.interaction == one.name and group.name in {given.domain for given in unlock.parameters}
+                if unlock.interaction == interaction.name
+                and group.name in {parameter.domain for parameter in unlock.parameters}
             )
-            yield group, one, before
+            yield group, interaction, before
 
 
 class _Start(Knowledge):
-    """What is known before anything is done: the time is not negative."""
+    """Knowledge before the first action: the time is not negative."""
 
     def name(self, ref: ex.Ref) -> Value:
-        """The time, or nothing."""
+        """The bounds of the time; None for every other name."""
         return Bounds(0.0, math.inf) if ref.kind == "clock" else None

@@ -1,7 +1,7 @@
-"""`page`: a mission as a page of Markdown for people who will not read its code.
+"""`page`: a mission as a page of Markdown, for readers without knowledge of the language.
 
-One table of sections; each gives its lines or none, so a section without anything to say is not there. What stands in
-code is printed by the printer of `.ljs` (`lingjing.dsl.printing.printer`), with the locals of rules where they belong.
+A table lists the sections. Each section yields its lines, and an empty section is left out. Code on the page comes from
+the printer of `.ljs` (`lingjing.dsl.printing.printer`).
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ PageSection = tuple[str, Sequence[str]]
 
 
 def page(mission: model.Mission, *, lead: Sequence[PageSection] = (), graph_picture: str = "") -> str:
-    """The whole page, ending in a newline; the same text for equal missions.
+    """Return the whole page, ending in a newline. Equal missions give equal pages.
 
-    `lead` are sections that come first; `graph_picture` is a drawing of the mission graph that is shown instead of
-    its Mermaid text.
+    `lead`: sections that come first. `graph_picture`: path of a drawing of the mission graph that replaces its Mermaid
+    text.
     """
     writer = _Page(mission, graph_picture)
     parts = [f"# {mission.title}\n", f"Mission `{mission.name}`.\n", *_quote(mission.goal), ""]
     own = ((title, section(writer)) for title, section in _SECTIONS)
-    for title, found in (*lead, *own):
-        lines = list(found)
+    for title, body in (*lead, *own):
+        lines = list(body)
         if lines:
             parts.extend((f"## {title}\n", *lines, ""))
     return _MANY_BLANKS.sub("\n\n", "\n".join(parts)).rstrip() + "\n"
 
 
 class _Page:
-    """The sections. Each is a method that gives Markdown lines."""
+    """The sections. Each method yields Markdown lines."""
 
     def __init__(self, mission: model.Mission, graph_picture: str = "") -> None:
         self.mission = mission
@@ -51,7 +51,7 @@ class _Page:
         self.words = ConditionWords(self.printer.phrases.text, self.printer.phrases.declared())
 
     def glance(self) -> Iterator[str]:
-        """What a reader wants to know first."""
+        """The mission at a glance: place, time, weather, modes, budgets."""
         mission, text = self.mission, self.printer.text
         rows = [
             ("Where", f"`{mission.scene.kind}`" + self._listed(self.printer.properties(mission.scene.options))),
@@ -64,10 +64,14 @@ class _Page:
         yield from _table(("", ""), rows)
 
     def parameters(self) -> Iterator[str]:
-        """What a run may set."""
+        """Parameters that a run may set."""
         rows = [
-            (f"`{one.name}`", self.printer.text(one.default), self.printer.text(one.bounds) if one.bounds else "any")
-            for one in self.mission.parameters
+            (
+                f"`{parameter.name}`",
+                self.printer.text(parameter.default),
+                self.printer.text(parameter.bounds) if parameter.bounds else "any",
+            )
+            for parameter in self.mission.parameters
         ]
         if rows:
             yield from _table(("Parameter", "Default", "Allowed"), rows)
@@ -78,19 +82,19 @@ class _Page:
         yield from self._code(self.printer.places())
 
     def assets(self) -> Iterator[str]:
-        """What is commanded."""
+        """Assets: the entities that agents command."""
         for group in self.mission.groups:
             if group.role == "asset":
                 yield from self._entity(group)
 
     def targets(self) -> Iterator[str]:
-        """What the mission is about."""
+        """Targets: the entities that the mission is about."""
         for group in self.mission.groups:
             if group.role == "target":
                 yield from self._entity(group)
 
     def agents(self) -> Iterator[str]:
-        """Who decides."""
+        """Agents, their prompts and their authority."""
         rows = []
         for agent in self.mission.agents:
             controls = ", ".join(f"`{self.printer.text(held)}`" for held in agent.controls) or "nothing"
@@ -103,17 +107,27 @@ class _Page:
                 yield from _quote(agent.prompt)
         if self.mission.authorities:
             yield "\nCommand without embodiment:\n"
-        for one in self.mission.authorities:
-            also = self._when(one.when)
-            yield f"- {one.role} may command `{self.printer.text(one.resource)}`{f', {also}' if also else ''}"
+        for authority in self.mission.authorities:
+            also = self._when(authority.when)
+            resource = self.printer.text(authority.resource)
+            yield f"- {authority.role} may command `{resource}`{f', {also}' if also else ''}"
 
     def messages(self) -> Iterator[str]:
-        """Who may say what to whom."""
+        """Message kinds with senders and recipients."""
         rows = []
-        for one in self.mission.messages:
-            fields = ", ".join(f"`{field.name}`{'?' if field.optional else ''}" for field in one.fields)
-            to = ", ".join(one.recipients)
-            rows.append((f"`{one.name}`", one.category, ", ".join(one.senders), to, fields, self._when(one.when)))
+        for message in self.mission.messages:
+            fields = ", ".join(f"`{field.name}`{'?' if field.optional else ''}" for field in message.fields)
+            to = ", ".join(message.recipients)
+            rows.append(
+                (
+                    f"`{message.name}`",
+                    message.category,
+                    ", ".join(message.senders),
+                    to,
+                    fields,
+                    self._when(message.when),
+                )
+            )
         if rows:
             yield from _table(("Message", "Counts as", "From", "To", "Fields", "When"), rows)
         bus = list(self.printer.bus())
@@ -122,15 +136,15 @@ class _Page:
             yield from self._code(bus)
 
     def hidden(self) -> Iterator[str]:
-        """What no agent may learn but through a sensor, and the audited ways out."""
+        """Hidden values, and the audited reveals."""
         for group in self.mission.groups:
             own = [prop for prop in group.properties if prop.hidden]
             for line in self.printer.properties(own):
                 yield f"- `{group.name}`: `{line.removeprefix('hidden ')}`"
         if self.mission.reveals:
             yield "\nAudited reveals:\n"
-            for one in self.mission.reveals:
-                yield f"- an {one.what} of `{self.printer.text(one.entity)}` is shown to {one.role}"
+            for reveal in self.mission.reveals:
+                yield f"- an {reveal.what} of `{self.printer.text(reveal.entity)}` is shown to {reveal.role}"
         elif any(prop.hidden for group in self.mission.groups for prop in group.properties):
             yield "\nNothing of this is revealed to anybody."
         noticed = list(self._noticed())
@@ -139,16 +153,18 @@ class _Page:
             yield from noticed
 
     def _noticed(self) -> Iterator[str]:
-        """What the kernel does to agents by a condition over what they may not know."""
+        """Consequences of hidden values that agents can notice through the kernel."""
         mission, rules = self.mission, {rule.name: rule for rule in self.mission.rules}
         secret = secret_names(mission)
         for permit in mission.permits:
             if reads(permit.condition, rules, secret):
                 what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
                 yield f"- the receipts of {what} tell whether it is permitted"
-        for one in mission.constraints:
-            if one.kind == "hard" and (one.domain in secret or reads(one.condition, rules, secret)):
-                yield f"- the episode ends when **{one.name}** is broken"
+        for constraint in mission.constraints:
+            if constraint.kind == "hard" and (
+                constraint.domain in secret or reads(constraint.condition, rules, secret)
+            ):
+                yield f"- the episode ends when **{constraint.name}** is broken"
         for stage in mission.stages:
             if stage.domain in secret or reads(stage.condition, rules, secret):
                 if stage.ticks is not None:
@@ -157,16 +173,16 @@ class _Page:
                     yield f"- receipts tell that the limit **{limit.name}** counts while stage **{stage.name}** runs"
 
     def rules(self) -> Iterator[str]:
-        """What is adjudicated, in words and in code."""
+        """Adjudication rules, in words and in code."""
         for rule in self.mission.rules:
             over = ", ".join(f"{parameter.domain} `{parameter.name}`" for parameter in rule.parameters)
             once = " Reports are matched one to one with what each picture truly shows." if rule.matching else ""
             yield f"**{rule.name}**{f' of {over}' if over else ''}: {self.words.sentence(rule.condition)}.{once}\n"
         for unlock in self.mission.unlocks:
             yield f"**{unlock.interaction}** is allowed when {self.words.sentence(unlock.condition)}.\n"
-        for group, one, before in interactions(self.mission):
+        for group, interaction, before in interactions(self.mission):
             if not before:
-                yield f"**{one.name}** of `{group.name}` is allowed from the start.\n"
+                yield f"**{interaction.name}** of `{group.name}` is allowed from the start.\n"
         yield from self._code(self.printer.rules())
 
     def stages(self) -> Iterator[str]:
@@ -182,10 +198,13 @@ class _Page:
 
     def limits(self) -> Iterator[str]:
         """Counted budgets, permits, constraints, inspections."""
-        for one in self.mission.constraints:
-            cost = f", at a penalty of {self.printer.text(one.penalty)}" if one.penalty is not None else ""
-            each = f"for each {one.domain} `{one.variable}`, " if one.domain else ""
-            yield f"- {one.kind} constraint **{one.name}**: always, {each}{self.words.sentence(one.condition)}{cost}"
+        for constraint in self.mission.constraints:
+            cost = (
+                f", at a penalty of {self.printer.text(constraint.penalty)}" if constraint.penalty is not None else ""
+            )
+            each = f"for each {constraint.domain} `{constraint.variable}`, " if constraint.domain else ""
+            condition = self.words.sentence(constraint.condition)
+            yield f"- {constraint.kind} constraint **{constraint.name}**: always, {each}{condition}{cost}"
         for permit in self.mission.permits:
             what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
             yield f"- {what} is rejected until {self.words.sentence(permit.condition)}"
@@ -195,15 +214,15 @@ class _Page:
             yield from self._code(lines)
 
     def relations(self) -> Iterator[str]:
-        """How roles work together."""
+        """Relations between roles."""
         yield from self._code(self.printer.relations())
 
     def events(self) -> Iterator[str]:
-        """What happens by itself."""
+        """Scripted events."""
         yield from self._code(self.printer.events())
 
     def outcomes(self) -> Iterator[str]:
-        """How it ends."""
+        """Success and failure."""
         yield f"Won when {self.words.sentence(self.mission.success)}.\n"
         if self.mission.failure is not None:
             yield f"Lost when {self.words.sentence(self.mission.failure)}.\n"
@@ -228,8 +247,8 @@ class _Page:
         yield from (f"- `{line}`" for line in own)
         if inherited:
             yield f"- from its type: {', '.join(f'`{line}`' for line in inherited)}"
-        for one in group.interactions:
-            yield f"- can be done to it: `{one.name} {{ {', '.join(self.printer.interaction(one))} }}`"
+        for interaction in group.interactions:
+            yield f"- can be done to it: `{interaction.name} {{ {', '.join(self.printer.interaction(interaction))} }}`"
         for camera in group.cameras:
             yield f"- `{self.printer.camera(camera)}`"
         if group.verbs:
@@ -239,8 +258,12 @@ class _Page:
     def _verb(self, verb: model.Verb) -> str:
         return self.printer.verb(verb).removeprefix("verb ")
 
-    def _named(self, one: model.Group | model.Agent) -> str:
-        return f"`{one.name}`" if one.count is None else f"`{one.name}[1..{self.printer.text(one.count)}]`"
+    def _named(self, declared: model.Group | model.Agent) -> str:
+        return (
+            f"`{declared.name}`"
+            if declared.count is None
+            else f"`{declared.name}[1..{self.printer.text(declared.count)}]`"
+        )
 
     def _when(self, guard: model.Guard | None) -> str:
         return f"when `{self.printer.text(guard.condition)}`" if guard is not None else ""
@@ -254,11 +277,11 @@ class _Page:
         return f": {', '.join(f'`{line}`' for line in lines)}" if lines else ""
 
     def _code(self, lines: Iterable[str], lead: str = "") -> Iterator[str]:
-        found = [line for line in lines if line]
-        if found:
+        present = [line for line in lines if line]
+        if present:
             if lead:
                 yield f"\n{lead}\n"
-            yield from ("```ljs", self.printer.tidy(found), "```")
+            yield from ("```ljs", self.printer.tidy(present), "```")
 
 
 _SECTIONS: tuple[tuple[str, Callable[[_Page], Iterator[str]]], ...] = (
@@ -287,12 +310,12 @@ def table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Sequence[s
 
 
 def _table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
-    """A Markdown table without the columns in which no row says anything."""
-    found = list(rows)
-    kept = [at for at, _ in enumerate(heads) if any(row[at] for row in found)]
+    """A Markdown table without empty columns."""
+    listed = list(rows)
+    kept = [at for at, _ in enumerate(heads) if any(row[at] for row in listed)]
     yield f"| {' | '.join(heads[at] for at in kept)} |"
     yield f"| {' | '.join('---' for _ in kept)} |"
-    for row in found:
+    for row in listed:
         yield f"| {' | '.join(_cell(row[at]) for at in kept)} |"
 
 

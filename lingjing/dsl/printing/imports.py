@@ -1,7 +1,7 @@
-"""Where the types and message records of a mission come from: the libraries it can `use`, or its own file.
+"""The origin of a mission's types and message records: libraries that it can `use`, or its own file.
 
-A mission holds every type merged into its groups. To write it down again, each type is looked up in the libraries: the
-one that gives exactly the inherited properties, the engine and the verbs is used; a type found nowhere is written out.
+A mission holds every type merged into its groups. To print it, each type is searched in the libraries. A library type
+is used if it gives exactly the inherited properties, the engine and the verbs; other types are written out.
 """
 
 from __future__ import annotations
@@ -21,17 +21,20 @@ from lingjing.mission import model
 
 @dataclass(slots=True)
 class Imports:
-    """`uses`: library path → names, in the order of first need; `types`: those that no library has, each as a group
-    with all that the type gives; `verbs`: type → all its verbs."""
+    """The imports and local declarations of a mission's file."""
 
     uses: dict[str, list[str]] = field(default_factory=dict)
+    """Library path → names, in the order of their first use."""
     types: list[model.Group] = field(default_factory=list)
+    """Types without a library, each as a group with all that the type gives."""
     records: list[model.MessageKind] = field(default_factory=list)
+    """Message records without a library."""
     verbs: dict[str, tuple[model.Verb, ...]] = field(default_factory=dict)
+    """Type → all of its verbs."""
 
 
 def find_imports(mission: model.Mission) -> Imports:
-    """What the mission's file must use and declare before it."""
+    """Find the imports and local declarations that a mission's file needs."""
     libraries = _libraries()
     imports = Imports()
     for name in dict.fromkeys(group.type for group in mission.groups):
@@ -43,23 +46,23 @@ def find_imports(mission: model.Mission) -> Imports:
 
 
 def _libraries() -> dict[str, Library]:
-    """Every library file that has no errors, by its path in a `use`."""
-    found: dict[str, Library] = {}
+    """Every library file without errors, by its path in a `use`."""
+    libraries: dict[str, Library] = {}
     for path in library.known_paths("std"):
         paths = [path] if "." in path else library.known_paths(path)
         for dotted in paths:
             file = library.find_file(tuple(dotted.split(".")))
-            if file is not None and dotted not in found:
+            if file is not None and dotted not in libraries:
                 loaded, diagnostics = load_library(file)
                 if not diagnostics:
-                    found[dotted] = loaded
-    return found
+                    libraries[dotted] = loaded
+    return libraries
 
 
 def _import_type(name: str, mission: model.Mission, libraries: dict[str, Library], imports: Imports) -> None:
     groups = [group for group in mission.groups if group.type == name]
-    for path, one in libraries.items():
-        decl = one.types.get(name)
+    for path, declared in libraries.items():
+        decl = declared.types.get(name)
         if decl is not None and all(_gives(decl, group) for group in groups):
             imports.uses.setdefault(path, []).append(name)
             imports.verbs[name] = tuple(decl.verbs.values())
@@ -71,8 +74,9 @@ def _import_type(name: str, mission: model.Mission, libraries: dict[str, Library
 
 
 def _import_bases(group: model.Group, mission: model.Mission, libraries: dict[str, Library], imports: Imports) -> None:
-    """The types that a local type extends, the farthest first: from groups of them, from a library, or bare."""
-    given = {prop.name for prop in group.properties}
+    """Import the types that a local type extends, the farthest first: from groups, from a library, or as empty
+    types."""
+    names = {prop.name for prop in group.properties}
     for at, name in reversed(tuple(enumerate(group.bases))):
         above = group.bases[at + 1 :]
         if name in imports.verbs:
@@ -80,9 +84,9 @@ def _import_bases(group: model.Group, mission: model.Mission, libraries: dict[st
         if any(other.type == name for other in mission.groups):
             _import_type(name, mission, libraries, imports)
             continue
-        for path, one in libraries.items():
-            decl = one.types.get(name)
-            if decl is not None and _extends(decl, group, above) and {p.name for p in decl.properties} <= given:
+        for path, declared in libraries.items():
+            decl = declared.types.get(name)
+            if decl is not None and _extends(decl, group, above) and {p.name for p in decl.properties} <= names:
                 imports.uses.setdefault(path, []).append(name)
                 imports.verbs[name] = tuple(decl.verbs.values())
                 break
@@ -97,7 +101,7 @@ def _extends(decl: TypeDecl, group: model.Group, above: tuple[str, ...]) -> bool
 
 
 def _gives(decl: TypeDecl, group: model.Group) -> bool:
-    """Whether the group can have been declared with this type."""
+    """True if the group can have been declared with this type."""
     if not _extends(decl, group, group.bases):
         return False
     own = {prop.name for prop in group.properties if not prop.inherited}
@@ -105,40 +109,40 @@ def _gives(decl: TypeDecl, group: model.Group) -> bool:
     if anew:
         own.add("look")
     due = [_shown(prop) for prop in decl.properties if prop.name not in own]
-    given = [_shown(prop) for prop in group.properties if prop.inherited]
+    inherited = [_shown(prop) for prop in group.properties if prop.inherited]
     if group.interactions != tuple(decl.interactions.values()) or group.mounts != tuple(decl.mounts.values()):
         return False
     if group.parts != (() if anew else tuple(decl.parts.values())):
         return False
-    return due == given and all(_is_verb_of(verb, decl.verbs.get(verb.name)) for verb in group.verbs)
+    return due == inherited and all(_is_verb_of(verb, decl.verbs.get(verb.name)) for verb in group.verbs)
 
 
 def _shown(prop: model.Property) -> model.Property:
-    """Without `hidden`, which an entity can add to what it inherits."""
+    """The property without `hidden`, which an entity can add to an inherited one."""
     return msgspec.structs.replace(prop, hidden=False)
 
 
-def _is_verb_of(verb: model.Verb, of: model.Verb | None) -> bool:
-    return of is not None and (verb == of or _bounded_as(of, verb) == verb)
+def _is_verb_of(verb: model.Verb, declared: model.Verb | None) -> bool:
+    return declared is not None and (verb == declared or _bounded_as(declared, verb) == verb)
 
 
 def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
-    """The verb with the other's bounds and default of the first argument: all that `actions` can change."""
+    """The verb with the other's bounds and default of the first argument, which is all that `actions` can change."""
     if not verb.arguments or not other.arguments:
         return verb
-    own, given = verb.arguments[0], other.arguments[0]
+    own, bounded = verb.arguments[0], other.arguments[0]
     first = msgspec.structs.replace(
         own,
-        minimum=given.minimum,
-        maximum=given.maximum,
-        default=given.default,
-        optional=own.optional or given.default is not None,
+        minimum=bounded.minimum,
+        maximum=bounded.maximum,
+        default=bounded.default,
+        optional=own.optional or bounded.default is not None,
     )
     return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
 
 
 def _put_together(groups: list[model.Group], imports: Imports) -> model.Group:
-    """The type of these groups."""
+    """A type that gives what these groups inherit."""
     first = groups[0]
     properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
     verbs = {verb.name: verb for verb in imports.verbs.get(first.bases[0] if first.bases else "", ())}
@@ -150,7 +154,7 @@ def _put_together(groups: list[model.Group], imports: Imports) -> model.Group:
 
 
 def _wider(a: model.Verb, b: model.Verb) -> model.Verb:
-    """One verb that can be bounded to either."""
+    """A verb that can be bounded to either of the two."""
     if not a.arguments or not b.arguments:
         return a
     first, other = a.arguments[0], b.arguments[0]
@@ -168,7 +172,7 @@ def _outer(a: ex.Expr | None, b: ex.Expr | None, pick: Callable[..., float]) -> 
 
 
 def _without_default(verb: model.Verb) -> model.Verb:
-    """As a type declares it: a default is given by `actions`, and makes the argument optional."""
+    """The verb as its type declares it. Only `actions` gives a default, which makes the argument optional."""
     if not verb.arguments or verb.arguments[0].default is None:
         return verb
     first = msgspec.structs.replace(verb.arguments[0], default=None, optional=False)
@@ -176,8 +180,8 @@ def _without_default(verb: model.Verb) -> model.Verb:
 
 
 def _import_record(kind: model.MessageKind, libraries: dict[str, Library], imports: Imports) -> None:
-    for path, one in libraries.items():
-        decl = one.records.get(kind.type)
+    for path, declared in libraries.items():
+        decl = declared.records.get(kind.type)
         if decl is not None and _same_record(decl, kind):
             imports.uses.setdefault(path, []).append(kind.type)
             return

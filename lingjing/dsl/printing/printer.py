@@ -1,7 +1,7 @@
 """`to_ljs`: a mission as formatted `.ljs` text, which compiles to an equal mission.
 
-One table says how each part of the mission is written; a part the table lacks is named by `unprinted`. Types and
-records come back as `use` lines (`lingjing.dsl.printing.imports`), expressions through `lingjing.dsl.printing.phrases`.
+One table lists the parts of a mission; `unprintable_paths` names the parts that the table lacks. Types and records
+become `use` lines (`lingjing.dsl.printing.imports`); expressions are written by `lingjing.dsl.printing.phrases`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ from lingjing.mission.expression_text import RANGE, SUM, LocalNames
 from lingjing.mission.units import BY_NAME
 
 _LOW = re.compile(r"(.+)_low(_[a-z0-9]+)?")
+"""Name of the lower bound of a range."""
 _DIRECTED = re.compile(r"(.+)_mps")
+"""Name of a speed with a direction."""
 
 
 def to_ljs(mission: model.Mission) -> str:
-    """The mission's text. `MissionError` if something in it has no spelling (a name that is no word, say)."""
+    """Return the mission's text. Raises `MissionError` if it has none, such as for a name that is no word."""
     text = Printer(mission).file()
     outcome = format_text(text)
     if outcome.text is None:
@@ -40,19 +42,20 @@ def to_ljs(mission: model.Mission) -> str:
     return outcome.text
 
 
-def unprinted(mission: model.Mission) -> tuple[str, ...]:
-    """What of the mission has no place in `.ljs` text, as JSON paths; empty if the text says everything."""
-    found = [f"$.{name}" for name in mission.__struct_fields__ if name not in _KNOWN and getattr(mission, name)]
-    found.extend(f"$.parameters[{i}].doc" for i, parameter in enumerate(mission.parameters) if parameter.doc)
+def unprintable_paths(mission: model.Mission) -> tuple[str, ...]:
+    """JSON paths of the mission's parts that `.ljs` text cannot express; empty if the text is complete."""
+    paths = [f"$.{name}" for name in mission.__struct_fields__ if name not in _KNOWN and getattr(mission, name)]
+    paths.extend(f"$.parameters[{i}].doc" for i, parameter in enumerate(mission.parameters) if parameter.doc)
     for i, group in enumerate(mission.groups):
-        found.extend(f"$.groups[{i}].verbs[{j}].doc" for j, verb in enumerate(group.verbs) if verb.doc)
+        paths.extend(f"$.groups[{i}].verbs[{j}].doc" for j, verb in enumerate(group.verbs) if verb.doc)
     if mission.origin.document:
-        found.append("$.origin.document")
-    return tuple(found)
+        paths.append("$.origin.document")
+    return tuple(paths)
 
 
 def canonical(mission: model.Mission) -> model.Mission:
-    """The mission without what a text cannot hold: its origin, and inherited properties standing before own ones."""
+    """The mission without the parts that a text does not preserve: its origin, and the order of inherited
+    properties."""
     groups = tuple(
         msgspec.structs.replace(group, properties=tuple(sorted(group.properties, key=lambda prop: prop.inherited)))
         for group in mission.groups
@@ -60,8 +63,8 @@ def canonical(mission: model.Mission) -> model.Mission:
     return msgspec.structs.replace(mission, groups=groups, origin=model.Origin())
 
 
-def lost(mission: model.Mission, text: str) -> tuple[str, ...]:
-    """What is not the same in the mission that the text compiles to, as JSON paths. `MissionError` if it does not."""
+def round_trip_losses(mission: model.Mission, text: str) -> tuple[str, ...]:
+    """JSON paths of the parts that differ after compiling the text. Raises `MissionError` if it does not compile."""
     from lingjing.dsl.compilation import compile_text
 
     again = compile_text(text, path=f"{mission.name}.ljs")
@@ -72,12 +75,12 @@ def lost(mission: model.Mission, text: str) -> tuple[str, ...]:
             hint="mission.json keeps everything",
         )
     before, after = canonical(mission), canonical(again.mission)
-    found = [f"$.{name}" for name in before.__struct_fields__ if getattr(before, name) != getattr(after, name)]
-    return tuple(dict.fromkeys((*unprinted(mission), *found)))
+    paths = [f"$.{name}" for name in before.__struct_fields__ if getattr(before, name) != getattr(after, name)]
+    return tuple(dict.fromkeys((*unprintable_paths(mission), *paths)))
 
 
 class Printer:
-    """Writes one mission. Every method gives the lines of one statement or of one family of them."""
+    """Writes one mission. Each method yields the lines of one statement or of one family of statements."""
 
     def __init__(self, mission: model.Mission) -> None:
         self.mission = mission
@@ -85,7 +88,7 @@ class Printer:
         self.imports: Imports = find_imports(mission)
 
     def file(self) -> str:
-        """The whole file, not yet formatted."""
+        """The whole file, unformatted."""
         uses = [f"use {path} {{ {', '.join(names)} }}" for path, names in self.imports.uses.items()]
         types = [self._type(local) for local in self.imports.types]
         records = [self._record(kind) for kind in self.imports.records]
@@ -100,20 +103,29 @@ class Printer:
         lines = [f"engine = {local.engine}"]
         lines.extend(self.properties(local.properties))
         lines.extend(self.verb(verb) for verb in local.verbs)
-        lines.extend(_block(f"interaction {one.name}", self.interaction(one)) for one in local.interactions)
-        lines.extend(_block(f"mount {one.view}", _mount(one)) for one in local.mounts)
-        lines.extend(_block(f"part {one.name} : {one.shape}", _part(one)) for one in local.parts)
+        lines.extend(_block(f"interaction {act.name}", self.interaction(act)) for act in local.interactions)
+        lines.extend(_block(f"mount {mount.view}", _mount(mount)) for mount in local.mounts)
+        lines.extend(_block(f"part {part.name} : {part.shape}", _part(part)) for part in local.parts)
         head = " : ".join([f"{local.role} {local.type}", *local.bases[:1]])
         return _block(head, lines, spread=True)
 
-    def interaction(self, one: model.Interaction) -> Iterator[str]:
+    def interaction(self, interaction: model.Interaction) -> Iterator[str]:
         """The lines of `interaction name { … }` of a type."""
-        yield f"by = {one.by}"
-        for key, value in (("within", one.within), ("lasting", one.lasting), ("aboard", one.aboard)):
+        yield f"by = {interaction.by}"
+        for key, value in (
+            ("within", interaction.within),
+            ("lasting", interaction.lasting),
+            ("aboard", interaction.aboard),
+        ):
             if value is not None:
                 yield f"{key} = {self.text(value)}"
-        said = {"takes": one.takes, "from": one.source, "gives": one.gives, "up_to": one.up_to}
-        for key, word in {**said, "status": one.status, "told": one.told}.items():
+        moves = {
+            "takes": interaction.takes,
+            "from": interaction.source,
+            "gives": interaction.gives,
+            "up_to": interaction.up_to,
+        }
+        for key, word in {**moves, "status": interaction.status, "told": interaction.told}.items():
             if word:
                 yield f"{key} = {word}"
 
@@ -131,13 +143,15 @@ class Printer:
     def _record(self, kind: model.MessageKind) -> str:
         return _block(f"record {kind.type} : {kind.category}", map(self._field, kind.fields), spread=True)
 
-    def _field(self, given: model.Field) -> str:
-        named = next((name for name, known in BY_NAME.items() if given.unit and known.unit == given.unit), given.type)
-        words = [f"{given.name}: {named}"]
-        if given.minimum is not None and given.maximum is not None:
-            low, high = (number_text(bound, given.unit) for bound in (given.minimum, given.maximum))
+    def _field(self, declared: model.Field) -> str:
+        named = next(
+            (name for name, known in BY_NAME.items() if declared.unit and known.unit == declared.unit), declared.type
+        )
+        words = [f"{declared.name}: {named}"]
+        if declared.minimum is not None and declared.maximum is not None:
+            low, high = (number_text(bound, declared.unit) for bound in (declared.minimum, declared.maximum))
             words.append(f"in {low}..{high}")
-        return " ".join([*words, "optional"] if given.optional else words)
+        return " ".join([*words, "optional"] if declared.optional else words)
 
     # -- settings
 
@@ -188,11 +202,11 @@ class Printer:
             head = f"{group.role} {group.name}{self._count(group)} : {group.type}{self._when(group.when)}"
             yield _block(head, [*own, *equipment], spread=bool(equipment)) if own or equipment else head
 
-    def _count(self, one: model.Group | model.Agent) -> str:
-        if one.count is None:
+    def _count(self, declared: model.Group | model.Agent) -> str:
+        if declared.count is None:
             return ""
-        index = "" if one.index == "i" and isinstance(one, model.Group) else f"{one.index} in "
-        return f"[{index}1..{self.text(one.count, SUM)}]"
+        index = "" if declared.index == "i" and isinstance(declared, model.Group) else f"{declared.index} in "
+        return f"[{index}1..{self.text(declared.count, SUM)}]"
 
     def camera(self, camera: model.Camera) -> str:
         """`camera name { … }`."""
@@ -210,13 +224,13 @@ class Printer:
         return f"actions {{ {', '.join(lines)} }}" if lines else "actions {}"
 
     def _bound(self, verb: model.Verb, due: model.Verb | None) -> str:
-        """` <= 50 m`, ` in 5 m..25 m`, ` = 10 m in 5 m..25 m`: how the first argument differs from the type's."""
+        """` <= 50 m`, ` in 5 m..25 m`, ` = 10 m in 5 m..25 m`: the difference of the first argument from the type's."""
         if verb == due or not verb.arguments:
             return ""
-        first, of = verb.arguments[0], due.arguments[0] if due and due.arguments else None
+        first, typed = verb.arguments[0], due.arguments[0] if due and due.arguments else None
         low, high = first.minimum, first.maximum
-        same = of is not None and (low, high) == (of.minimum, of.maximum)
-        if first.default is None and high is not None and (low is None or (of is not None and low == of.minimum)):
+        same = typed is not None and (low, high) == (typed.minimum, typed.maximum)
+        if first.default is None and high is not None and (low is None or (typed is not None and low == typed.minimum)):
             return f" <= {self.text(high)}"
         bounds = "" if low is None or high is None else f" in {self.text(low, SUM)}..{self.text(high, SUM)}"
         if first.default is None:
@@ -268,7 +282,7 @@ class Printer:
     # -- rules
 
     def rules(self) -> Iterable[str]:
-        """What is adjudicated and what it unlocks."""
+        """Adjudication rules and unlocks."""
         for rule in self.mission.rules:
             names = {parameter.name: parameter.domain for parameter in rule.parameters}
             condition = f"when {self.text(rule.condition, 0, names)}"
@@ -284,11 +298,13 @@ class Printer:
         for permit in self.mission.permits:
             verb = permit.verb or "*"
             yield f"permit {self.text(permit.resource)}.{verb} when {self.text(permit.condition)}"
-        for one in self.mission.constraints:
-            lines = [f"always {self.text(one.condition, 0, _bound(one))}"]
-            if one.penalty is not None:
-                lines.append(f"penalty = {self.text(one.penalty)}")
-            yield _block(f"constraint {one.kind} {one.name}{_per(one)}{self._when(one.when)}", lines)
+        for constraint in self.mission.constraints:
+            lines = [f"always {self.text(constraint.condition, 0, _bound(constraint))}"]
+            if constraint.penalty is not None:
+                lines.append(f"penalty = {self.text(constraint.penalty)}")
+            yield _block(
+                f"constraint {constraint.kind} {constraint.name}{_per(constraint)}{self._when(constraint.when)}", lines
+            )
         for way in self.mission.inspections:
             lines = [f"within = {self.text(way.within)}"]
             lines.extend([f"order = {way.order}"] if way.order != "strict" else [])
@@ -299,12 +315,15 @@ class Printer:
 
     def _limit(self, limit: model.Limit) -> str:
         counted = ", ".join(
-            one.name if one.resource is None else f"{self.text(one.resource)}.{one.name or '*'}" for one in limit.counts
+            counted_item.name
+            if counted_item.resource is None
+            else f"{self.text(counted_item.resource)}.{counted_item.name or '*'}"
+            for counted_item in limit.counts
         )
         return f"limit {limit.name} <= {self.text(limit.most, RANGE)} counts {counted}{self._when(limit.when)}"
 
     def stages(self) -> Iterable[str]:
-        """Stages per target."""
+        """Stages."""
         for stage in self.mission.stages:
             lines = [f"done when {self.text(stage.condition, 0, _bound(stage))}"]
             for name, value in (("ticks <=", stage.ticks), ("weight =", stage.weight)):
@@ -314,24 +333,31 @@ class Printer:
             yield _block(f"stage {stage.name}{_per(stage)}", lines)
 
     def relations(self) -> Iterable[str]:
-        """The five relations, and what is revealed."""
-        for one in self.mission.relations:
-            words = [f"relation {one.kind} {one.source} {'<->' if one.mutual else '->'} {one.target}"]
-            clauses = (("carries", one.carries), ("over", one.over), ("by", one.by), ("per", one.per))
+        """Relations and reveals."""
+        for relation in self.mission.relations:
+            words = [
+                f"relation {relation.kind} {relation.source} {'<->' if relation.mutual else '->'} {relation.target}"
+            ]
+            clauses = (
+                ("carries", relation.carries),
+                ("over", relation.over),
+                ("by", relation.by),
+                ("per", relation.per),
+            )
             words.extend(f"{keyword} {name}" for keyword, name in clauses if name)
-            yield " ".join(words) + self._when(one.when)
+            yield " ".join(words) + self._when(relation.when)
         for reveal in self.mission.reveals:
             yield f"reveal {reveal.what}({self.text(reveal.entity)}) to {reveal.role}"
 
     def events(self) -> Iterable[str]:
-        """What happens by itself."""
+        """Events."""
         for event in self.mission.events:
             at = f"{'~ ' if isinstance(event.at, ex.Draw) else ''}{self.text(event.at, RANGE)}"
             lines = [line for change in event.changes for line in self._change(change)]
             yield _block(f"event {event.name} at {at}{self._when(event.when)}", lines, spread=len(lines) > 1)
 
     def sweeps(self) -> Iterable[str]:
-        """The matched studies."""
+        """Sweeps."""
         for sweep in self.mission.sweeps:
             axes = ", ".join(
                 f"{name} in [{', '.join(map(self.text, values))}]"
@@ -363,7 +389,7 @@ class Printer:
         return self.phrases.text(node, rank, names)
 
     def properties(self, properties: Iterable[model.Property]) -> list[str]:
-        """The lines of lowered properties; ranges and directions come back as one line."""
+        """The lines of lowered properties. Ranges and directed speeds become one line."""
         known = {prop.name: prop for prop in properties}
         lines, done = [], set()
         for prop in known.values():
@@ -428,7 +454,7 @@ _KNOWN = frozenset(
         "sweeps",
     )
 )  # fmt: skip
-"""The fields of a mission that the paragraphs write; `origin` is where a text was read from, not a part of it."""
+"""The fields of a mission that the paragraphs write. `origin` is included, because a text does not express it."""
 
 _BOUNDS_OF_COMMS = frozenset(("payload", "range"))
 _DEFAULT_COMMS = model.Comms()
@@ -438,29 +464,29 @@ def _parameters(parameters: Iterable[model.RuleParameter]) -> str:
     return ", ".join(f"{parameter.name}: {parameter.domain}" for parameter in parameters)
 
 
-def _bound(one: Any) -> dict[str, str]:
-    return {one.variable: one.domain} if one.variable and one.domain else {}
+def _bound(quantified: Any) -> dict[str, str]:
+    return {quantified.variable: quantified.domain} if quantified.variable and quantified.domain else {}
 
 
-def _per(one: Any) -> str:
-    return f" per {one.variable} in {one.domain}" if one.variable else ""
+def _per(quantified: Any) -> str:
+    return f" per {quantified.variable} in {quantified.domain}" if quantified.variable else ""
 
 
-def _mount(one: model.CameraMount) -> Iterator[str]:
-    yield from (f"{name} = {number_text(getattr(one, f'{name}_m'), 'm')}" for name in ("ahead", "above"))
-    yield f"tilt = {number_text(one.tilt_deg, 'deg')}"
-    if not one.gimbal:
+def _mount(mount: model.CameraMount) -> Iterator[str]:
+    yield from (f"{name} = {number_text(getattr(mount, f'{name}_m'), 'm')}" for name in ("ahead", "above"))
+    yield f"tilt = {number_text(mount.tilt_deg, 'deg')}"
+    if not mount.gimbal:
         yield "gimbal = false"
 
 
-def _part(one: model.BodyPart) -> Iterator[str]:
+def _part(part: model.BodyPart) -> Iterator[str]:
     for name in (*MEASURES, "ahead", "right", "above"):
-        metres = getattr(one, f"{name}_m")
+        metres = getattr(part, f"{name}_m")
         if metres or name in MEASURES:
             yield f"{name} = {number_text(metres, 'm')}"
-    if one.heading_deg:
-        yield f"heading = {number_text(one.heading_deg, 'deg')}"
-    yield f"colour = {one.colour}"
+    if part.heading_deg:
+        yield f"heading = {number_text(part.heading_deg, 'deg')}"
+    yield f"colour = {part.colour}"
 
 
 def _block(head: str, lines: Iterable[str], *, spread: bool = False) -> str:

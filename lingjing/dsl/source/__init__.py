@@ -1,5 +1,5 @@
-"""A mission's text before it is read, and what is said about it.
+"""A mission's text before parsing, and the diagnostics about it.
 
-- `text`: a text with its lines and spans; reading and decoding files.
+- `text`: a text with its lines and spans; reading and decoding of files.
 - `reporter`: collects the diagnostics of one text.
 """

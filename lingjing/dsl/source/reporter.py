@@ -1,4 +1,4 @@
-"""`Reporter`: where every phase puts its diagnostics."""
+"""`Reporter`: the collector of diagnostics that all phases use."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severit
 from lingjing.suggest import did_you_mean, is_certain, nearest
 
 MOST = 1000
-"""Diagnostics of one file. More do not help a reader, and take memory without bound for a file that is no mission."""
+"""Most diagnostics of one file (chosen): more are of no use, and a file that is no mission could give any number."""
 
 
 class Placed(Protocol):
-    """What stands somewhere in a text: a node, a token."""
+    """A node or token with a place in a text."""
 
     @property
-    def start(self) -> int: ...  # noqa: D102 - character offset
+    def start(self) -> int: ...  # noqa: D102 - offset of the first character
     @property
-    def end(self) -> int: ...  # noqa: D102 - character offset, just behind
+    def end(self) -> int: ...  # noqa: D102 - offset after the last character
 
 
 class PlacedWord(Placed, Protocol):
-    """A word that stands somewhere in a text."""
+    """A word with a place in a text."""
 
     @property
     def text(self) -> str: ...  # noqa: D102
 
 
 class Reporter:
-    """Collects the diagnostics of one file. Calling it reports an error at offsets of its source."""
+    """Collects the diagnostics of one file. A call reports an error at offsets of its source."""
 
     __slots__ = ("diagnostics", "source")
 
@@ -52,7 +52,7 @@ class Reporter:
         severity: Severity = "error",
         also: Iterable[tuple[int, int]] = (),
     ) -> None:
-        """Report; `replace` offers to put that text in the span's place, and in those of `also`."""
+        """Report a diagnostic. `replace`: text that a fix writes over the span and over the spans in `also`."""
         if len(self.diagnostics) >= MOST:
             return
         if len(self.diagnostics) == MOST - 1:
@@ -60,7 +60,7 @@ class Reporter:
             related, replace = (), None
         span = self.source.span(start, end)
         if isinstance(self.source, JoinedSource) and self.source.inner(start, end) is not None:
-            related, replace = (Related(span, "this is where it shows"), *related), None
+            related, replace = (Related(span, "the error is here"), *related), None
             span = self.source.place
         spans = (span, *(self.source.span(*place) for place in also))
         fix = None if replace is None else Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
@@ -78,37 +78,37 @@ class Reporter:
         safe: bool = False,
         severity: Severity = "error",
     ) -> None:
-        """Report at a node or a token."""
+        """Report a diagnostic at a node or a token."""
         start, end = place.start, place.end
         self(code, start, end, message, hint, related=related, replace=replace, safe=safe, severity=severity)
 
     def unknown(
         self, code: str, word: PlacedWord, message: str, known: Iterable[str], hint: str = "", *, sure: bool = False
     ) -> None:
-        """Report a word that is none of the known ones, with the nearest of them as hint and fix, else with `hint`.
+        """Report an unknown word. Hint and fix are the nearest of the `known` words, else the hint is `hint`.
 
-        `sure`: where nothing else can have been meant, the fix is safe.
+        `sure`: True if a close word is certainly the intended one; then the fix is safe.
         """
         words = tuple(known)
         close, safe = nearest(word.text, words), sure and is_certain(word.text, words)
-        meant = f"did you mean `{close}`?" if close else did_you_mean(word.text, words) or hint
-        self.at(code, word, message, meant, replace=close, safe=safe)
+        proposal = f"did you mean `{close}`?" if close else did_you_mean(word.text, words) or hint
+        self.at(code, word, message, proposal, replace=close, safe=safe)
 
     def once(self, table: dict[str, Span], name: PlacedWord, what: str) -> None:
-        """Enter a declared name; one that is there already is reported."""
+        """Enter a declared name into a table. Report it if the table has it already."""
         span = self.span(name.start, name.end)
         first = table.setdefault(name.text, span)
         if first is not span:
             self.declared_twice(name, f"{what} `{name.text}`", first)
 
     def declared_twice(self, place: Placed, what: str, first: Span) -> None:
-        """Report a second declaration of one name, and where the first stands."""
+        """Report a second declaration of a name, with the place of the first."""
         related = (Related(first, "first declared here"),)
         self.at("LJ0104", place, f"{what} is declared twice", "choose another name", related=related)
 
     @property
     def full(self) -> bool:
-        """Whether nothing more is shown, so that looking for what was meant is lost time."""
+        """True if further diagnostics are dropped, so that searching for proposals is wasted."""
         return len(self.diagnostics) >= MOST
 
     def span(self, start: int, end: int) -> Span:

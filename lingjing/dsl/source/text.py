@@ -1,4 +1,4 @@
-"""`SourceText`: the text of one file with what is needed to say where something stands in it."""
+"""`SourceText`: the text of one file, with the conversion of offsets to lines and columns."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
 LONGEST_LINE = 1_000_000
-"""Characters. No hand and no model writes such a line; refusing it keeps every phase's memory bounded."""
+"""Most characters of a line (chosen): no author writes longer ones, and the limit bounds the memory of every phase."""
 
 LARGEST_FILE = 32_000_000
-"""Bytes: some fifteen times the largest mission the project is measured with."""
+"""Most bytes of a file (chosen): about fifteen times the largest mission in the project's measurements."""
 
 _LARGEST = f"a mission has at most {LARGEST_FILE // 1_000_000} MB"
 
@@ -33,11 +33,11 @@ class SourceText:
         self._line_starts: list[int] | None = None
 
     def line_of(self, offset: int) -> int:
-        """The line of an offset, from 1."""
+        """The line of an offset, counted from 1."""
         return bisect_right(self.line_starts(), offset)
 
     def line_text(self, line: int) -> str:
-        """The text of a line, from 1, without its end; empty past the last."""
+        """The text of a line (counted from 1) without its end; empty after the last line."""
         starts = self.line_starts()
         if not 1 <= line <= len(starts):
             return ""
@@ -45,7 +45,7 @@ class SourceText:
         return self.text[starts[line - 1] : end].rstrip("\r\n")
 
     def span(self, start: int, end: int) -> Span:
-        """The span from `start` to just before `end`."""
+        """The span of the characters from `start` to `end`, `end` excluded."""
         line, end_line = self.line_of(start), self.line_of(end)
         starts = self.line_starts()
         return Span(
@@ -59,17 +59,17 @@ class SourceText:
         )
 
     def line_starts(self) -> list[int]:
-        """Offsets at which the lines begin."""
+        """The offsets at which lines begin."""
         if self._line_starts is None:
             self._line_starts = _line_starts(self.text)
         return self._line_starts
 
 
 class JoinedSource(SourceText):
-    """A mission's text with those of the missions it extends behind it: offsets count through all of them.
+    """A mission's text, followed by the texts of the missions that it extends. Offsets count through all of them.
 
-    Spans say where a thing really is. `place` is where the mission names its base: there errors inside the base are
-    reported, because that is what the author can change.
+    Spans refer to the original files. `place` is the span of the base's name in the mission. Errors inside a base are
+    reported there, because the author can change that file.
     """
 
     __slots__ = ("_parts", "own", "place")
@@ -81,18 +81,18 @@ class JoinedSource(SourceText):
         self._parts: list[tuple[int, SourceText]] = []
 
     def append(self, part: SourceText) -> int:
-        """Add a base's text; the offset at which it begins."""
+        """Append a base's text and return its first offset."""
         start = len(self.text) + 1
         self.text = f"{self.text}\n{part.text}"
         self._parts.append((start, part))
         return start
 
     def span(self, start: int, end: int) -> Span:
-        """The span in the file where the text comes from."""
+        """The span in the file that the text comes from."""
         return self.inner(start, end) or self.own.span(start, end)
 
     def inner(self, start: int, end: int) -> Span | None:
-        """The place in a base's file, None if the offsets are the mission's own."""
+        """The span in a base's file; None if the offsets are in the mission's own text."""
         for begin, part in reversed(self._parts):
             if start >= begin:
                 return part.span(start - begin, max(start, end) - begin)
@@ -115,7 +115,7 @@ def _line_starts(text: str) -> list[int]:
 
 
 def read_stream(file: BinaryIO, path: str) -> SourceText:
-    """Read what has no size before it ends, such as standard input; errors as `read_source`."""
+    """Read a stream of unknown size, such as standard input. Errors are those of `read_source`."""
     return decode_source(_bounded(file, path), path)
 
 
@@ -127,8 +127,11 @@ def _bounded(file: BinaryIO, path: str) -> bytes:
 
 
 def read_source(path: str) -> SourceText:
-    """Read a file. `UsageError` names it and says why it cannot be read: missing, a folder, not text, far too large, or
-    that its own name is not text."""
+    """Read a file.
+
+    Raises `UsageError` with the reason if it cannot be read: missing, a folder, not text, too large, or an invalid
+    name.
+    """
     check_name(path, "file")
     try:
         with open(path, "rb") as file:  # noqa: PTH123 - pathlib costs a tenth of the cold start
@@ -148,7 +151,9 @@ def read_source(path: str) -> SourceText:
 
 
 def decode_source(data: bytes, path: str) -> SourceText:
-    """Text from bytes. `UsageError` on what is not UTF-8 (with the byte's offset) or has a line beyond all reason."""
+    """Decode the bytes of a file. Raises `UsageError` if they are not UTF-8 (with the byte's offset) or a line is too
+    long.
+    """
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -165,7 +170,7 @@ def decode_source(data: bytes, path: str) -> SourceText:
 
 
 def longest_line(text: str) -> tuple[int, int]:
-    """Length and offset of the longest line; looks no further than the first beyond the limit."""
+    """Length and offset of the longest line. The search stops at the first line beyond the limit."""
     start, best, best_at = 0, 0, 0
     while start <= len(text):
         end = text.find("\n", start)

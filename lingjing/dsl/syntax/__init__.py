@@ -1,9 +1,11 @@
 """Text → syntax tree.
 
-In the order of the work:
+The parser is an LALR(1) machine over tokens. Its grammar is `ljs.lark`; its tables are generated and shipped.
 
-- `tokens`: the kinds of tokens and the words of the language. `lexer`: text → tokens; newlines only at statement
-  boundaries, braces balanced ← `indentation`, where they do not. `lookalikes`: names whose letters look like others.
-- `tree`: the nodes of the syntax tree. `ljs.lark`: the grammar. `tables`: its LALR(1) tables, which ship.
-- `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at the statement.
+The modules in control-flow order:
+
+- `tokens`: the kinds of tokens and the words of the language. `lexer`: text → tokens, with newlines only at statement
+  boundaries and balanced braces ← `indentation`, where braces are missing. `lookalikes`: names in confusable letters.
+- `tree`: the nodes of the syntax tree. `ljs.lark`: the grammar. `tables`: its LALR(1) tables.
+- `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at statements.
 """

@@ -1,9 +1,9 @@
-"""Reductions of the grammar to the syntax tree, by alias of `ljs.lark`: `NODES`, what becomes a node as it stands, and
-the methods of `Builder`, plus the ranking of operators.
+"""Reductions of the grammar → nodes of the syntax tree, by alias of `ljs.lark`.
 
-The arguments of a reduction are the values on the right-hand side in order, tokens included, None for what is absent.
-An expression under construction is a flat list `[operand, operator, operand, …]` until it is reduced to a `value`;
-depth is bounded here so that no later phase recurses without limit.
+`NODES` lists the reductions that become a node directly; the methods of `Builder` do the others and rank operators. The
+arguments of a reduction are the values of the right-hand side in order, including tokens, with None for absent ones. An
+expression under construction is a flat list `[operand, operator, operand, …]` until it is reduced to a `value`. Its
+depth is limited here, so that no later phase recurses too deeply.
 """
 
 # ruff: noqa: D102 - the docstring of a reduction is its rule in ljs.lark
@@ -20,14 +20,14 @@ from lingjing.dsl.syntax.tokens import Token
 from lingjing.mission.functions import RANKS
 
 DEEPEST = 120
-"""Levels of one expression's tree. The longest rule of the project's missions has eight."""
+"""Most levels of an expression's tree (chosen): the longest rule of the project's missions has eight."""
 
 _ESCAPE = re.compile(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t"}
 T = TypeVar("T")
 Arguments = list[s.CallArgument]
 FlatExpr = list[Any]
-"""`[operand, operator token, operand, …]`, or a lone operand."""
+"""`[operand, operator token, operand, …]`, or a single operand."""
 
 NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
     "set": (s.NameSet, "_ names _"),
@@ -86,20 +86,20 @@ NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
 }
 """Alias → the node, and the field that each symbol on the right-hand side fills; `_` fills none.
 
-The node stands where its first symbol begins and its last one ends. A field of text takes a token's text, one that is
-true or false takes whether the symbol is there; any other token becomes a name, a number or a text. A field that no
-symbol fills is empty: None, false or `()`. What long missions are made of has methods instead, which are faster.
-"""
+The node extends from the start of its first symbol to the end of its last. A text field takes the token's text, a
+boolean field is True if the symbol is present; any other token becomes a name, a number or a text. A field without a
+symbol is empty: None, False or `()`. The most frequent nodes of long missions have methods instead, which are
+faster."""
 
 
 class Builder:
-    """Builds nodes; `faulty` is filled by the parser before it reduces ERROR."""
+    """Builds nodes from reductions."""
 
     def __init__(self, report: Reporter) -> None:
         self.report = report
 
     def actions(self) -> dict[str, Callable[..., Any]]:
-        """Alias → what makes its value."""
+        """Alias → function that builds its value."""
         methods = {name: getattr(self, name) for name in dir(self) if not name.startswith("_")}
         return methods | {alias: self._node(node, _places(alias)) for alias, (node, _) in NODES.items()}
 
@@ -198,7 +198,7 @@ class Builder:
         items = self._unnamed(arguments)
         if len(items) == 1:
             item = items[0]
-            if type(item) is s.UnaryExpr and item.operator == "not":  # a `not` in brackets is closed: see `_Ranker`
+            if type(item) is s.UnaryExpr and item.operator == "not":  # brackets end the operand of `not`: see `_Ranker`
                 return s.UnaryExpr(opening.start, closing.end, item.depth, "not", item.operand)
             return item
         return self._bounded(s.Tuple(opening.start, closing.end, _levels(*items), items))
@@ -218,7 +218,7 @@ class Builder:
     # -- private
 
     def _node(self, node: type[s.SyntaxNode], places: tuple[tuple[int, str], ...]) -> Callable[..., s.SyntaxNode]:
-        """What makes a node of the values of its symbols, as `NODES` says."""
+        """A function that builds a node from the values of its symbols, according to `NODES`."""
         composite = issubclass(node, s.CompositeExpr)
 
         def build(*values: Any) -> s.SyntaxNode:
@@ -263,7 +263,7 @@ class Builder:
 
 
 class _Ranker:
-    """Precedence climbing over one flat list; `not` binds looser than comparisons and tighter than `and`."""
+    """Precedence climbing over one flat list. `not` binds looser than comparisons and tighter than `and`."""
 
     def __init__(self, builder: Builder, flat: FlatExpr) -> None:
         self.builder = builder
@@ -297,7 +297,7 @@ class _Ranker:
         return value
 
     def _closed(self, value: s.UnaryExpr) -> bool:
-        """Whether the `not` stands in brackets of its own, and so takes nothing to its right."""
+        """True if the `not` stands in its own brackets, so that its operand ends there."""
         return self.builder.report.source.text.startswith("(", value.start)
 
 
@@ -310,7 +310,7 @@ _LITERALS: dict[str, Callable[[Builder, Token], s.SyntaxNode]] = {
 
 
 def _dedented(raw: str) -> str:
-    """The lines of a long text without their common indentation and without the blank first and last line."""
+    """The lines of a long text without their common indentation and without a blank first and last line."""
     lines = raw.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     rest = [line for line in lines[1:] if line.strip()]
     margin = min((len(line) - len(line.lstrip(" \t")) for line in rest), default=0)
@@ -324,17 +324,19 @@ def _dedented(raw: str) -> str:
 
 @cache
 def _places(alias: str) -> tuple[tuple[int, str], ...]:
-    """For each field of an alias's node which symbol fills it, -1 for none, and the field's kind, a key of `_EMPTY`."""
+    """For each field of an alias's node: the index of the symbol that fills it (-1 for none), and a key of `_EMPTY`."""
     node, spec = NODES[alias]
-    said = {name: str(kind) for each in node.__mro__ for name, kind in getattr(each, "__annotations__", {}).items()}
-    kinds = {name: kind.partition("[")[0] for name, kind in said.items()}
+    annotations = {
+        name: str(kind) for each in node.__mro__ for name, kind in getattr(each, "__annotations__", {}).items()
+    }
+    kinds = {name: kind.partition("[")[0] for name, kind in annotations.items()}
     own = [name for name in node.__struct_fields__ if name not in ("start", "end", "depth")]
     symbols = spec.split()
     return tuple((symbols.index(n) if n in symbols else -1, kinds[n] if kinds[n] in _EMPTY else "") for n in own)
 
 
 def _levels(*parts: Any) -> int:
-    """The depth of an expression made of such parts."""
+    """The depth of an expression made of these parts."""
     depth = 0
     for part in parts:
         if isinstance(part, s.CompositeExpr) and part.depth > depth:

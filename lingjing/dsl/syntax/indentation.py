@@ -1,4 +1,4 @@
-"""How deep the lines of a text are indented: where braces do not balance, that tells which block was meant."""
+"""Indentation of a text's lines. Where braces do not balance, it shows the intended blocks."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ _OPENED = re.compile(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*\{[ \t]*[\r\n]+(?P<ins
 
 
 class Indentation:
-    """The indentation of one text, looked up where it is asked for."""
+    """The indentation of one text, computed on demand."""
 
     def __init__(self, text: str) -> None:
         self.text = text
 
     def line_start(self, offset: int) -> int:
-        """Where the line of an offset begins."""
+        """Offset at which the line of an offset begins."""
         return max(self.text.rfind("\n", 0, offset), self.text.rfind("\r", 0, offset)) + 1
 
     def depth_of_line(self, offset: int) -> int:
@@ -25,12 +25,13 @@ class Indentation:
         return _BLANK.match(self.text, begin).end() - begin  # type: ignore[union-attr]
 
     def depth(self, begin: int) -> int | None:
-        """Indentation of the line that begins there or, if there is only a comment, of the next; None at the end."""
+        """Indentation of the line at `begin` or, for a blank or comment line, of the next code line; None at the
+        end."""
         match = _NEXT_CODE.match(self.text, begin)
         return None if match is None else len(match["depth"])
 
     def is_kept(self) -> bool:
-        """Whether the author indents what stands in a block."""
+        """True if the author indents the content of blocks (at least nine in ten)."""
         opened = deeper = 0
         for match in _OPENED.finditer(self.text):
             opened += 1

@@ -1,10 +1,12 @@
-"""The lexer: one master pattern, newline tokens at statement boundaries only, balanced braces guaranteed.
+"""The lexer: one master pattern, newline tokens only at statement boundaries, balanced brackets guaranteed.
 
-The token stream is made so that the grammar stays context-free and recovery stays simple: a newline inside `()`, `[]`
-or after an operator is no token; a comma between the items of a block is `NL` when a statement follows it and `SEP`
-else; a unit belongs to its number (`QUANTITY`); a sign before a literal belongs to it; braces of a set (`in { a, b }`)
-are `LSET`, `RSET`. Brackets always balance: what is missing is reported and supplied, what is too much is reported
-and dropped.
+The token stream keeps the grammar context-free and recovery simple:
+
+- A newline inside `()`, `[]` or after an operator gives no token.
+- A comma between the items of a block is `NL` if a statement follows it, else `SEP`.
+- A unit belongs to its number (`QUANTITY`), and so does a sign before a literal.
+- Braces of a set (`in { a, b }`) are `LSET` and `RSET`.
+- Brackets always balance: missing ones are reported and inserted, surplus ones are reported and dropped.
 """
 
 from __future__ import annotations
@@ -20,16 +22,17 @@ from lingjing.mission.diagnostics import Related
 from lingjing.suggest import is_certain, nearest
 
 DEEPEST = 64
-"""Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
+"""Deepest nesting of brackets (chosen): missions need about six levels, and the limit bounds recursion in all later
+phases."""
 
 _NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
 _FACTOR = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
 _UNIT = rf"[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_FACTOR}(?:[/*]{_FACTOR})*)(?!\w)"
 _DIGITS = r"\d+(?!\d)"
-"""All digits there are. No possessive quantifiers here: Python 3.11.2, which Debian 12 has, matches a possessive
-group wrongly (it takes the dot of `1..3`)."""
+"""A maximal run of digits. Possessive quantifiers are avoided: Python 3.11.2 (Debian 12) matches a possessive group
+wrongly (it takes the dot of `1..3`)."""
 _MARKS = "\u0300-\u036f\u1ab0-\u1aff\u1dc0-\u1dff\u20d0-\u20ff\u3099\u309a\ufe20-\ufe2f"
-"""Combining marks: letters written apart from their accents (NFD) are the same letters, and names are kept in NFC."""
+"""Combining marks. Letters written apart from their accents (NFD) are the same letters; names are stored in NFC."""
 MASTER = re.compile(
     rf"""
     (?P<WORD>[^\W\d][\w{_MARKS}]*)
@@ -48,8 +51,8 @@ MASTER = re.compile(
 )
 
 _COMMENT_LINES = re.compile(r"[ \t]*\#[^\r\n]*[\r\n](?:[ \t\r\n]*[\r\n])?")
-"""A comment with a line of its own, and the blank lines after it. One at a time: the pattern matcher keeps half a
-kilobyte for each round of a repeated group, so that a file of line ends alone took gigabytes."""
+"""A comment on its own line, and the blank lines after it. It matches one comment at a time: the pattern matcher keeps
+half a kilobyte for each repetition of a group, so a file of line ends alone took gigabytes."""
 _STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d|\.[^\W\d])|[ \t]*\{")
 _HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
 _NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
@@ -70,7 +73,7 @@ _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 
 
 class Lexer:
-    """State of one pass over one text: the tokens so far and the open brackets."""
+    """One pass over one text: the tokens so far and the open brackets."""
 
     def __init__(self, text: str, report: Reporter, *, start: int = 0, guided: bool = False) -> None:
         self.text = text
@@ -86,7 +89,7 @@ class Lexer:
         self.unbalanced = False
 
     def run(self) -> list[Token] | None:
-        """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
+        """Return all tokens, ending in `$END`; None if the nesting is too deep, which ends the compilation."""
         self._refuse_bidi()
         handlers: dict[str, Callable[[re.Match[str]], int]] = {
             "WORD": self._word,
@@ -108,7 +111,7 @@ class Lexer:
         return self._finish()
 
     def _scan(self, handlers: dict[str, Callable[[re.Match[str]], int]], begin: int) -> int | None:
-        """Read from `begin` to the end (None), or to where a handler says to go on."""
+        """Read tokens from `begin`. Return None at the end, or the offset at which a handler continues."""
         for match in MASTER.finditer(self.text, begin):
             kind = match.lastgroup or ""
             if kind == "SPACE":
@@ -152,8 +155,8 @@ class Lexer:
             return skip
         if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
             self._add(STATEMENTS[word], start, end)
-        elif previous in ("NL", "LBRACE") and (meant := self._misspelt_block(word, end)):
-            self._add(STATEMENTS[meant], start, end, text=meant)
+        elif previous in ("NL", "LBRACE") and (keyword := self._misspelt_block(word, end)):
+            self._add(STATEMENTS[keyword], start, end, text=keyword)
         elif word in INNER and previous != "DOT" and self._means(word, end):
             self._add(INNER[word], start, end)
         elif word == "sea" and (level := _SEA_LEVEL.match(self.text, end)):
@@ -169,7 +172,7 @@ class Lexer:
         return _STATEMENT_FOLLOWS.match(self.text, end) is not None
 
     def _misspelt_block(self, word: str, end: int) -> str | None:
-        """The keyword meant by `comms {` misspelt: such a word can be nothing else."""
+        """The keyword that a misspelt word before `{` stands for, such as `comms`; None without a near one."""
         if not _BLOCK_FOLLOWS.match(self.text, end):
             return None
         close = nearest(word, _BLOCK_KEYWORDS)
@@ -204,7 +207,9 @@ class Lexer:
     # -- structure
 
     def _line(self, match: re.Match[str]) -> int:
-        """A line's end, with the blank and comment lines after it; where to go on if there were comments."""
+        """Handle a line end with the blank and comment lines after it. Return the offset to continue from, 0 if
+        unchanged.
+        """
         start, end = match.start(), match.end()
         while comment := _COMMENT_LINES.match(self.text, end):
             end = comment.end()
@@ -212,7 +217,7 @@ class Lexer:
         return 0 if end == match.end() else end
 
     def _line_ends(self, start: int, end: int) -> None:
-        """A newline token at `start`, if a statement ends there; the next line begins at `end`."""
+        """Add a newline token at `start` if a statement ends there. The next line begins at `end`."""
         top = self.open[-1][0] if self.open else "{"
         if top != "{":
             if not self._bracket_was_forgotten(top, end):
@@ -229,7 +234,9 @@ class Lexer:
         self._add("NL", start, start)
 
     def _block_was_forgotten(self, guide: Indentation, line: int) -> bool:
-        """Supply `{` where the next line is indented deeper than a header without one, `}` where it is not."""
+        """Insert `{` if the next line is indented deeper than a header without one, and `}` where indentation
+        decreases.
+        """
         last = self.tokens[-1]
         first = self._statement()
         depth = guide.depth(line)
@@ -247,7 +254,7 @@ class Lexer:
         return False
 
     def _opened(self, guide: Indentation, start: int) -> None:
-        """Remember how deep the statement that opens a block is indented."""
+        """Store the indentation of the statement that opens a block."""
         first = self._statement() if self.tokens and self.previous not in ("NL", "LBRACE") else None
         self.depths[start] = guide.depth_of_line(first.start if first else start)
 
@@ -258,7 +265,7 @@ class Lexer:
         return self.tokens[at]
 
     def _close_deeper(self, guide: Indentation, depth: int, *, orphans: bool) -> None:
-        """Close the blocks whose opening line is indented deeper than `depth`, or as deep where `orphans`."""
+        """Close the blocks with an opening line indented deeper than `depth`; with `orphans`, equally deep ones too."""
         while self.open and self.open[-1][0] == "{":
             opened = self.depths[self.open[-1][1]]
             if opened < depth or (opened == depth and not orphans):
@@ -275,7 +282,8 @@ class Lexer:
         self._add("RBRACE", end, end)
 
     def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
-        """A new line inside a bracket that can only begin a statement: two operands in a row, or a keyword."""
+        """True if a new line inside a bracket can only begin a statement: it has two operands in a row, or a
+        keyword."""
         match = _STARTS.match(self.text, at)
         if match is None or (bracket == "set" and match["word"] is None):
             return False
@@ -369,7 +377,7 @@ class Lexer:
         self._add(SYMBOLS[closer], start, end)
 
     def _is_surplus(self, guide: Indentation, start: int) -> bool:
-        """Whether a `}` cannot close the innermost block, as the lines are indented; closes deeper blocks first."""
+        """True if, by indentation, a `}` cannot close the innermost block. Deeper blocks are closed first."""
         begin = guide.line_start(start)
         if self.open and guide.line_start(self.open[-1][1]) == begin:
             return False
@@ -405,7 +413,10 @@ class Lexer:
         return line.end()
 
     def _unclosed_long(self, start: int) -> int:
-        """Three quotes without their like: the text ends at a line of fewer quotes, or where its indentation does."""
+        """Handle three quotes without a closing triple.
+
+        The text ends at a line of fewer quotes, or at the end of its indentation.
+        """
         rest = _LONG_REST.match(self.text, start + 3)
         if rest is not None:
             place = rest.start("quotes")
@@ -417,8 +428,10 @@ class Lexer:
         return self._until_dedent(start, len(self.text))
 
     def _long_string(self, match: re.Match[str]) -> int:
-        """A text of several lines. On the second pass one that leaves its indentation was never closed: what closes it
-        is the beginning of another."""
+        """Handle a text of several lines.
+
+        In the second pass, a text that leaves its indentation counts as unclosed: its closing quotes open another text.
+        """
         start = match.start()
         end = self._long_end(match.end())
         if end < 0:
@@ -432,19 +445,21 @@ class Lexer:
         return end
 
     def _long_end(self, at: int) -> int:
-        """Where a text of several lines ends whose inside begins at `at`: after three quotes that are not escaped;
-        -1 if it does not."""
-        while (found := self.text.find('"""', at)) >= 0:
-            slashes = found
+        """The offset after the closing quotes of a text of several lines that begins at `at`; -1 without any.
+
+        Escaped quotes do not close it.
+        """
+        while (quotes := self.text.find('"""', at)) >= 0:
+            slashes = quotes
             while self.text[slashes - 1] == "\\" and slashes > at:
                 slashes -= 1
-            if (found - slashes) % 2 == 0:
-                return found + 3
-            at = found + 1
+            if (quotes - slashes) % 2 == 0:
+                return quotes + 3
+            at = quotes + 1
         return -1
 
     def _until_dedent(self, start: int, close: int) -> int:
-        """End a text at its last line that is indented deeper than the line it begins on, if that is before `close`."""
+        """End a text at the last line that is indented deeper than its first line, if that is before `close`."""
         depth = Indentation(self.text).depth_of_line(start)
         end = start + 3
         for line in _LINES.finditer(self.text, end, close):
@@ -460,7 +475,8 @@ class Lexer:
         return end
 
     def _unopened_long(self, word: str, start: int, end: int) -> int:
-        """`goal` or `prompt` alone on its line, and further down the end of a text: its beginning is missing."""
+        """Handle `goal` or `prompt` alone on a line, if the end of a long text follows: its opening quotes are
+        missing."""
         rest = _LONG_REST.match(self.text, end) if word in ("goal", "prompt") else None
         if rest is None or self.previous not in ("NL", "LBRACE"):
             return 0
@@ -558,10 +574,10 @@ _BAD_HINTS = {
 
 
 def lex(text: str, report: Reporter, start: int = 0) -> list[Token] | None:
-    """The tokens of a text from `start` on, see `Lexer.run`; faults go to `report`.
+    """Return the tokens of a text from `start` on (see `Lexer.run`). Errors are reported.
 
-    If braces do not balance and the author indents blocks, a second pass goes by the indentation: what is missing or
-    too much is then reported where it is, and costs none of the other blocks.
+    If braces do not balance and the author indents blocks, a second pass uses the indentation. Missing and surplus
+    braces are then reported in place, and the other blocks stay intact.
     """
     before = len(report.diagnostics)
     lexer = Lexer(text, report, start=start)

@@ -1,7 +1,7 @@
-"""Names that look like others: Cyrillic or Greek letters with a Latin double among Latin ones, or in place of them.
+"""Confusable names: Cyrillic or Greek letters that look like Latin ones, mixed with Latin letters or instead of them.
 
-After Unicode TR39 (mixed-script and whole-script confusables), narrowed to what a reader takes for another name:
-`vісtim` with a Cyrillic `і` is warned of; `α_max`, `Δt` and `海_east` are not.
+After Unicode TR39 (mixed-script and whole-script confusables), limited to names that a reader takes for another name:
+`vісtim` with a Cyrillic `і` gives a warning; `α_max`, `Δt` and `海_east` do not.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ LATIN_DOUBLES = {
     **dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧ", "ABEZHIKMNOPTYX", strict=True)),
     **dict(zip("αγινορυϲϳ", "ayivopucj", strict=True)),
 }
-"""Cyrillic and Greek letters, and the Latin ones they are taken for (a selection of Unicode's `confusables.txt`)."""
+"""Cyrillic and Greek letters → the Latin letters that they resemble (a selection of Unicode's `confusables.txt`)."""
 
 _PARTS = re.compile(r"[\d_]+")
 
 
 def look_alikes(names: Mapping[str, Sequence[tuple[int, int]]], known: Container[str], report: Reporter) -> None:
-    """Warn of each name that mixes scripts, or that looks like another of the text's names, which `known` holds.
+    """Warn of each name that mixes scripts, or resembles another name of the text (`known`).
 
-    `names` are those that are not all ASCII, with the offsets of each place they stand at; the first is shown.
+    `names`: names with letters outside ASCII → the offsets of their occurrences. The first occurrence is shown.
     """
     for name, places in names.items():
         latin = "".join(LATIN_DOUBLES.get(letter, letter) for letter in name)

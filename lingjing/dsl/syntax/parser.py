@@ -1,9 +1,9 @@
 """The parser: drives lark's LALR(1) tables over the tokens, and recovers at statement boundaries.
 
-On an unexpected token it takes a misspelt keyword for the one that was meant; else it reports what was due, drops the
-unfinished statement from the stack, skips to the end of that statement (a block it opens is still parsed, so that
-errors in it are found) and puts an ERROR in the statement's place. Braces balance in the token stream, so a fault in a
-statement never moves the end of the block around it.
+On an unexpected token it first tries to read a misspelt keyword as the intended one. Otherwise it reports the expected
+tokens, drops the unfinished statement from the stack, skips to the end of that statement and puts an ERROR in its
+place. A block that the statement opens is still parsed, so that errors in it are reported. Braces balance in the token
+stream, so an error in a statement never moves the end of the block around it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from lingjing.suggest import nearest
 
 
 def parse(report: Reporter, start: int = 0) -> s.File:
-    """The syntax tree of the reporter's source from `start` on. Faulty statements are `Faulty` nodes, and reported."""
+    """Parse the reporter's source from `start` on. Faulty statements are reported and become `Faulty` nodes."""
     tokens = lex(report.source.text, report, start)
     return s.File(0, 0, (s.Faulty(0, 0, (), None),)) if tokens is None else parse_tokens(tokens, report)
 
 
 def parse_tokens(tokens: list[Token], report: Reporter) -> s.File:
-    """The syntax tree of tokens that are read already; their list stays as it is if nothing is wrong."""
+    """Parse a list of tokens. The list is changed only if there are errors."""
     return Parser(report).run(tokens)
 
 
@@ -51,7 +51,7 @@ class Parser:
         self.values: list[Any] = []
 
     def run(self, tokens: list[Token]) -> s.File:
-        """Parse; always ends with a tree."""
+        """Parse the tokens. The result is always a tree."""
         at, last_fault = 0, -1
         while (fault := self._drive(tokens, at)) >= 0:
             if fault == last_fault == len(tokens) - 1:
@@ -61,7 +61,7 @@ class Parser:
         return self.values[-1]  # type: ignore[no-any-return]
 
     def _drive(self, tokens: list[Token], at: int) -> int:
-        """Feed tokens from `at` on; -1 at the end, else the index of the token that does not fit."""
+        """Consume tokens from `at` on. Return -1 at the end, else the index of the token that does not fit."""
         table, rules = self.tables.states, self.rules
         states, values = self.states, self.values
         final = self.tables.end
@@ -117,7 +117,7 @@ class Parser:
         return stop
 
     def _drop_statement(self) -> None:
-        """Pop to where the unfinished statement began: past any block of its own that is already closed."""
+        """Pop the stack to the beginning of the unfinished statement, past any closed block of its own."""
         closed = 0
         while closed or "ERROR" not in self.tables.states[self.states[-1]]:
             self.states.pop()
@@ -125,9 +125,9 @@ class Parser:
             closed += (kind == "RBRACE") - (kind == "LBRACE")
 
     def _mend(self, tokens: list[Token], begin: int, fault: int) -> int:
-        """Read a misspelt keyword as the keyword: report it and give where to go on, or -1.
+        """Read a misspelt keyword as the intended one and report it. Return the index to continue from, or -1.
 
-        That keeps the statement, and so the names it declares, for the later phases.
+        This keeps the statement, and so the names that it declares, for the later phases.
         """
         if self.report.full:
             return -1
@@ -169,13 +169,13 @@ class Parser:
         if opens and token.type not in ("EQUAL", "TILDE", "LE", "OP") and self._explain_word(first, token):
             return
         due = self._due()
-        found = _shown(token)
+        shown = _shown(token)
         keyword = f" in `{first.text}`" if first.text in STATEMENTS and begin < fault else ""
         start, end = token.start, max(token.end, token.start)
         if token.type in ("NL", "$END", "RBRACE") and fault > 0:
             start = end = tokens[fault - 1].end
         wanted = _listing(due)
-        self.report("LJ0010", start, end, f"{wanted} is due here{keyword}, found {found}", _hint(tokens, fault, due))
+        self.report("LJ0010", start, end, f"{wanted} is due here{keyword}, found {shown}", _hint(tokens, fault, due))
 
     def _explain_word(self, first: Token, token: Token) -> bool:
         if token.type not in _AFTER_KEYWORD or token.type == "LBRACE":
@@ -185,7 +185,7 @@ class Parser:
         return True
 
     def _due(self) -> list[str]:
-        """Token types that could really come next: looked up by running the reductions on a copy of the stack."""
+        """Token types that are possible next, found by running the reductions on a copy of the stack."""
         row = self.tables.states[self.states[-1]]
         return sorted(kind for kind in row if kind.isupper() and kind != "ERROR" and self._accepts(kind))
 
@@ -193,7 +193,7 @@ class Parser:
         return self._step(list(self.states), kind)
 
     def _step(self, states: list[int], kind: str) -> bool:
-        """Shift one token on a stack of states, reductions first; False if it does not fit."""
+        """Shift one token on a stack of states after the necessary reductions. False if it does not fit."""
         while True:
             action = self.tables.states[states[-1]].get(kind)
             if action is None:
@@ -213,7 +213,7 @@ class Parser:
 
 
 def _is_value(tokens: list[Token], at: int) -> bool:
-    """Whether a value begins there that a forgotten `=` would fit in front of."""
+    """True if a value begins at `at`, so that a missing `=` explains the error."""
     kind = tokens[at].type
     following = tokens[min(at + 1, len(tokens) - 1)].type
     ends = following in ("NL", "SEP", "RBRACE", "WHEN", "$END")
@@ -237,7 +237,7 @@ def _statement_begin(tokens: list[Token], fault: int) -> int:
 
 
 def _statement_stop(tokens: list[Token], fault: int) -> int:
-    """Where to go on: at the end of the statement, or at the block it opens."""
+    """The index at which parsing continues: the end of the statement, or the block that it opens."""
     for at in range(fault, len(tokens)):
         if tokens[at].type in ("NL", "RBRACE", "LBRACE", "$END"):
             return at

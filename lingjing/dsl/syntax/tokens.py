@@ -1,8 +1,8 @@
 """Token kinds and the words of the language.
 
-A word is a keyword only where it can be one: a statement's keyword at the start of a statement and with something to
-say after it, an inner keyword anywhere but before `=`, `~`, `:` and after a dot. So `band = …`, `target: name` and
-`r.by` stay names.
+A word is a keyword only where it can be one: a statement's keyword at the start of a statement with an operand after
+it, an inner keyword anywhere except before `=`, `~`, `:` and after a dot. So `band = …`, `target: name` and `r.by`
+remain names.
 """
 
 from __future__ import annotations
@@ -11,13 +11,18 @@ import msgspec
 
 
 class Token(msgspec.Struct, frozen=True, gc=False):
-    """One token; `start` and `end` are character offsets. For a quantity `text` is the number and `unit` the unit."""
+    """One token."""
 
     type: str
+    """Kind of the token: a key of the grammar."""
     text: str
+    """Its text; for a quantity only the number."""
     start: int
+    """Offset of the first character."""
     end: int
+    """Offset after the last character."""
     unit: str = ""
+    """Unit of a quantity; empty for other tokens."""
 
 
 _STATEMENTS = """
@@ -27,14 +32,14 @@ _STATEMENTS = """
     constraint always event appear vanish inspection
 """
 STATEMENTS: dict[str, str] = {word: word.upper() for word in _STATEMENTS.split()}
-"""Words that begin a statement, with their token types."""
+"""Words that begin a statement → token types."""
 
 _INNER = """
     in over as controls may command from to per when carries by at optional and or not exists forall
     extends counts of for true false
 """
 INNER: dict[str, str] = {word: word.upper() for word in _INNER.split()}
-"""Words that mean something inside a statement, with their token types."""
+"""Words with a meaning inside a statement → token types."""
 
 SYMBOLS: dict[str, str] = {
     "{": "LBRACE",
@@ -62,6 +67,7 @@ SYMBOLS: dict[str, str] = {
     ">": "OP",
     ">=": "OP",
 }
+"""Symbols → token types."""
 
 NAMES_IN_MESSAGES: dict[str, str] = {
     "NL": "the end of the statement",
@@ -79,11 +85,11 @@ NAMES_IN_MESSAGES: dict[str, str] = {
     **{kind: f"`{symbol}`" for symbol, kind in SYMBOLS.items() if kind not in ("OP", "RANGE")},
     **{kind: f"`{word}`" for word, kind in {**STATEMENTS, **INNER}.items()},
 }
-"""How a token type is called in a message."""
+"""Names of token types in messages."""
 
 _CONTINUE = """
     EQUAL TILDE LE OP MINUS RANGE AND OR NOT COLON ARROW BOTH COMMA SEP DOT IN BY FROM TO AT OVER AS
     WHEN FOR COUNTS EXTENDS
 """
 OPERATORS_THAT_CONTINUE = frozenset(_CONTINUE.split())
-"""After these a line end does not end the statement."""
+"""Token types after which a line end does not end the statement."""

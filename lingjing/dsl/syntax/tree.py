@@ -1,7 +1,7 @@
-"""The syntax tree: what the author wrote, frozen, with the offsets where it stands.
+"""The syntax tree: the author's text as frozen nodes, with their offsets.
 
-Every node has `start` and `end`, character offsets into its source. Statements are the members of blocks; expressions
-are what stands in them. Nothing is resolved here: names are text, numbers keep the author's unit.
+`start` and `end` of a node are character offsets into its source. Statements are the members of blocks; expressions are
+their parts. Names are unresolved text, and numbers keep the author's unit.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import msgspec
 
 
 class SyntaxNode(msgspec.Struct, frozen=True, gc=False):
-    """Base of the tree."""
+    """Base of all nodes."""
 
     start: int
     end: int
@@ -20,7 +20,7 @@ class SyntaxNode(msgspec.Struct, frozen=True, gc=False):
 
 
 class Broken(SyntaxNode, frozen=True, gc=False):
-    """An expression already reported; later phases pass over it in silence."""
+    """An expression with an error that is already reported. Later phases skip it."""
 
 
 class Name(SyntaxNode, frozen=True, gc=False):
@@ -30,10 +30,12 @@ class Name(SyntaxNode, frozen=True, gc=False):
 
 
 class NumberLiteral(SyntaxNode, frozen=True, gc=False):
-    """`value` as written, before its unit is applied; `unit` is empty for a bare number."""
+    """A number."""
 
     value: float
+    """The number as written, before its unit is applied."""
     unit: str = ""
+    """The unit; empty for a bare number."""
 
 
 class TextLiteral(SyntaxNode, frozen=True, gc=False):
@@ -56,17 +58,20 @@ class ForClause(SyntaxNode, frozen=True, gc=False):
 
 
 class CallArgument(SyntaxNode, frozen=True, gc=False):
-    """An argument of a call; `name` is None if it goes by its place; `over` is what an aggregate ranges over."""
+    """An argument of a call."""
 
     name: Name | None
+    """Name of a named argument; None for a positional one."""
     value: Expression
     over: ForClause | None = None
+    """The domain of an aggregate."""
 
 
 class CompositeExpr(SyntaxNode, frozen=True, gc=False):
-    """An expression made of others; `depth` counts the levels below and is bounded by the builder."""
+    """An expression made of others."""
 
     depth: int
+    """Levels below this node; the builder limits them."""
 
 
 class Tuple(CompositeExpr, frozen=True, gc=False):
@@ -116,7 +121,7 @@ class UnaryExpr(CompositeExpr, frozen=True, gc=False):
 
 
 class BinaryExpr(CompositeExpr, frozen=True, gc=False):
-    """`left operator right`; besides arithmetic and logic also `..`, `by`, `from`, `to`, `at`."""
+    """`left operator right`. Operators are those of arithmetic and logic, and `..`, `by`, `from`, `to`, `at`."""
 
     operator: str
     left: Expression
@@ -124,11 +129,12 @@ class BinaryExpr(CompositeExpr, frozen=True, gc=False):
 
 
 class QuantifiedExpr(CompositeExpr, frozen=True, gc=False):
-    """`exists r: body`, `forall v in victim: body`; `domain` is None if it is to be inferred."""
+    """`exists r: body`, `forall v in victim: body`."""
 
     quantifier: str
     variable: Name
     domain: Name | None
+    """None if the domain is to be inferred."""
     body: Expression
 
 
@@ -170,7 +176,9 @@ class Version(Statement, frozen=True, gc=False):
 
 
 class UseLine(Statement, frozen=True, gc=False):
-    """`use std.air { quadrotor }`; no names means all of the file's. `use .boats` is a file beside this one."""
+    """`use std.air { quadrotor }`. Without names it means all declarations of the file. `use .boats` is a file beside
+    this one.
+    """
 
     path: tuple[Name, ...]
     names: BracedBlock | None
@@ -187,7 +195,7 @@ class MissionBlock(Statement, frozen=True, gc=False):
 
 
 class Override(Statement, frozen=True, gc=False):
-    """`override …`: a declaration that takes the place of one of the base mission's."""
+    """`override …`: a declaration that replaces one of the base mission."""
 
     item: Statement
 
@@ -207,23 +215,23 @@ class SceneBlock(Statement, frozen=True, gc=False):
 
 
 class SettingsBlock(Statement, frozen=True, gc=False):
-    """`clock { … }` and the other unnamed blocks: budget, weather, comms, actions. A weather may have a name: that
-    of the preset it begins with or, at the top of a file, its own."""
+    """`clock { … }` and the other unnamed blocks: budget, weather, comms, actions."""
 
     keyword: str
     block: BracedBlock
     preset: Name | None = None
+    """Name after `weather`: the preset that it begins with or, at the top of a file, its own name."""
 
 
 class Param(Statement, frozen=True, gc=False):
-    """`param name = default in low..high`; the value still holds the bounds as the right side of `in`."""
+    """`param name = default in low..high`. The value contains the bounds as the right side of `in`."""
 
     name: Name
     value: Expression
 
 
 class ModeLine(Statement, frozen=True, gc=False):
-    """`mode default in { … }`; `mode single` allows that one alone."""
+    """`mode default in { … }`; `mode single` permits only that mode."""
 
     default: Name
     allowed: NameSet
@@ -256,7 +264,7 @@ class EntityBlock(Statement, frozen=True, gc=False):
 
 
 class CameraBlock(Statement, frozen=True, gc=False):
-    """`camera name : preset { … }`; at the top of a file without a type, the preset itself."""
+    """`camera name : preset { … }`. At the top of a file, without a type, it declares the preset itself."""
 
     name: Name
     block: BracedBlock | None
@@ -359,10 +367,11 @@ class Condition(Statement, frozen=True, gc=False):
 
 
 class ObservedChannel(SyntaxNode, frozen=True, gc=False):
-    """One observed channel; `everything` is true for `x.*`."""
+    """One observed channel."""
 
     source: Expression
     everything: bool
+    """True for `x.*`."""
 
 
 class Observes(Statement, frozen=True, gc=False):
@@ -409,11 +418,12 @@ class InspectionBlock(Statement, frozen=True, gc=False):
 
 
 class EventBlock(Statement, frozen=True, gc=False):
-    """`event name at 12 tick { … }`; `drawn` if the time follows a `~`."""
+    """`event name at 12 tick { … }`."""
 
     name: Name
     at: Expression
     drawn: bool
+    """True if the time follows a `~`."""
     guard: Expression | None
     block: BracedBlock
 
@@ -486,7 +496,9 @@ class RevealLine(Statement, frozen=True, gc=False):
 
 
 class PropertyLine(Statement, frozen=True, gc=False):
-    """`name = value`, `name ~ draw`, `name <= bound`, `name in low..high`; perhaps `hidden`, `state` or guarded."""
+    """`name = value`, `name ~ draw`, `name <= bound`, `name in low..high`, optionally `hidden`, `state` or with a
+    guard.
+    """
 
     name: Name
     relation: str
@@ -509,17 +521,19 @@ class Bare(Statement, frozen=True, gc=False):
 
 
 class UnknownBlock(Statement, frozen=True, gc=False):
-    """`word { … }` where the word is no statement."""
+    """`word { … }` with a word that is no statement."""
 
     name: Name
     block: BracedBlock
 
 
 class Faulty(Statement, frozen=True, gc=False):
-    """A statement the parser gave up on. `names` are the words in it, `block` what could be read of its block."""
+    """A statement that the parser could not read."""
 
     names: tuple[str, ...]
+    """The words in it, any of which may be a declared name."""
     block: BracedBlock | None
+    """The readable part of its block."""
 
 
 class File(SyntaxNode, frozen=True, gc=False):
@@ -549,4 +563,4 @@ DECLARING: dict[type, str] = {
     EventBlock: "event",
     SweepLine: "sweep",
 }
-"""Statements that declare a name, with the words they begin with; an `EntityBlock` holds its own."""
+"""Statements that declare a name → their first words. An `EntityBlock` holds its own keyword."""

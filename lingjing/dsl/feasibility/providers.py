@@ -1,8 +1,9 @@
-"""`absent`: scenes, engines and maps that a mission names and that are not here.
+"""`check_providers`: warnings of scenes, engines and maps that a mission names and that are not installed.
 
-A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed or the map
-lies. What a file of kinds describes (`lingjing.mission.kinds`), built in or a plug-in's, is there, and nothing is
-imported to know it. Who offers what no file describes is the caller's to say, because plug-ins lie behind the language.
+They are warnings and not errors: the mission may be correct and played on another machine, which has the plug-in or the
+map. Scenes and engines that a file of kinds describes (`lingjing.mission.kinds`) count as installed, and nothing is
+imported to know them. For all others the caller passes the names that plug-ins offer, because plug-ins are a higher
+layer than the language.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from lingjing.suggest import did_you_mean
 Offered = Literal["scene", "engine"]
 
 Offers = Callable[[Offered], tuple[str, ...]]
-"""The names that are installed, sorted; called only for a name that no file of kinds describes."""
+"""A function that returns the installed names, sorted. It is called only for names that no file of kinds describes."""
 
 
-def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> None:
-    """Warn of every scene, engine and map that is not here, once each, where the mission names it."""
+def check_providers(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> None:
+    """Warn of every scene, engine and map that is not installed, once each, where the mission names it."""
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if node is None:
         return
-    for kind, name, owner in missing(mission, offers):
+    for kind, name, owner in missing_providers(mission, offers):
         place = _place(node, kind, owner)
         what = f"no {kind} called `{name}` is installed"
         report.at("LJ0505", place, what, did_you_mean(name, offers(kind)), severity="warning")
@@ -37,22 +38,22 @@ def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> 
 
 
 def missing_files(mission: Mission) -> Iterator[SceneFault]:
-    """What the mission's scene is to be made of and is not there."""
+    """Yield the files of the mission's scene that do not exist."""
     options = mission.scene.options
     return missing_paths(
-        mission.scene.kind, {one.name: one.value.value for one in options if isinstance(one.value, ex.Text)}
+        mission.scene.kind, {option.name: option.value.value for option in options if isinstance(option.value, ex.Text)}
     )
 
 
-def missing(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:
-    """Kind, name and the entity group that asks for it ("" for the scene)."""
-    for kind, name, owner in strange(mission):
+def missing_providers(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:
+    """Yield kind, name and the entity group that needs it ("" for the scene) of each provider that is not installed."""
+    for kind, name, owner in unknown_entities(mission):
         if not is_described(kind, name) and name not in offers(kind):
             yield kind, name, owner
 
 
-def strange(mission: Mission) -> Iterator[tuple[Offered, str, str]]:
-    """The same of every scene and engine that is not built in, once each."""
+def unknown_entities(mission: Mission) -> Iterator[tuple[Offered, str, str]]:
+    """Yield the same for every scene and engine that is not built in, once each."""
     builtin: dict[Offered, Container[str]] = {"scene": builtin_scenes(), "engine": builtin_engines()}
     wanted: list[tuple[Offered, str, str]] = [("scene", mission.scene.kind, "")]
     wanted += [("engine", group.engine, group.name) for group in mission.groups]
@@ -63,7 +64,7 @@ def strange(mission: Mission) -> Iterator[tuple[Offered, str, str]]:
 
 
 def _place(node: s.MissionBlock, kind: Offered, owner: str) -> s.Name:
-    """Where the mission says it; what stands in a base mission is shown where that is named."""
+    """The place at which the mission names it; for one in a base mission, the base's name."""
     for item in node.block.items:
         inner = item.item if isinstance(item, s.Override) else item
         if kind == "scene" and isinstance(inner, s.SceneBlock):

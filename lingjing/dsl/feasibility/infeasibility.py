@@ -1,8 +1,7 @@
-"""`infeasible`: what `lingjing.mission.feasibility` proves becomes diagnostics at the declarations it is about.
+"""`report_infeasibility`: the proofs of `lingjing.mission.feasibility` as diagnostics at the declarations concerned.
 
-Runs over a mission without errors. What is no more than a hint (`feasibility.wide`, `feasibility.start`), or holds in
-some modes only while another can be won, becomes a warning. A declaration
-that stands in a base mission is shown where that is named.
+It runs over a mission without errors. Hints (`feasibility.wide`, `feasibility.start`), and proofs that hold only in
+some modes, become warnings. A declaration in a base mission is reported at the base's name.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from lingjing.mission.model import Mission
 _Place = tuple[int, int]
 
 
-def infeasible(mission: Mission, tree: s.File, report: Reporter) -> None:
+def report_infeasibility(mission: Mission, tree: s.File, report: Reporter) -> None:
     """Report every proof that the mission cannot be won, and every hint."""
     proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission), *lost_at_start(mission))
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
@@ -39,12 +38,12 @@ def _related(proof: Proof, places: dict[str, _Place], report: Reporter) -> tuple
 
 
 def _places(node: s.MissionBlock) -> dict[str, _Place]:
-    """Where each declaration of the mission itself is named, by its path."""
-    found: dict[str, _Place] = {}
+    """The place of each declaration of the mission itself, by its path in the graph."""
+    places: dict[str, _Place] = {}
     for item in node.block.items:
         for path, place in _named(item.item if isinstance(item, s.Override) else item):
-            found.setdefault(path, place)
-    return found
+            places.setdefault(path, place)
+    return places
 
 
 def _named(item: s.Statement) -> list[tuple[str, _Place]]:

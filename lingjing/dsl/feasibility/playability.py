@@ -1,7 +1,7 @@
-"""`refused`: what playing a mission would refuse becomes diagnostics at the declarations that say it.
+"""`check_playability`: errors of instantiating and building a mission as diagnostics at the declarations concerned.
 
-Runs over a mission without errors, so that what validates runs. A declaration that stands in a base mission is shown
-where that is named.
+It runs over a mission without errors, so that a mission that passes validation runs. A declaration in a base mission is
+reported at the base's name.
 """
 
 from __future__ import annotations
@@ -13,23 +13,24 @@ from lingjing.mission.trial import trial
 
 _Place = tuple[int, int]
 _TOO_MANY_PLACES = "LJ0611"
+"""Code of a proof that more places are required than fit into a region."""
 
 
-def refused(mission: Mission, tree: s.File, report: Reporter) -> None:
-    """Report everything for which no instance of the mission could be played."""
+def check_playability(mission: Mission, tree: s.File, report: Reporter) -> None:
+    """Report every error that prevents all instances of the mission from being played."""
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if node is None:
         return
     crowded = any(item.code == _TOO_MANY_PLACES for item in report.diagnostics)
     for refusal in trial(mission):
         if crowded and refusal.code == "LJ0507":
-            continue  # proved for every seed, and said with the numbers
+            continue  # the proof covers every seed and gives the numbers
         start, end = _place(node, refusal.path)
         report(refusal.code, start, end, refusal.message, refusal.hint)
 
 
 def _place(node: s.MissionBlock, path: str) -> _Place:
-    """Where the node of a path is declared, as near as the text says it."""
+    """The place of a path's declaration, as precise as the text permits."""
     _, _, rest = path.partition("/")
     owner, _, name = rest.partition("/")
     owner = owner.partition("[")[0]
@@ -54,9 +55,9 @@ def _head(item: s.Statement, owner: str) -> _Place | None:
 
 
 def _property(item: s.Statement, name: str) -> _Place | None:
-    """The line of a block that a property of the graph comes from: `height` for `height_low_m`."""
+    """The line of a block from which a property of the graph comes: `height` for `height_low_m`."""
     block = getattr(item, "block", None)
     items = block.items if isinstance(block, s.BracedBlock) else ()
     lines = [line for line in items if isinstance(line, s.PropertyLine | s.CameraBlock)]
-    found = [line for line in lines if name == line.name.text or name.startswith(f"{line.name.text}_")]
-    return (found[0].name.start, found[0].name.end) if found else None
+    matches = [line for line in lines if name == line.name.text or name.startswith(f"{line.name.text}_")]
+    return (matches[0].name.start, matches[0].name.end) if matches else None
