@@ -36,7 +36,7 @@ def test_every_property_that_an_engine_reads_is_on_the_page():
 
 
 @pytest.mark.parametrize(
-    ("name", "status", "aboard", "word", "gone"),
+    ("name", "status", "aboard", "word", "absent"),
     [
         ("rescue", "", True, "rescued", True),
         ("collect", "safe", True, "safe", True),

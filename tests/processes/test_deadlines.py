@@ -13,7 +13,8 @@ import pytest
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world import deadlines, open_world
+from lingjing.kernel.world import open_world
+from lingjing.processes import deadlines
 from lingjing.processes.deadlines import OwnDeadline, own_now_s
 from lingjing.trace.records import Absent
 
