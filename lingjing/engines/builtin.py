@@ -82,13 +82,13 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             name="plane",
             factory=_engine("fixed_wing.aeroplane", "PlaneEngine"),
             native_dt_s=0.02,
-            summary="Fixed-wing aircraft: JSBSim at 100 Hz under an autopilot; straight there, then in a circle.",
+            summary="Fixed-wing aircraft: JSBSim at 100 Hz under an autopilot; circles at its destination.",
         ),
         EnginePlugin(
             name="satellite",
             factory=_engine("satellite.engine", "SatelliteEngine"),
             native_dt_s=1.0,
-            summary="Satellites: SGP4 from two-line elements, passes over the region, what is in view.",
+            summary="Satellites: SGP4 from two-line elements; passes over the region and its visibility.",
         ),
         EnginePlugin(
             name="vessel",
@@ -101,7 +101,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             factory=_engine("road.engine", "RoadEngine", "road", "libsumo"),
             native_dt_s=0.1,
             wanted=lambda instance: traffic(instance) > 0,
-            summary="Road vehicles, background traffic and queues: SUMO at 10 Hz, braking for whoever crosses.",
+            summary="Road vehicles, background traffic and queues: SUMO at 10 Hz; drivers brake for crossing bodies.",
         ),
         EnginePlugin(
             name="quadruped",
@@ -114,7 +114,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             factory=_engine("city.engine", "CityEngine"),
             native_dt_s=0.1,
             wanted=lambda instance: instance.comms.range_m is not None,
-            summary="Targets, what may be done to them, goods and queues; the reach of radio.",
+            summary="Targets, interactions with them, goods and queues; radio links.",
         ),
         EnginePlugin(
             name="camera",

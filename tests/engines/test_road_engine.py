@@ -817,7 +817,7 @@ def test_a_second_simulation_in_a_process_is_refused(play: Start, city: City) ->
 def test_a_city_without_roads_says_so(city: City) -> None:
     with pytest.raises(InfrastructureError, match="has no roads for van"):
         Play(mission([vehicle()]), msgspec.structs.replace(city, network=""))
-    with pytest.raises(InfrastructureError, match="is not there"):
+    with pytest.raises(InfrastructureError, match="does not exist"):
         Play(mission([vehicle()]), msgspec.structs.replace(city, network="/nowhere.net.xml"))
 
 

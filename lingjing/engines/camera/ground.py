@@ -51,7 +51,7 @@ PATCH_CELLS = 24
 """Side of a patch, cells of the height field (chosen)."""
 
 BURIED_M = 3.0
-"""Distance inside of higher land from which lower land cannot show, metres, in addition to the slope (chosen)."""
+"""Distance behind the slope of a higher land from which lower land below it cannot show, metres (chosen)."""
 
 SHORE_REACH_M = 160.0
 """Distance to land up to which the shore map tells it, metres (chosen)."""

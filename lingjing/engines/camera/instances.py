@@ -76,7 +76,10 @@ def prop_batches(city: Pieces) -> tuple[Batch, ...]:
 
 
 def _prop_batch(key: str, mesh: Mesh, props: Sequence[Prop]) -> Batch:
-    """Return the batch of a mesh; equal to `matrix` and `row` of each prop, but at once: a town has thousands."""
+    """Return the batch of a mesh. All rows are computed at once, because a town has thousands of props.
+
+    The values equal those of `matrix` and `row`.
+    """
     heading = [radians(prop.heading_deg) for prop in props]
     east, north = np.array([cos(h) for h in heading]), np.array([sin(h) for h in heading])
     scale = np.array([prop.scale for prop in props])

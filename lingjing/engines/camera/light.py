@@ -62,7 +62,7 @@ class Light:
 
 
 def light_of(weather: Weather, height_m: float) -> Light:
-    """Return the light of a picture taken `height_m` over the ground."""
+    """Return the light of a picture from `height_m` over the ground."""
     cloud = min(max(weather.cloud, 0.0), 1.0)
     dark = _smooth(DAY_DEG - 4.0, NIGHT_DEG, weather.sun_elevation_deg)
     low = 1.0 - _smooth(-3.0, DAY_DEG, weather.sun_elevation_deg)

@@ -13,5 +13,5 @@ class CameraOptions(PluginOptions):
         JPEG_QUALITY,
         ge=50,
         le=100,
-        description="JPEG quality of the pictures; far below 90, visible targets are lost in them (ADR 0012)",
+        description="JPEG quality of the pictures; values far below 90 hide visible targets (ADR 0012)",
     )

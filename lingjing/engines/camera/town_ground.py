@@ -33,9 +33,10 @@ BED_M = 2.0
 """Depth of quay walls below the water, metres (chosen)."""
 
 RIVER_SHARE, RIVER_GOES = 0.5, 0.7
-"""Length of a water at the bounds, as a share of their side, below which it is a river; its continuation beyond them.
+"""Two numbers for the continuation of a river beyond the bounds (chosen).
 
-The continuation is a multiple of the vector from the centre to the middle of that length (chosen).
+A water is a river if its length along the bounds is less than the first share of their side. It ends beyond them at the
+second multiple of the vector from the centre to the middle of that length.
 """
 QUAY = (0.27, 0.265, 0.25)
 """Linear colour of quay walls (chosen)."""

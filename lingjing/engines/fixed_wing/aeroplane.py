@@ -45,7 +45,7 @@ _LEVEL_M = 15.0
 """Difference in height at which a destination counts as reached, metres (chosen)."""
 
 _LEAST_FLOW_SHARE = 0.5
-"""Share of the cruise fuel flow below which no flight needs less: a bound for refusals (chosen)."""
+"""Least fuel flow of any flight as a share of that in cruise: a bound for refusals (chosen)."""
 
 
 class Aeroplane(Aircraft):

@@ -30,7 +30,7 @@ _BEST_MPS = 21.0
 """Speed that no vehicle exceeds, m/s: a bound for refusals (chosen)."""
 
 _BEST_POWER_SHARE = 0.6
-"""Share of the hovering power below which no flight needs less: a bound for refusals (chosen)."""
+"""Least power of any flight as a share of the hovering power: a bound for refusals (chosen)."""
 _DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
 
 

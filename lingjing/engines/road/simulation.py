@@ -52,7 +52,8 @@ class Simulation:
             )
         if not Path(network).is_file():
             raise InfrastructureError(
-                f"the road network {network} is not there", hint="build the scene again: its cached files were removed"
+                f"the road network {network} does not exist",
+                hint="build the scene again: its cached files were removed",
             )
         try:
             with _environment(_OWN):

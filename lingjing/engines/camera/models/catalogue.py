@@ -40,7 +40,7 @@ UNPAINTED = COLOURS["grey"]
 """Colour of a body without a declared one."""
 
 STROLL_M = 2.5
-"""Distance to both sides of a person drawn walks up and down before a house, metres (chosen)."""
+"""Distance to both sides of a person walking up and down before a house, metres (chosen)."""
 STROLL_MPS = 1.1
 """Speed of that person, m/s (chosen)."""
 
@@ -226,7 +226,7 @@ def spacing_in_line(spacing_m: object) -> float:
 
 
 def _queue(drawn: _DrawnEntity) -> Parts:
-    """Return people in a line behind the position, drawn sway a little."""
+    """Return people in a line behind the position; they sway a little."""
     turn_deg = 0.0 if drawn.facing_deg is None else drawn.facing_deg - drawn.state.heading_deg
     line = [ModelPart("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
     behind = radians(turn_deg)
@@ -242,7 +242,7 @@ def _queue(drawn: _DrawnEntity) -> Parts:
 
 
 def _residents(drawn: _DrawnEntity) -> Parts:
-    """Return two people drawn talk before a house's door, and one drawn walks beside them (the paper's VDN profile)."""
+    """Return two people in conversation at a house's door, and one walking beside them (the paper's VDN profile)."""
     looks = [(3 * drawn.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
     round_m = 4.0 * STROLL_M
     walked = (STROLL_MPS * drawn.time_s) % round_m
