@@ -17,8 +17,8 @@ last, after the projected shadows. Effects cast no shadows.
 
 `town_changes` holds the effects of targets on the static city. `changes_of`, called once an episode, returns the
 changed tiles: a fractured bridge has a gap, and a reference building has its declared colour. It also returns the
-buildings whose pixels belong to an entity, and the surroundings of each entity (`Site`: the deck of the bridge, the
-pipe, the ground), which `effects_of` receives.
+buildings that are drawn as an entity, and the surroundings of each entity (`Site`: the deck of the bridge, the pipe,
+the ground), which `effects_of` receives.
 
 Modules: `entity_effects` selects the effects of an entity; `fire`, `water`, `fracture`, `lights` and `night` build them
 from the rows of `particles`; `free_space` finds free space; `town_changes` changes tiles; `drawing` draws.
