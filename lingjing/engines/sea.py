@@ -26,6 +26,8 @@ _SHAPE: tuple[tuple[float, float, float], ...] = (
     (0.66, 0.10, -33.0),
     (0.49, 0.07, 41.0),
 )
+"""The shape of the spectrum (chosen)."""
+
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 """Difference of the phases of two components, rad. Its multiples never coincide, so crests do not start together."""
 

@@ -45,6 +45,7 @@ SMALL, TINY, SPECK = (
     _Fineness(3, 4, 0.94, False),
     _Fineness(2, 4, 0.94 * SPECK_WIDER, False),
 )
+"""The simple meshes of a plant, finest first (chosen)."""
 
 
 def reduced(batch: Batch, fineness: _Fineness = SMALL) -> Mesh | None:

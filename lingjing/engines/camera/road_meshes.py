@@ -61,6 +61,8 @@ TOP_AREA = 6.0
 PAVED_OVER = 0.5
 """Layer of paving above soil of the same layer, which may belong to another tile."""
 JUNCTION_LAYER, LANE_LAYER, WALK_LAYER, KERB_LAYER = 7.0, 8.0, 12.0, 13.0
+"""Layers above all areas, so that roads cover areas and walkways cover roads."""
+
 NONE, EDGE, DASHES, CENTRE = 0, 1, 2, 3
 """Codes of lines at a lane's edge, as in the shader."""
 

@@ -27,6 +27,7 @@ from lingjing.engines.camera.meshes import cylinder, vector_of
 from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Bridge, Pipe, Slope, Solid
 
+# Linear colours (chosen).
 CONCRETE: LinearRgb = (0.36, 0.355, 0.34)
 RAIL: LinearRgb = (0.42, 0.42, 0.41)
 STEEL: LinearRgb = (0.34, 0.36, 0.38)

@@ -42,10 +42,15 @@ FIRE = TargetNature("burning", level="heat", over="out", work_s=10.0, growth_hz=
 LEAK = TargetNature("leaking", level="flow", over="sealed", work_s=5.0)
 """A leak. It takes 5 s to seal (chosen) and does not grow back."""
 BLOCKAGE = TargetNature("blocking", vanished=CLEARED, lasts=True)
+"""A target that blocks a road. Once vanished it is cleared."""
+
 BREAK = TargetNature("fractured", lasts=True)
+"""A broken bridge. It stays broken."""
+
 ADRIFT = TargetNature("adrift")
 QUEUE = TargetNature("queueing")
 STORE = TargetNature("open", lasts=True)
+"""A store with an unlimited supply. It stays open."""
 
 
 def nature_of(entity: Entity) -> TargetNature:

@@ -32,6 +32,7 @@ _BEST_MPS = 21.0
 _BEST_POWER_SHARE = 0.6
 """Least power of any flight as a share of the hovering power: a bound for refusals (chosen)."""
 _DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
+"""Angle of each move from the heading, degrees clockwise."""
 
 
 @dataclass(frozen=True, slots=True)

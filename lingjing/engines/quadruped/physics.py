@@ -47,6 +47,8 @@ _TOLERANCE = 1e-6
 _MODEL_JOINTS = tuple(f"{leg}_{part}_joint" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "thigh", "calf"))
 """Joints in the model's own order."""
 _STATIC_GROUP, _MOVER_GROUP = 0, 1
+"""MuJoCo groups of static shapes and of moving boxes; rays test only the first."""
+
 _FORESIGHT_S = 1.5 * PERIOD_S
 """Time before a contact with a moving box at which it is reported, seconds: longer than a control period."""
 _SKIN_M = 0.02

@@ -29,6 +29,8 @@ _MESSAGES: dict[str, dict[str, tuple[int, str]]] = {
     "Node": {"input": (1, "string"), "op_type": (4, "string")},
     "Tensor": {"dims": (1, "int64"), "data_type": (2, "int32"), "name": (8, "string"), "raw_data": (9, "bytes")},
 }
+"""Fields of each message that are read: number and type."""
+
 _REPEATED = frozenset({"node", "initializer", "input", "dims"})
 
 

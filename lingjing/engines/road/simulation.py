@@ -33,6 +33,7 @@ SumoError = libsumo.TraCIException
 """The exception of a call that SUMO rejects."""
 
 _MOST_SEED = 2**31 - 1
+"""Largest seed that SUMO accepts."""
 
 _running: list[Simulation] = []
 

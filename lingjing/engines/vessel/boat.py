@@ -40,6 +40,7 @@ _LIGHT_KG = 1600.0
 _ADMIRALTY = 2.0 / 9.0
 """Exponent of the displacement: at constant power `v^3 * displacement^(2/3)` is constant (Admiralty coefficient)."""
 _COMPASS_POINTS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""Points around a goal, in units of `_BERTH_M`, that must be water."""
 
 
 class Boat:

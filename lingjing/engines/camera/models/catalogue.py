@@ -318,6 +318,8 @@ _PARKED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "motorcycle": (vehicles.motorcycle, 3),
     "person": (lambda v: people.pedestrian(v, people.STAND), len(people.OUTFITS)),
 }
+"""Builders of vehicles as props, with their counts of variants."""
+
 _PARKED |= {"parked_car": _PARKED["car"], "parked_truck": _PARKED["truck"], "parked_van": _PARKED["delivery_van"]}
 VARIED = sea.VARIED | nature.VARIED | street.VARIED | _PARKED
 """Prop models with several variants, which the prop's option `variant` selects."""

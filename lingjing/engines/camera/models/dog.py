@@ -31,6 +31,7 @@ FOOT_M = 0.023
 STANDING_M = 2.0 * LEG_M * cos(0.9) + FOOT_M
 """Height of the trunk's origin over the ground in `STANDING`, metres."""
 
+# Linear colours (chosen).
 SILVER: LinearRgb = (0.46, 0.47, 0.48)
 DARK: LinearRgb = (0.05, 0.05, 0.055)
 

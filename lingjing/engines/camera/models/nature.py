@@ -151,4 +151,7 @@ VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "bush": (cache(_bush), 5),
     "flowerbed": (cache(_flowerbed), 3),
 }
+"""Builders of prop models with variants, by name, with their counts of variants."""
+
 SINGLE: dict[str, Callable[[], Mesh]] = {"helipad": cache(_helipad), "hedge": cache(_hedge)}
+"""Builders of prop models without variants, by name."""

@@ -251,6 +251,8 @@ VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "dinghy": (cache(_dinghy), 3),
     "fishing_boat": (cache(_fishing_boat), 3),
 }
+"""Builders of prop models with variants, by name, with their counts of variants."""
+
 SINGLE: dict[str, Callable[[], Mesh]] = {
     "buoy_orange": cache(_buoy(ORANGE)),
     "buoy_red": cache(_buoy(RED)),
@@ -260,3 +262,4 @@ SINGLE: dict[str, Callable[[], Mesh]] = {
     "jerrycan": cache(_jerrycan),
     "sailboat": cache(_sailboat),
 }
+"""Builders of prop models without variants, by name."""

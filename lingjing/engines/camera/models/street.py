@@ -18,6 +18,7 @@ from lingjing.engines.camera.models.shapes import limb, mirrored
 from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Vector
 
+# Linear colours (chosen).
 STEEL: LinearRgb = (0.36, 0.37, 0.38)
 CARD: LinearRgb = (0.42, 0.28, 0.14)
 
@@ -270,6 +271,8 @@ VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "billboard": (cache(_billboard), 3),
     "rooftop_unit": (cache(_rooftop_unit), 2),
 }
+"""Builders of prop models with variants, by name, with their counts of variants."""
+
 SINGLE: dict[str, Callable[[], Mesh]] = {
     "lamp": cache(_lamp),
     "park_lamp": cache(_park_lamp),
@@ -287,3 +290,4 @@ SINGLE: dict[str, Callable[[], Mesh]] = {
     "silo": cache(_silo),
     "fountain": cache(_fountain),
 }
+"""Builders of prop models without variants, by name."""

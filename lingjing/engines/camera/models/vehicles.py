@@ -108,6 +108,7 @@ def _axles(half: float, ys: tuple[float, ...], radius: float, width: float = 0.2
 
 
 VAN_PAINTS: tuple[LinearRgb, ...] = ((0.76, 0.76, 0.74), (0.72, 0.47, 0.04), (0.06, 0.14, 0.34), (0.66, 0.66, 0.64))
+"""Linear colours of vans (chosen)."""
 
 
 @cache
@@ -139,6 +140,7 @@ def van(paint: int) -> Mesh:
 
 
 BOX_PAINTS: tuple[LinearRgb, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.42, 0.26, 0.10), (0.08, 0.20, 0.30))
+"""Linear colours of the boxes of trucks (chosen)."""
 
 
 @cache
@@ -181,6 +183,7 @@ def _cab(y: float, length: float, width: float, top: float, colour: LinearRgb) -
 
 
 BUS_PAINTS: tuple[LinearRgb, ...] = ((0.08, 0.30, 0.22), (0.66, 0.66, 0.64), (0.55, 0.06, 0.05))
+"""Linear colours of buses (chosen)."""
 
 
 @cache
