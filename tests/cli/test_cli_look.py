@@ -178,12 +178,12 @@ def test_a_probe_that_dies_is_a_finding(code: str, found: str, monkeypatch) -> N
 
 
 def test_doctor_says_where_digests_are_the_machines_own(monkeypatch) -> None:
-    monkeypatch.setattr(doctor, "taken", lambda: {"processor": "without avx2, fma", "libm": "no fma"})
+    monkeypatch.setattr(doctor, "runtime_fingerprint", lambda: {"processor": "without avx2, fma", "libm": "no fma"})
     finding = doctor.check_processor()
     assert finding.ok  # missions can be played, and won
     assert finding.found.startswith("the processor is without avx2, fma; the C library computes without FMA")
     assert "digests are this machine's own" in finding.advice
-    monkeypatch.setattr(doctor, "taken", lambda: {"processor": "avx2, fma", "libm": "0123456789abcdef"})
+    monkeypatch.setattr(doctor, "runtime_fingerprint", lambda: {"processor": "avx2, fma", "libm": "0123456789abcdef"})
     assert doctor.check_processor().found.startswith("this C library computes otherwise than glibc")
 
 
