@@ -99,7 +99,7 @@ def _rank(path: Path) -> tuple[bool, bool, float]:
 
 def index(missions: Sequence[Mission], folder: Path) -> str:
     """A page with links to the existing pages."""
-    lines = ["# Missions\n", "| Mission | | Modes | What is to be done |", "| --- | --- | --- | --- |"]
+    lines = ["# Missions\n", "| Mission | | Modes | Goal |", "| --- | --- | --- | --- |"]
     for mission in missions:
         if (folder / f"{mission.name}.md").is_file():
             goal = " ".join(mission.goal.split())

@@ -16,7 +16,7 @@ from lingjing.mission.instance import Instance
 
 def check_playable(instance: Instance) -> None:
     """`UsageError` that lists every declared part of the instance that would not be played."""
-    unknown = tuple(dict.fromkeys(unplayed(instance)))
+    unknown = tuple(dict.fromkeys(unsupported_features(instance)))
     if unknown:
         raise UsageError(
             f"`{instance.mission}` cannot be played yet: the kernel does not know {', '.join(unknown)}",
@@ -24,7 +24,7 @@ def check_playable(instance: Instance) -> None:
         )
 
 
-def unplayed(instance: Instance) -> Iterator[str]:
+def unsupported_features(instance: Instance) -> Iterator[str]:
     """Names of what the kernel would pass over, in the order of the specification."""
     if any(region.on_map is not None for region in instance.regions):
         yield "regions along roads"

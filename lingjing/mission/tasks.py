@@ -1,7 +1,7 @@
 """What a mission asks for, read from its rules: the interactions that success needs and the reports that are matched.
 
 A policy that may see the rules (a privileged one, an analysis) finds here what is left to do without knowing any
-mission: `asked` are the interactions that success mentions, directly or through the rules it calls.
+mission: `required_tasks` are the interactions that success mentions, directly or through the rules it calls.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def possible(entity: Entity, instance: Instance) -> tuple[Task, ...]:
     )
 
 
-def asked(instance: Instance) -> tuple[Task, ...]:
+def required_tasks(instance: Instance) -> tuple[Task, ...]:
     """The interactions whose task events success needs, in the order of declaration of their targets.
 
     Where a rule chooses among the members of a group by what is declared of them, only those it means are there.
@@ -53,7 +53,9 @@ def asked(instance: Instance) -> tuple[Task, ...]:
     )
 
 
-def meant(condition: Expr, variable: str, members: Sequence[Entity], instance: Instance) -> tuple[Entity, ...]:
+def matching_members(
+    condition: Expr, variable: str, members: Sequence[Entity], instance: Instance
+) -> tuple[Entity, ...]:
     """Those of `members` that the condition can be true of with `variable` bound to them.
 
     All of them, if it can be true of none as things are declared: then something must make it true first.
@@ -113,7 +115,7 @@ def _passed_over(outline: Outline) -> frozenset[tuple[str, str]]:
         for parameter in rule.parameters:
             members = [body.entity for body in outline.groups.get(parameter.domain, ())]
             done = {leaf.interaction for leaf in own if leaf.target and leaf.target.id == parameter.domain}
-            kept = meant(rule.condition, parameter.name, members, instance) if done else members
+            kept = matching_members(rule.condition, parameter.name, members, instance) if done else members
             found.update((kind, entity.id) for kind in done for entity in members if entity not in kept)
     return frozenset(found)
 
@@ -144,4 +146,4 @@ def reported(instance: Instance) -> dict[str, str]:
     return found
 
 
-__all__ = ["Task", "asked", "declared", "meant", "possible", "reported"]
+__all__ = ["Task", "declared", "matching_members", "possible", "reported", "required_tasks"]

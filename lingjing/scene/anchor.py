@@ -86,15 +86,15 @@ _RADII_M = (40.0, 120.0, REACH_M)
 def anchor(instance: Instance, city: City, *, imported: bool = False) -> Instance:
     """Return the instance with its entities and regions placed on the city.
 
-    `imported`: True for the document of another program; its bodies are moved as far as the city requires. Beside
-    road vehicles, what walks begins off the road, where it would bar the way of a vehicle that it waits for. Raises
+    `imported`: True for the document of another program; its bodies are moved as far as the city requires. If it has
+    road vehicles, walking bodies begin off the road, where they do not block a vehicle that they wait for. Raises
     `MissionError` if an entity has no suitable place within `REACH_M` (and in the region that it is drawn from) or
     within the mission's `displacement`; if a place is outside of the city or under its ground; or if no road has the
     name that a region requires.
     """
     from lingjing.scene.regions import resolve_region
 
-    drives = any(one.role == "asset" and one.engine == _ROAD for one in instance.entities)
+    drives = any(entity.role == "asset" and entity.engine == _ROAD for entity in instance.entities)
     anchoring = _Anchoring(instance, city, walks_off_road=imported and drives)
     # Hidden entities come last: if a public one gave way to them, its place would reveal theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)

@@ -48,7 +48,7 @@ class PlacesAlike:
         return level and self._footing.is_clear(x, y, self._radius_m)
 
     def raised_m(self) -> float:
-        """How far the body must rise to stand on a structure into whose top its position is sunk; 0 else."""
+        """Distance by which a body sunk into the top of a structure must be raised to stand on it, metres; else 0."""
         is_sunk = self._stands and self._above_ground and self._z < self._surface_m
         return self._surface_m - self._low if is_sunk else 0.0
 

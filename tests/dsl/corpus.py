@@ -1,15 +1,15 @@
-"""A seeded corpus of faulty missions, and how much of what was planted the compiler finds.
+"""A seeded corpus of faulty missions, and the share of the planted faults that the compiler finds.
 
     python tests/dsl/corpus.py --seed 7 --files 200 --faults 3 [--show] [--write FOLDER] [MISSION.ljs …]
 
-Every file is a good mission with faults planted in different places, each of a kind drawn at random, so that every kind
-is equally frequent wherever it can be planted at all. A fault counts as found when the primary span of an error lies
-within one line of it; an error that lies within one line of no fault is spurious. Unbalanced braces have files of their
-own (`--kinds brace`) and are counted apart, since no parser can know which block was meant.
+Every file is a good mission with faults planted in different places. Their kinds are drawn so that every kind is
+equally frequent wherever it can be planted. A fault counts as found when the primary span of an error lies within one
+line of it. An error that lies within one line of no fault is spurious. Unbalanced braces have their own files (`--kinds
+brace`) and are counted separately, since no parser can know the intended block.
 
-Faults of the token kinds and misspellings may leave a legal mission (one member fewer, a title in other words). Such a
-file has no fault, so another is planted in its place; how often that happened is part of the outcome. The other kinds
-are faults by construction and are counted whatever the compiler says.
+Faults of the token kinds and misspellings may leave a legal mission (one member fewer, a title with other words). Such
+a file has no fault, so another is planted in its place; the number of these cases is part of the outcome. The other
+kinds are faults by construction and are counted whatever the compiler reports.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Token:
 
 @dataclass(frozen=True)
 class Fault:
-    """One planted fault: the text from `start` to `end` became `text`; what is wrong begins at `mark` in it."""
+    """One planted fault: the text from `start` to `end` became `text`; the error begins at `mark` in it."""
 
     kind: str
     start: int
@@ -70,7 +70,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Planted:
-    """A faulty file: its text and the kind and line of each fault."""
+    """A faulty file: its text, and the kind and line of each fault."""
 
     origin: str
     text: str
@@ -79,7 +79,7 @@ class Planted:
 
 @dataclass
 class Outcome:
-    """What the compiler made of a corpus."""
+    """The compiler's results over a corpus."""
 
     files: int = 0
     planted: Counter[str] = field(default_factory=Counter)
@@ -94,21 +94,21 @@ class Outcome:
 
     @property
     def spurious_a_file(self) -> float:
-        """Errors a file that lie near no fault."""
+        """Spurious errors per file."""
         return self.spurious / max(1, self.files)
 
 
 class Mission:
-    """A good mission and where faults of each kind can be planted in it."""
+    """A good mission, with the places where faults of each kind can be planted."""
 
     def __init__(self, name: str, text: str) -> None:
         self.name = name
         self.text = text
-        found = [Token(str(m.lastgroup), m[0], m.start(), m.end()) for m in TOKEN.finditer(text)]
-        self.comments = [token for token in found if token.kind == "comment"]
-        self.tokens = [token for token in found if token.kind != "comment"]
+        tokens = [Token(str(m.lastgroup), m[0], m.start(), m.end()) for m in TOKEN.finditer(text)]
+        self.comments = [token for token in tokens if token.kind == "comment"]
+        self.tokens = [token for token in tokens if token.kind != "comment"]
         self.words = Counter(token.text for token in self.tokens if token.kind == "word")
-        strings = [(token.start, token.end) for token in found if token.kind in ("comment", "string")]
+        strings = [(token.start, token.end) for token in tokens if token.kind in ("comment", "string")]
         self.quantities = [
             match
             for match in QUANTITY.finditer(text)
@@ -121,14 +121,14 @@ class Mission:
         return self.text.count("\n", 0, offset) + 1
 
     def is_legal(self, fault: Fault) -> bool:
-        """Whether the mission is still one with this fault alone."""
+        """True if the mission is still legal with this fault alone."""
         if fault not in self.legal:
             self.legal[fault] = not errors(compile_text(apply(self.text, [fault])[0]).diagnostics)
         return self.legal[fault]
 
 
 def apply(text: str, faults: Iterable[Fault]) -> tuple[str, list[int]]:
-    """The text with the faults, and the line of each in the order of their places."""
+    """The text with the faults, and the line of each, in the order of their places."""
     parts, lines, at, line = [], [], 0, 1
     for fault in sorted(faults, key=lambda fault: fault.start):
         before = text[at : fault.start]
@@ -165,11 +165,11 @@ def doubled(mission: Mission, chance: random.Random) -> Fault | None:
 def swapped(mission: Mission, chance: random.Random) -> Fault | None:
     for _ in range(100):
         at = _token(mission, chance)
-        one, other = mission.tokens[at], mission.tokens[at + 1]
-        between = mission.text[one.end : other.start]
-        if other.text not in "{}" and "\n" not in between and one.text != other.text:
-            glue = between or (" " if one.kind == other.kind == "word" else "")
-            return Fault("tokens swapped", one.start, other.end, f"{other.text}{glue}{one.text}")
+        first, second = mission.tokens[at], mission.tokens[at + 1]
+        between = mission.text[first.end : second.start]
+        if second.text not in "{}" and "\n" not in between and first.text != second.text:
+            glue = between or (" " if first.kind == second.kind == "word" else "")
+            return Fault("tokens swapped", first.start, second.end, f"{second.text}{glue}{first.text}")
     return None
 
 
@@ -181,7 +181,7 @@ def brace(mission: Mission, chance: random.Random) -> Fault | None:
 
 
 def misspelling(word: str, chance: random.Random) -> str:
-    """One slip of the fingers: two letters swapped, one lost, doubled or mistaken."""
+    """A typing error: two letters swapped, one lost, doubled or replaced."""
     while True:
         at = chance.randrange(len(word))
         slip = chance.randrange(4)
@@ -228,9 +228,9 @@ def _is_unit(mission: Mission, at: int) -> bool:
 
 def wrong_dimension(mission: Mission, chance: random.Random) -> Fault | None:
     match = chance.choice(mission.quantities)
-    given = unit_of(match["unit"])
-    assert given is not None
-    others = sorted(word for word, unit in UNITS.items() if unit.dimension != given.dimension and word.isascii())
+    unit_found = unit_of(match["unit"])
+    assert unit_found is not None
+    others = sorted(word for word, unit in UNITS.items() if unit.dimension != unit_found.dimension and word.isascii())
     return Fault("wrong dimension", match.start("unit"), match.end("unit"), chance.choice(others))
 
 
@@ -247,7 +247,7 @@ def unclosed_string(mission: Mission, chance: random.Random) -> Fault | None:
 
 
 def undefined_reference(mission: Mission, chance: random.Random) -> Fault | None:
-    """A name in an expression becomes one that is declared nowhere and resembles none."""
+    """Replace a name in an expression by one that is declared nowhere and resembles none."""
     declared = {match["name"] for match in DECLARATION.finditer(mission.text)}
     declared |= {match["name"] for match in ENTITY.finditer(mission.text)}
     heads = {match.start("name") for pattern in (DECLARATION, ENTITY) for match in pattern.finditer(mission.text)}
@@ -264,7 +264,7 @@ def undefined_reference(mission: Mission, chance: random.Random) -> Fault | None
 
 
 def duplicate_name(mission: Mission, chance: random.Random) -> Fault | None:
-    """A declaration written twice, or one that takes the name of an earlier one."""
+    """Double a declaration, or give it the name of an earlier one."""
     places = list(DECLARATION.finditer(mission.text))
     if not places:
         return None
@@ -277,18 +277,18 @@ def duplicate_name(mission: Mission, chance: random.Random) -> Fault | None:
 
 
 def cycle(mission: Mission, chance: random.Random) -> Fault | None:
-    """A rule that needs itself, a parameter that is its own value, two stages that wait for each other."""
-    found: list[Fault] = []
+    """A rule that needs itself, a parameter that is its own value, or two stages that wait for each other."""
+    faults: list[Fault] = []
     for match in re.finditer(r"adjudicate (\w+)\(([^)]*)\)\s*\{\s*when ", mission.text):
         names = ", ".join(part.split(":")[0].strip() for part in match[2].split(",") if part.strip())
-        found.append(Fault("cycle", match.end(), match.end(), f"{match[1]}({names}) and "))
+        faults.append(Fault("cycle", match.end(), match.end(), f"{match[1]}({names}) and "))
     params = re.finditer(r"^ *param (\w+) *= *([\w. ]+?) +in ", mission.text, re.MULTILINE)
-    found += [Fault("cycle", match.start(2), match.end(2), match[1]) for match in params]
-    return chance.choice(found) if found else None
+    faults += [Fault("cycle", match.start(2), match.end(2), match[1]) for match in params]
+    return chance.choice(faults) if faults else None
 
 
 def hidden_leak(mission: Mission, chance: random.Random) -> Fault | None:
-    """An agent observes, or the weather tells, what a target hides."""
+    """An agent observes a value that a target hides, or the weather depends on it."""
     hidden = [
         f"{entity['name']}{'[1]' if entity['index'] else ''}.{match[1]}"
         for entity in ENTITY.finditer(mission.text)
@@ -302,7 +302,7 @@ def hidden_leak(mission: Mission, chance: random.Random) -> Fault | None:
 
 
 def capacity(mission: Mission, chance: random.Random) -> Fault | None:
-    """A default one above its highest allowed value."""
+    """A default that exceeds its highest value by one."""
     pattern = r"^ *param \w+ *= *(\d+)(?= *[a-z]* +in [^\n]*\.\. *(\d+))"
     places = list(re.finditer(pattern, mission.text, re.MULTILINE))
     match = chance.choice(places) if places else None
@@ -331,7 +331,7 @@ MAY_BE_LEGAL = frozenset(("deleted", "doubled", "swapped", "keyword", "name", "u
 
 
 def good_missions(files: Iterable[Path] = ()) -> list[Mission]:
-    """The given missions, else all of `scenarios/`; those that have errors of their own are left out."""
+    """The missions in `files`, else all of `scenarios/`. Those with errors of their own are left out."""
     chosen = list(files) or sorted((ROOT / "scenarios").glob("*.ljs"))
     missions = []
     for file in chosen:
@@ -344,7 +344,7 @@ def good_missions(files: Iterable[Path] = ()) -> list[Mission]:
 
 
 def plant(mission: Mission, faults: int, chance: random.Random, kinds: tuple[str, ...]) -> tuple[Planted, int]:
-    """One file with that many faults, and how many legal changes were thrown away."""
+    """One file with that many faults, and the number of legal changes that were discarded."""
     chosen: list[Fault] = []
     thrown = 0
     for _ in range(200 * faults):
@@ -364,41 +364,41 @@ def plant(mission: Mission, faults: int, chance: random.Random, kinds: tuple[str
     return Planted(mission.name, text, tuple(zip(kinds_planted, lines, strict=True))), thrown
 
 
-def _too_near(mission: Mission, one: Fault, other: Fault) -> bool:
-    return abs(mission.line(one.start) - mission.line(other.start)) < APART
+def _too_near(mission: Mission, first: Fault, second: Fault) -> bool:
+    return abs(mission.line(first.start) - mission.line(second.start)) < APART
 
 
 def corpus(
     missions: list[Mission], seed: int, files: int, faults: int, kinds: tuple[str, ...] = PLAIN
 ) -> Iterator[tuple[Planted, int]]:
-    """`files` faulty files, the missions in turn."""
+    """`files` faulty files; the missions alternate."""
     for number in range(files):
         chance = random.Random(f"{seed}/{faults}/{number}")
         yield plant(missions[number % len(missions)], faults, chance, kinds)
 
 
 def errors(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Those that are errors."""
+    """The diagnostics that are errors."""
     return [item for item in diagnostics if item.severity == "error"]
 
 
 def near(item: Diagnostic, line: int) -> bool:
-    """Whether the primary span lies within one line of a line."""
+    """True if the primary span lies within one line of a line."""
     return item.span.line - 1 <= line <= max(item.span.line, item.span.end_line) + 1
 
 
 def judge(planted: Planted, outcome: Outcome) -> tuple[list[tuple[str, int]], list[Diagnostic]]:
-    """Compile, count into the outcome; what was missed and what was spurious."""
-    found = errors(compile_text(planted.text, path=planted.origin).diagnostics)
+    """Compile and count into the outcome. Return the missed faults and the spurious errors."""
+    diagnostics = errors(compile_text(planted.text, path=planted.origin).diagnostics)
     missed = []
     outcome.files += 1
     for kind, line in planted.faults:
         outcome.planted[kind] += 1
-        if any(near(item, line) for item in found):
+        if any(near(item, line) for item in diagnostics):
             outcome.found[kind] += 1
         else:
             missed.append((kind, line))
-    spurious = [item for item in found if not any(near(item, line) for _, line in planted.faults)]
+    spurious = [item for item in diagnostics if not any(near(item, line) for _, line in planted.faults)]
     outcome.spurious += len(spurious)
     outcome.spurious_codes.update(item.code for item in spurious)
     return missed, spurious
@@ -417,7 +417,7 @@ def table(outcome: Outcome, thrown: int) -> str:
 
 
 def main() -> None:
-    """Make a corpus and print what was found."""
+    """Make a corpus and print the outcome."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("missions", nargs="*", type=Path, help="good missions; all of scenarios/ if none is named")
     parser.add_argument("--seed", type=int, default=0)
@@ -445,7 +445,7 @@ def main() -> None:
 
 
 def show(number: int, planted: Planted, missed: list[tuple[str, int]], spurious: list[Diagnostic]) -> None:
-    """Print one file's misses and extras with the lines in question."""
+    """Print one file's missed faults and spurious errors, with the lines concerned."""
     lines = planted.text.split("\n")
     print(f"-- {number} {planted.origin}")
     for kind, line in planted.faults:

@@ -44,7 +44,7 @@ def race() -> model.Mission:
     return compilation.mission
 
 
-def test_an_entity_says_which_types_its_type_extends(race: model.Mission) -> None:
+def test_an_entity_lists_the_types_that_its_type_extends(race: model.Mission) -> None:
     entities = {entity.id: entity.bases for entity in instantiate(race, seed=1).entities}
     assert {name: entities[name] for name in BASES} == BASES
 

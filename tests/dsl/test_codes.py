@@ -104,7 +104,7 @@ CASES = [
 ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506", "LJ0509"} | {
     code for code in CODES if code.startswith("LJ06") or code in ("LJ0125", "LJ0126", "LJ0210")
 }
-"""Codes whose examples are files of their own; tested below, in `test_infeasibility`, `test_inputs`,
+"""Codes with examples in separate files; tested below, in `test_infeasibility`, `test_inputs`,
 `test_providers`, `test_playability`, `test_interactions`, `test_library`, `test_inherit` and `test_wide`."""
 
 
@@ -115,10 +115,10 @@ def test_the_small_mission_is_good(small: str) -> None:
 @pytest.mark.parametrize(("code", "old", "new", "line", "column", "part"), CASES, ids=lambda value: str(value)[:24])
 def test_code(small: str, code: str, old: str, new: str, line: int, column: int, part: str) -> None:
     assert small.count(old) >= 1
-    found = compile_text(small.replace(old, new, 1)).diagnostics
-    assert shown(found) == [(code, line, column)]
-    assert part in found[0].message
-    assert found[0].span.end >= found[0].span.start
+    diagnostics = compile_text(small.replace(old, new, 1)).diagnostics
+    assert shown(diagnostics) == [(code, line, column)]
+    assert part in diagnostics[0].message
+    assert diagnostics[0].span.end >= diagnostics[0].span.start
 
 
 def test_every_code_has_an_example() -> None:
@@ -130,13 +130,13 @@ def test_empty_file() -> None:
 
 
 def test_the_number_of_diagnostics_is_bounded() -> None:
-    found = compile_text("ljs 1\n" + "$\n" * 5000).diagnostics
-    assert len(found) == 1000
-    assert "LJ0008" in {item.code for item in found}
+    diagnostics = compile_text("ljs 1\n" + "$\n" * 5000).diagnostics
+    assert len(diagnostics) == 1000
+    assert "LJ0008" in {item.code for item in diagnostics}
 
 
-def shown(found: tuple[Diagnostic, ...]) -> list[tuple[str, int, int]]:
-    return [(item.code, item.span.line, item.span.column) for item in found]
+def shown(diagnostics: tuple[Diagnostic, ...]) -> list[tuple[str, int, int]]:
+    return [(item.code, item.span.line, item.span.column) for item in diagnostics]
 
 
 @pytest.mark.parametrize("name", ["α_max", "Δt", "海_east", "скорость", "ταχύτητα", "café", "ace_\u03bd"])
@@ -149,11 +149,13 @@ def test_a_look_alike_is_warned_of_once_and_offers_the_latin_name(small: str) ->
         "speed <= 3 m/s", "speed <= he\u0456ght / 1 s"
     )
     compilation = compile_text(twice)
-    (one,) = compilation.diagnostics
-    assert compilation.mission is not None and one.severity == "warning" and one.fix is not None
-    assert [edit.text for edit in one.fix.edits] == ["height", "height"] and not one.fix.safe
+    (diagnostic,) = compilation.diagnostics
+    assert compilation.mission is not None and diagnostic.severity == "warning" and diagnostic.fix is not None
+    assert [edit.text for edit in diagnostic.fix.edits] == ["height", "height"] and not diagnostic.fix.safe
 
 
 def test_a_single_mode_without_any_agent_lacks_one() -> None:
-    found = compile_text('ljs 1\nmission m "" {\n  mode single\n}\n').diagnostics
-    assert {item.code for item in found} == {"LJ0106"} and "the mission has no agent" in [i.message for i in found]
+    diagnostics = compile_text('ljs 1\nmission m "" {\n  mode single\n}\n').diagnostics
+    assert {item.code for item in diagnostics} == {"LJ0106"} and "the mission has no agent" in [
+        i.message for i in diagnostics
+    ]

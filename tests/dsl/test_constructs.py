@@ -1,4 +1,4 @@
-"""Each construct beyond the first subset, in the small mission: what it lowers to and what is wrong with it."""
+"""Each construct beyond the first subset, in the small mission: its lowered form, and its errors."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def in_town(small: str) -> str:
 def fault(small: str, *lines: str) -> tuple[str, str]:
     """Code and message of the only error that these statements cause."""
     text = small.replace("  success when", "\n".join(f"  {line}" for line in lines) + "\n  success when")
-    (found,) = compile_text(text).diagnostics
-    return found.code, found.message
+    (diagnostic,) = compile_text(text).diagnostics
+    return diagnostic.code, diagnostic.message
 
 
 # -- events
@@ -129,8 +129,8 @@ def test_inspections(small: str) -> None:
         "limit again <= 3 counts detection",
         "permit van.setDestination when inspected(check) and clear(check) and replans(check) <= 3 and used(again) < 3",
     )
-    (found,) = made(in_town(small), *lines, use=use).inspections
-    assert (found.asset, found.by, found.within_m, found.order, found.replan) == (
+    (inspection,) = made(in_town(small), *lines, use=use).inspections
+    assert (inspection.asset, inspection.by, inspection.within_m, inspection.order, inspection.replan) == (
         "van", ("uav[1]", "uav[2]"), 25.0, "strict", "detection",
     )  # fmt: skip
 
@@ -417,9 +417,9 @@ def test_faulty_equipment(small: str, old: str, new: str, code: str) -> None:
 )  # fmt: skip
 def test_leaks(small: str, line: str, way: str) -> None:
     text = small.replace("  success when", f"  {line}\n  success when")
-    found = [item for item in compile_text(text).diagnostics if item.code == "LJ0401"]
-    assert found and all(item.code == "LJ0401" for item in compile_text(text).diagnostics)
-    assert any(way in item.message and "victim.position" in item.message for item in found)
+    diagnostics = [item for item in compile_text(text).diagnostics if item.code == "LJ0401"]
+    assert diagnostics and all(item.code == "LJ0401" for item in compile_text(text).diagnostics)
+    assert any(way in item.message and "victim.position" in item.message for item in diagnostics)
 
 
 def test_the_instance_marks_what_is_revealed(small: str) -> None:

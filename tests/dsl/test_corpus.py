@@ -1,4 +1,4 @@
-"""How much of what is wrong with a mission is found, over corpora with seeds that recovery was not tuned on.
+"""The share of faults that the compiler finds, over corpora with seeds that recovery was not tuned on.
 
 Recovery was tuned on seeds below 100. The full run is `benchmarks/language.py`; other seeds: `tests/dsl/corpus.py`.
 """
@@ -44,7 +44,7 @@ def test_a_seed_gives_the_same_files(missions: list[corpus.Mission]) -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(corpus.KINDS))
-def test_each_kind_plants_what_it_says(missions: list[corpus.Mission], kind: str) -> None:
+def test_each_kind_plants_its_own_fault(missions: list[corpus.Mission], kind: str) -> None:
     for seed in range(5):
         fault = corpus.KINDS[kind](missions[0], random.Random(seed))
         if fault is None:

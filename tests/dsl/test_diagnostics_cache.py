@@ -1,4 +1,4 @@
-"""The cache of good missions: the same outcome, never a stale or broken one, and no harm where nothing can be kept."""
+"""The cache of good missions: equal results, no stale or damaged entry, and no error without a writable folder."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytes
     assert cache.cached_warnings(source) is None
 
 
-def test_where_nothing_can_be_kept_nothing_fails(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unwritable_cache_causes_no_error(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))

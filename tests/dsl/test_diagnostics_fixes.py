@@ -1,4 +1,4 @@
-"""Fixes: what is safe, what is applied, how it is said, and that a file is replaced whole or not at all."""
+"""Fixes: safety, application, output, and replacement of a file in one step or not at all."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_safe_fix_gives_back_the_mission(ended: str, good: str, bad: str) -> N
 
 
 @pytest.mark.parametrize(("good", "bad"), UNSAFE)
-def test_a_likely_fix_waits_to_be_asked_for(ended: str, good: str, bad: str) -> None:
+def test_a_likely_fix_is_applied_only_on_request(ended: str, good: str, bad: str) -> None:
     broken = SourceText(ended.replace(good, bad))
     assert fix_source(broken, compile_source).applied == ()
     fixed = fix_source(broken, compile_source, unsafe=True)
@@ -67,7 +67,7 @@ def test_all_safe_fixes_at_once(ended: str) -> None:
     assert len(fixed.applied) == len(SAFE) and fixed.text == ended
 
 
-def test_validate_fix_writes_the_file_and_says_what_it_did(
+def test_validate_fix_writes_the_file_and_lists_the_fixes(
     tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "m.ljs"
@@ -126,6 +126,6 @@ def test_the_json_is_valid_and_its_schema_is_committed(
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)").replace("visibility = 8 km", "wind = 1 m/s from 2 deg"))
     main(["validate", "--output-format", "json", str(file)])
-    found = json.loads(capsys.readouterr().out)
-    jsonschema.Draft202012Validator(json.loads(committed)).validate(found)
-    assert [item["code"] for item in found] == ["LJ0103", "LJ0101"] and found[0]["related"]
+    output = json.loads(capsys.readouterr().out)
+    jsonschema.Draft202012Validator(json.loads(committed)).validate(output)
+    assert [item["code"] for item in output] == ["LJ0103", "LJ0101"] and output[0]["related"]

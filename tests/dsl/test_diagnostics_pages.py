@@ -1,4 +1,5 @@
-"""Every code has a page; the page's example has exactly that error and the mended one does not; `explain` prints it."""
+"""Every code has a page. The page's example has exactly that error, and its correction has none. `explain` prints
+it."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ def test_there_is_a_page_for_each_code_and_no_other() -> None:
 
 
 @pytest.mark.parametrize("code", sorted(CODES))
-def test_a_page_says_what_the_code_says(code: str) -> None:
+def test_the_title_of_a_page_is_the_meaning_of_its_code(code: str) -> None:
     text = (PAGES / f"{code}.md").read_text()
     assert text.startswith(f"# {code}: {CODES[code]}\n")
     assert "## How to mend it" in text
@@ -49,8 +50,8 @@ def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str)
     example = (PAGES / "example.ljs").read_text()
     assert mended is not None and example.count(mended["text"]) == 1
     text = example.replace(mended["text"], broken["text"])
-    found = compile_source(SourceText(text, "example.ljs"), offers=lambda kind: ()).diagnostics
-    assert [item.code for item in found] == [code]
+    diagnostics = compile_source(SourceText(text, "example.ljs"), offers=lambda kind: ()).diagnostics
+    assert [item.code for item in diagnostics] == [code]
 
 
 @pytest.mark.parametrize("code", sorted(OF_SEVERAL_FILES))
@@ -83,11 +84,11 @@ def test_a_document_that_is_no_mission(tmp_path: Path, capsys: pytest.CaptureFix
 
 def test_a_thousand_lines_that_are_no_mission() -> None:
     page = (PAGES / "LJ0008.md").read_text()
-    found = re.search(r"^```text error (\d+) times\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    assert found is not None
-    diagnostics = compile_text(found[2] * int(found[1])).diagnostics
+    match = re.search(r"^```text error (\d+) times\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert match is not None
+    diagnostics = compile_text(match[2] * int(match[1])).diagnostics
     assert [item.code for item in diagnostics].count("LJ0008") == 1 and len(diagnostics) == 1000
-    assert "LJ0008" not in {item.code for item in compile_text(found[2]).diagnostics}
+    assert "LJ0008" not in {item.code for item in compile_text(match[2]).diagnostics}
 
 
 def test_explain(capsys: pytest.CaptureFixture[str]) -> None:
@@ -100,6 +101,6 @@ def test_explain(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(capsys.readouterr().out.splitlines()) == len(CODES)
 
 
-def test_explain_what_is_no_code(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_rejects_unknown_codes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", "LJ010l"]) == ExitCode.USAGE
     assert "no error has the code `LJ010l`" in capsys.readouterr().err

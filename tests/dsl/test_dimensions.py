@@ -1,4 +1,4 @@
-"""Quantities: dimensions are computed, bare numbers are not lengths, units are known or nearly known."""
+"""Quantities: dimensions are computed, bare numbers are no lengths, and unknown units give proposals."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from lingjing.mission.units import NAMED, UNITS, dimension_unit, si_value, unit_
     ],
 )
 def test_arithmetic(small: str, expression: str, code: str | None) -> None:
-    found = compile_text(small.replace("100 m in 40 m..160 m", expression)).diagnostics
-    assert {item.code for item in found} == ({code} if code else set())
-    assert {item.span.line for item in found} <= {14}
+    diagnostics = compile_text(small.replace("100 m in 40 m..160 m", expression)).diagnostics
+    assert {item.code for item in diagnostics} == ({code} if code else set())
+    assert {item.span.line for item in diagnostics} <= {14}
 
 
 def test_a_bare_number_gets_a_fix(small: str) -> None:
-    (found,) = compile_text(small.replace("heading = 30 deg", "heading = 30")).diagnostics
-    assert found.code == "LJ0202"
-    assert found.fix is not None and found.fix.edits[0].text == "30 deg"
+    (diagnostic,) = compile_text(small.replace("heading = 30 deg", "heading = 30")).diagnostics
+    assert diagnostic.code == "LJ0202"
+    assert diagnostic.fix is not None and diagnostic.fix.edits[0].text == "30 deg"
 
 
 def test_every_unit_has_a_dimension_with_a_name() -> None:
@@ -62,5 +62,5 @@ def test_unnamed_dimensions_have_a_unit_of_their_own() -> None:
 
 @pytest.mark.parametrize("written", ["8 + 3", "2 * (3 + 4)", "max(2, 20)", "round(10.6)"])
 def test_a_default_that_is_computed_is_held_to_its_bounds(written: str) -> None:
-    found = compile_text(f"ljs 1\nmission m {{\n  param n = {written} in 1..10\n}}\n").diagnostics
-    assert ("LJ0206", 3) in [(one.code, one.span.line) for one in found]
+    diagnostics = compile_text(f"ljs 1\nmission m {{\n  param n = {written} in 1..10\n}}\n").diagnostics
+    assert ("LJ0206", 3) in [(diagnostic.code, diagnostic.span.line) for diagnostic in diagnostics]

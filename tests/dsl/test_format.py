@@ -1,4 +1,4 @@
-"""The formatter: what it decides, what it leaves to the author, and that it changes nothing else."""
+"""The formatter: the layout that it decides, the parts that it leaves to the author, and its invariants."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def formatted(text: str) -> str:
 
 
 def inside(lines: str) -> str:
-    """Lines of a mission's block, formatted and taken out again."""
+    """Format lines of a mission's block, and return them without the block."""
     text = formatted(f"mission m {{\n{lines}\n}}\n")
     assert text.startswith("mission m {\n") and text.endswith("}\n")
     return "".join(line.removeprefix("  ") for line in text.splitlines(keepends=True)[1:-1])
@@ -41,7 +41,7 @@ def test_every_shipped_file_is_formatted(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "due"),
+    ("line", "due"),
     [
         ("param  a=3 in 1 .. 10", "param a = 3 in 1..10\n"),
         ("region r=box( (0m,1 m) ,( -2m , 3  m ))", "region r = box((0 m, 1 m), (-2 m, 3 m))\n"),
@@ -57,20 +57,20 @@ def test_every_shipped_file_is_formatted(file: Path) -> None:
         ("agent a as b controls x [1],y{observes x.*,e . f}", "agent a as b controls x[1], y { observes x.*, e.f }\n"),
     ],
 )  # fmt: skip
-def test_spaces(given: str, due: str) -> None:
-    assert inside(given) == due
+def test_spaces(line: str, due: str) -> None:
+    assert inside(line) == due
 
 
-@pytest.mark.parametrize("given", ["use .boats", "use   .boats", "use .boats.tug{tug}"])
-def test_a_relative_use_keeps_its_space(given: str) -> None:
-    named = " { tug }" if "{" in given else ""
-    path = ".boats.tug" if "tug" in given else ".boats"
-    assert formatted(f"ljs 1\n{given}\n") == f"ljs 1\nuse {path}{named}\n"
+@pytest.mark.parametrize("line", ["use .boats", "use   .boats", "use .boats.tug{tug}"])
+def test_a_relative_use_keeps_its_space(line: str) -> None:
+    named = " { tug }" if "{" in line else ""
+    path = ".boats.tug" if "tug" in line else ".boats"
+    assert formatted(f"ljs 1\n{line}\n") == f"ljs 1\nuse {path}{named}\n"
 
 
 def test_the_authors_lines_stay() -> None:
-    given = "actions {\n  takeoff, land,\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
-    assert inside(given) == "actions {\n  takeoff, land\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
+    lines = "actions {\n  takeoff, land,\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
+    assert inside(lines) == "actions {\n  takeoff, land\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
 
 
 def test_blank_lines_are_kept_but_never_two() -> None:
@@ -80,29 +80,29 @@ def test_blank_lines_are_kept_but_never_two() -> None:
 
 
 def test_comments_stay_where_they_were() -> None:
-    given = (
+    lines = (
         "# above\nparam a = 1   # beside\n\n\n# own\n\n# more\nclock {   # at the brace\n"
         "# first\ntick = 1 s # t\n  # last\n} # after\nbudget {\n# alone\n}\n# end"
     )
-    assert inside(given) == (
+    assert inside(lines) == (
         "# above\nparam a = 1  # beside\n\n# own\n\n# more\nclock {  # at the brace\n"
         "  # first\n  tick = 1 s  # t\n  # last\n}  # after\nbudget {\n  # alone\n}\n# end\n"
     )
 
 
 def test_comments_between_arguments_keep_their_lines() -> None:
-    given = "region r = polygon((0 m, 0 m), # south\n (1 m, 0 m),\n # far\n (1 m, 1 m))"
-    assert inside(given) == (
+    lines = "region r = polygon((0 m, 0 m), # south\n (1 m, 0 m),\n # far\n (1 m, 1 m))"
+    assert inside(lines) == (
         "region r = polygon((0 m, 0 m),  # south\n    (1 m, 0 m),\n    # far\n    (1 m, 1 m))\n"
     )  # fmt: skip
 
 
 def test_neighbouring_lines_are_not_lined_up() -> None:
-    given = (
+    lines = (
         "param a    = 1 in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
         "relation competition a->b\nrelation guidance a->b"
     )
-    assert inside(given) == (
+    assert inside(lines) == (
         "param a = 1 in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
         "relation competition a -> b\nrelation guidance a -> b\n"
     )
@@ -137,7 +137,7 @@ def test_line_ends_become_one_kind_and_a_mark_goes() -> None:
     assert formatted("\ufeffljs 1\r\nuse std.air\r\r\nuse std.sea") == "ljs 1\nuse std.air\n\nuse std.sea\n"
 
 
-def test_syntax_errors_are_listed_and_nothing_is_written() -> None:
+def test_syntax_errors_are_listed_without_output() -> None:
     outcome = format_text("mission m {\n  param = \n  clock { tick 3 s\n")
     assert outcome.text is None
     assert {d.code for d in outcome.diagnostics} >= {"LJ0003", "LJ0010"}
@@ -203,7 +203,7 @@ WORDS = ("why", "über", "「灵境」", '} { ( " ,')
 
 
 def commented(text: str, seed: int) -> tuple[str, list[str]]:
-    """The text with comments behind some lines and on lines of their own, in the order in which they stand."""
+    """The text with comments behind some lines and on lines of their own, and these comments in order."""
     chance = random.Random(seed)
     lines, comments = [], []
 

@@ -1,4 +1,4 @@
-"""Seeded mutations of a good mission: whatever comes, the outcome is diagnostics, in bounds and in order."""
+"""Seeded mutations of a good mission: the result is always a bounded list of diagnostics in order."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ JUNK = [
 
 
 def mutated(text: str, chance: random.Random) -> str:
-    """One to six edits of tokens or characters."""
+    """Apply one to six edits of tokens or characters."""
     for _ in range(chance.randint(1, 6)):
         spots = list(TOKEN.finditer(text)) or [re.match("", text)]
-        one, other = chance.choice(spots), chance.choice(spots)
-        assert one is not None and other is not None
+        first, second = chance.choice(spots), chance.choice(spots)
+        assert first is not None and second is not None
         edit = chance.randrange(5)
         if edit == 0:
-            text = text[: one.start()] + text[one.end() :]
+            text = text[: first.start()] + text[first.end() :]
         elif edit == 1:
-            text = text[: one.end()] + " " + one[0] + text[one.end() :]
+            text = text[: first.end()] + " " + first[0] + text[first.end() :]
         elif edit == 2:
-            text = text[: one.start()] + other[0] + text[one.end() :]
+            text = text[: first.start()] + second[0] + text[first.end() :]
         elif edit == 3:
-            text = text[: one.start()] + chance.choice(JUNK) + text[one.start() :]
+            text = text[: first.start()] + chance.choice(JUNK) + text[first.start() :]
         else:
-            text = text[: max(one.start(), other.start())] + text[max(one.end(), other.end()) :]
+            text = text[: max(first.start(), second.start())] + text[max(first.end(), second.end()) :]
     return text
 
 
@@ -96,4 +96,4 @@ def test_mutations_end_in_diagnostics(small: str, block: int) -> None:
 def test_monsters_end_quickly(text: str) -> None:
     began = time.process_time()
     assert compile_text(text).diagnostics
-    assert time.process_time() - began < 10  # a hang, not a speed: quadratic would be minutes
+    assert time.process_time() - began < 10  # detects quadratic algorithms, which would take minutes

@@ -1,4 +1,4 @@
-"""Whatever comes in, diagnostics come out, quickly: sentences of the grammar, bytes, monsters, odd characters."""
+"""Any input gives diagnostics quickly: sentences of the grammar, bytes, extreme sizes, unusual characters."""
 
 from __future__ import annotations
 
@@ -32,11 +32,14 @@ SPELT = {
     "RSET": "}",
 }
 SECONDS = 1.0
-"""For an input of a few kilobytes, of processor time: what others do on this machine must not fail a test."""
+"""Processor time for an input of a few kilobytes, seconds (chosen; processor time does not depend on other
+processes)."""
 
 
 def sound(compilation: Compilation) -> None:
-    """Known codes, places inside the text, in the order of the text; and a mission exactly if there is no error."""
+    """Check a compilation: known codes, places inside the text and in order, and a mission exactly if there is no
+    error.
+    """
     end = len(compilation.source.text)
     starts = [item.span.start for item in compilation.diagnostics]
     assert starts == sorted(starts)
@@ -57,7 +60,7 @@ def timed(text: str) -> Compilation:
 
 
 def sentence(chance: random.Random, most: int) -> str:
-    """A walk through the parser's own tables: a sentence of the grammar, at random, brought to an end if it can be."""
+    """A random sentence of the grammar, by a walk through the parser's tables; completed if possible."""
     tables = load_tables()
     states, words = [tables.start], []
     for _ in range(most):
@@ -219,7 +222,7 @@ def test_a_line_of_ten_megabytes() -> None:
 
 
 def test_a_line_of_ten_megabytes_given_as_text_stays_in_bounds() -> None:
-    """What no file can bring in a program may still pass: it must end, and without filling the memory."""
+    """A text from a program may exceed the limits of files. Its compilation must end and use bounded memory."""
     for text in ("goal " * 200_000, "= " * 200_000, '"' * 1_000_000):
         tracemalloc.start()
         sound(compile_text(text[:3_000_000]))
@@ -297,13 +300,14 @@ def test_controls_of_direction_are_flagged_everywhere(small: str, control: str, 
 
 
 def test_zero_bytes_are_named(small: str) -> None:
-    (found,) = compile_text(small.replace("uavs = 2", "uavs = \x002")).diagnostics
-    assert found.code == "LJ0001" and "U+0000" in found.message
+    (diagnostic,) = compile_text(small.replace("uavs = 2", "uavs = \x002")).diagnostics
+    assert diagnostic.code == "LJ0001" and "U+0000" in diagnostic.message
 
 
 @pytest.mark.parametrize("filling", ["\n", "#\n", "\\n\\n\\n\n"], ids=["blank", "comments", "escapes"])
 def test_a_million_lines_of_nothing_take_little_memory(filling: str) -> None:
-    """A repeated group of a pattern costs half a kilobyte a round: five gigabytes for ten million blank lines."""
+    """A repeated group of a pattern costs half a kilobyte per repetition: five gigabytes for ten million blank
+    lines."""
     small = (Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_text()
     lines = filling * 300_000
     text = small.replace('"Find everybody."', f'"""{lines}"""') if "n" in filling else f"{lines}{small}"

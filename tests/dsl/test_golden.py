@@ -1,4 +1,4 @@
-"""The mission of `scenarios/ssr.ljs`, whole, against a golden file: `pytest tests/dsl --update` rewrites it."""
+"""The whole mission of `scenarios/ssr.ljs` against a golden file: `pytest tests/dsl --update` rewrites it."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def test_the_golden_mission_reads_back_equal(ssr: Mission) -> None:
 
 def test_types_are_merged_so_that_the_graph_stands_alone(ssr: Mission) -> None:
     victim = next(group for group in ssr.groups if group.name == "victim")
-    given = {prop.name: prop for prop in victim.properties}
+    properties = {prop.name: prop for prop in victim.properties}
     assert victim.engine == "city"
-    assert given["position"].hidden and given["position"].relation == "~"
-    assert isinstance(given["position"].value, ex.Draw)
-    assert given["drift_mps"].value == ex.Number(0.1, "m/s") and not given["drift_mps"].inherited
+    assert properties["position"].hidden and properties["position"].relation == "~"
+    assert isinstance(properties["position"].value, ex.Draw)
+    assert properties["drift_mps"].value == ex.Number(0.1, "m/s") and not properties["drift_mps"].inherited
     (rescue,) = victim.interactions
     assert (rescue.name, rescue.by, rescue.within) == ("rescue", "vessel", ex.Number(50.0, "m"))
 

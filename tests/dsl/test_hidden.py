@@ -1,4 +1,4 @@
-"""Hidden values: wherever one becomes visible there is an error that shows the way it took."""
+"""Hidden values: each place where one becomes visible gives an error with its path."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from lingjing.mission.model import Mission
 
 
 def checked(text: str) -> Mission:
-    """What the checker makes of a text in which it finds no fault, whether or not it could be played."""
+    """The mission that the checker makes of a text without errors, playable or not."""
     report = Reporter(SourceText(text, "m.ljs"))
-    found = check(parse(report), report)
-    assert found is not None and report.diagnostics == []
-    return found
+    mission = check(parse(report), report)
+    assert mission is not None and report.diagnostics == []
+    return mission
 
 
 LEAKS = [
@@ -32,13 +32,13 @@ LEAKS = [
 
 @pytest.mark.parametrize(("old", "new", "line", "way"), LEAKS)
 def test_leak(small: str, old: str, new: str, line: int, way: str) -> None:
-    found = compile_text(small.replace(old, new, 1)).diagnostics
-    assert [(item.code, item.span.line) for item in found] == [("LJ0401", line)]
-    assert way in found[0].message
-    assert found[0].related[0].message.endswith("is hidden here")
+    diagnostics = compile_text(small.replace(old, new, 1)).diagnostics
+    assert [(item.code, item.span.line) for item in diagnostics] == [("LJ0401", line)]
+    assert way in diagnostics[0].message
+    assert diagnostics[0].related[0].message.endswith("is hidden here")
 
 
-def test_what_reads_a_hidden_value_becomes_hidden(small: str) -> None:
+def test_values_computed_from_hidden_ones_are_hidden(small: str) -> None:
     raft = "  target raft : person_in_water { position = (1 m, 2 m) + victim[1].position }\n"
     seen = small.replace("  asset boat", raft + "  asset boat").replace("observes cells }", "observes raft.position }")
     (leak,) = compile_text(seen).diagnostics
@@ -81,20 +81,20 @@ def test_an_entity_named_without_a_field_is_read_as_its_place(small: str, old: s
         ("position = (12.4 m, -51.8 m)", "position = (0 m, 0 m) + far.centre", "an observation"),
     ],
 )
-def test_what_is_read_above_the_line_that_hides_it(small: str, old: str, new: str, sink: str) -> None:
+def test_a_value_may_be_hidden_further_down(small: str, old: str, new: str, sink: str) -> None:
     text = small.replace("  agent skipper", BUOY).replace("  grid cells", FAR).replace(old, new, 1)
     (leak,) = compile_text(text.replace("boat.*, events", "boat.position, events")).diagnostics
     assert leak.code == "LJ0401" and "`victim.position` → `buoy.position` → " in leak.message
     assert leak.message.endswith(f" → {sink}")
 
 
-def test_a_band_is_told_by_receipts(small: str) -> None:
+def test_receipts_reveal_a_band(small: str) -> None:
     hidden = small.replace("camera nadir", f"band = 20 m..{FROM_AFAR.replace('uav[1]', 'boat')}\n    camera nadir")
     (leak,) = compile_text(hidden).diagnostics
     assert leak.code == "LJ0401" and leak.message.endswith("`uav.band` → the receipts of commands")
 
 
-def test_how_fast_an_asset_is_shows_in_its_receipts(small: str) -> None:
+def test_receipts_reveal_the_speed_of_an_asset(small: str) -> None:
     hidden = small.replace("heading = 30 deg, speed <= 3 m/s", "heading = 30 deg, hidden speed = 3 m/s")
     (leak,) = compile_text(hidden).diagnostics
     assert leak.code == "LJ0401" and leak.message.endswith("`boat.speed` → the receipts of commands")
@@ -124,5 +124,5 @@ def test_rules_may_read_everything(small: str) -> None:
     assert compile_text(small.replace("distance_xy(boat, v) <= 50 m", "v.position in search")).diagnostics == ()
 
 
-def test_all_of_a_target_is_all_that_is_not_hidden(small: str) -> None:
+def test_observing_a_whole_target_excludes_hidden_values(small: str) -> None:
     assert compile_text(small.replace("observes cells }", "observes victim[1].* }")).diagnostics == ()

@@ -1,4 +1,4 @@
-"""No module of the language imports itself through others, not even where a function imports or only types are read."""
+"""No module of the language imports itself through others, including imports in functions and for type checking."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ def imported(path: Path, known: dict[str, Path]) -> Iterator[str]:
 
 
 def circles(graph: dict[str, set[str]]) -> list[set[str]]:
-    """Groups of modules each of which reaches the others."""
+    """Groups of modules that reach each other."""
 
     def reach(start: str) -> set[str]:
         seen: set[str] = set()
         waiting = list(graph[start])
         while waiting:
-            one = waiting.pop()
-            if one in graph and one not in seen:
-                seen.add(one)
-                waiting.extend(graph[one])
+            module = waiting.pop()
+            if module in graph and module not in seen:
+                seen.add(module)
+                waiting.extend(graph[module])
         return seen
 
     reached = {name: reach(name) for name in graph}
-    found = [{other for other in reached[name] if name in reached[other]} for name in graph]
-    return [group for group in found if group]
+    groups = [{other for other in reached[name] if name in reached[other]} for name in graph]
+    return [group for group in groups if group]
 
 
 def test_a_circle_is_noticed() -> None:

@@ -1,4 +1,4 @@
-"""Every code of what cannot be won has an example that pins its line, its column and the numbers in its message."""
+"""Every code of a proof has an example that fixes its line, its column and the numbers in its message."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ def test_code(small: str, code: str, old: str, new: str, line: int, column: int,
     moved = small.replace("-51.8 m", "-151.8 m") if "= 20 s" in part else small
     assert moved.count(old) >= 1
     compilation = compile_text(moved.replace(old, new, 1))
-    (found,) = compilation.diagnostics
-    assert (found.code, found.span.line, found.span.column) == (code, line, column)
-    assert part in found.message
-    lost_in_one_mode_alone = " mode, " in found.message
-    assert found.severity == ("warning" if lost_in_one_mode_alone else "error")
+    (diagnostic,) = compilation.diagnostics
+    assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == (code, line, column)
+    assert part in diagnostic.message
+    lost_in_one_mode_alone = " mode, " in diagnostic.message
+    assert diagnostic.severity == ("warning" if lost_in_one_mode_alone else "error")
     assert (compilation.mission is not None) == lost_in_one_mode_alone
 
 
@@ -80,9 +80,9 @@ def test_code(small: str, code: str, old: str, new: str, line: int, column: int,
     [(FAR, "LJ0603", 10, "360 s of flight, `uav` can fly for 240 s"), (CARGO, "LJ0604", 20, "50,000 kg")],
 )
 def test_codes_of_missions_of_their_own(text: str, code: str, line: int, part: str) -> None:
-    (found,) = compile_text(text).diagnostics
-    assert (found.code, found.span.line) == (code, line)
-    assert part in found.message
+    (diagnostic,) = compile_text(text).diagnostics
+    assert (diagnostic.code, diagnostic.span.line) == (code, line)
+    assert part in diagnostic.message
 
 
 def test_the_same_missions_are_good_once_mended() -> None:
@@ -95,8 +95,8 @@ def test_every_code_is_here() -> None:
 
 
 def test_related_places_are_the_budget_the_vehicle_and_the_goal(small: str) -> None:
-    (found,) = compile_text(small.replace("-51.8 m", "-2951.8 m")).diagnostics
-    assert [(item.span.line, item.message) for item in found.related] == [
+    (diagnostic,) = compile_text(small.replace("-51.8 m", "-2951.8 m")).diagnostics
+    assert [(item.span.line, item.message) for item in diagnostic.related] == [
         (10, "the budget"), (26, "the vehicle"), (18, "where it must go")
     ]  # fmt: skip
 

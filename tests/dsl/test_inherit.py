@@ -33,43 +33,49 @@ def codes(compilation: Compilation) -> list[tuple[str, int]]:
 
 
 def test_a_mission_has_what_its_base_has(project: Path) -> None:
-    found = compiled(project, "")
-    assert found.diagnostics == ()
+    compilation = compiled(project, "")
+    assert compilation.diagnostics == ()
     base = compile_file(str(project / "base.ljs")).mission
-    assert found.mission is not None and base is not None
-    assert (found.mission.name, found.mission.title, found.mission.base) == ("night", "At night", "small")
-    assert found.mission.groups == base.groups
-    assert found.mission.rules == base.rules
-    assert found.mission.success == base.success
+    assert compilation.mission is not None and base is not None
+    assert (compilation.mission.name, compilation.mission.title, compilation.mission.base) == (
+        "night",
+        "At night",
+        "small",
+    )
+    assert compilation.mission.groups == base.groups
+    assert compilation.mission.rules == base.rules
+    assert compilation.mission.success == base.success
 
 
 def test_overrides_stand_where_the_overridden_stood_and_new_ones_at_the_end(project: Path) -> None:
-    found = compiled(project, "  override param uavs = 4 in 1..10\n  param extra = 1")
-    assert found.diagnostics == ()
-    assert found.mission is not None
-    assert [(p.name, p.default) for p in found.mission.parameters] == [
+    compilation = compiled(project, "  override param uavs = 4 in 1..10\n  param extra = 1")
+    assert compilation.diagnostics == ()
+    assert compilation.mission is not None
+    assert [(p.name, p.default) for p in compilation.mission.parameters] == [
         ("uavs", ex.Number(4.0)),
         ("altitude", ex.Number(100.0, "m")),
         ("extra", ex.Number(1.0)),
     ]
-    assert len(instantiate(found.mission, mode="broadcast").agents) == 5
+    assert len(instantiate(compilation.mission, mode="broadcast").agents) == 5
 
 
-def test_an_override_that_cannot_be_read_is_told_once(project: Path) -> None:
-    found = compiled(project, "  override scene { layout = 3 }\n  override region search")
-    assert codes(found) == [("LJ0010", 4), ("LJ0010", 5)]
+def test_an_unreadable_override_is_reported_once(project: Path) -> None:
+    compilation = compiled(project, "  override scene { layout = 3 }\n  override region search")
+    assert codes(compilation) == [("LJ0010", 4), ("LJ0010", 5)]
 
 
 def test_settings_and_entities_keep_the_lines_that_are_not_named(project: Path) -> None:
-    found = compiled(project, "  override weather { visibility = 2 km }\n  override asset boat { speed <= 5 m/s }")
-    assert found.diagnostics == ()
-    assert found.mission is not None
-    assert {prop.name: prop.value for prop in found.mission.weather} == {
+    compilation = compiled(
+        project, "  override weather { visibility = 2 km }\n  override asset boat { speed <= 5 m/s }"
+    )
+    assert compilation.diagnostics == ()
+    assert compilation.mission is not None
+    assert {prop.name: prop.value for prop in compilation.mission.weather} == {
         "wind_mps": ex.Number(4.0, "m/s"),
         "wind_from_deg": ex.Number(220.0, "deg"),
         "visibility_m": ex.Number(2000.0, "km"),
     }
-    boat = next(group for group in found.mission.groups if group.name == "boat")
+    boat = next(group for group in compilation.mission.groups if group.name == "boat")
     values = {prop.name: prop.value for prop in boat.properties}
     assert values["speed_mps"] == ex.Number(5.0, "m/s")
     assert values["heading_deg"] == ex.Number(30.0, "deg")
@@ -80,11 +86,11 @@ def test_a_base_may_have_a_base(project: Path) -> None:
     compiled(project, "  override param uavs = 4 in 1..10", name="night")
     head = "use .night { night }"
     (project / "later.ljs").write_text(f"ljs 1\n{head}\nmission later extends night {{ param more = 2 }}\n")
-    found = compile_file(str(project / "later.ljs"))
-    assert found.diagnostics == ()
-    assert found.mission is not None
-    assert [p.default for p in found.mission.parameters][:1] == [ex.Number(4.0)]
-    assert found.mission.parameters[-1].name == "more"
+    compilation = compile_file(str(project / "later.ljs"))
+    assert compilation.diagnostics == ()
+    assert compilation.mission is not None
+    assert [p.default for p in compilation.mission.parameters][:1] == [ex.Number(4.0)]
+    assert compilation.mission.parameters[-1].name == "more"
 
 
 def test_a_shipped_mission_may_be_extended_and_its_one_asset_be_a_group(tmp_path: Path) -> None:
@@ -97,57 +103,59 @@ def test_a_shipped_mission_may_be_extended_and_its_one_asset_be_a_group(tmp_path
         "  override unlock arrive(h: home) when now >= 0 s\n"
         "  override adjudicate arrived(h: home) { when emitted(arrive, h) }\n}\n"
     )
-    found = compile_file(str(tmp_path / "more.ljs"))
-    assert found.diagnostics == () and found.mission is not None
-    dogs = [entity for entity in instantiate(found.mission).entities if entity.group == "dog"]
+    compilation = compile_file(str(tmp_path / "more.ljs"))
+    assert compilation.diagnostics == () and compilation.mission is not None
+    dogs = [entity for entity in instantiate(compilation.mission).entities if entity.group == "dog"]
     assert [dog.id for dog in dogs] == ["dog[1]", "dog[2]", "dog[3]"]
     assert {(dog.heading_deg, dog.cameras[0].name) for dog in dogs} == {(90.0, "front")}, "the base's lines are kept"
 
 
 def test_a_permit_and_the_hub_are_overridden(tmp_path: Path) -> None:
-    def found(body: str) -> Compilation:
+    def extended(body: str) -> Compilation:
         file = tmp_path / "more.ljs"
         file.write_text(f"ljs 1\nuse scenarios.upr {{ upr }}\nmission more extends upr {{\n{body}\n}}\n")
         return compile_file(str(file))
 
-    plain = found("override mode broadcast\noverride comms { hub = none }\noverride permit dog.forward when now >= 0 s")
+    plain = extended(
+        "override mode broadcast\noverride comms { hub = none }\noverride permit dog.forward when now >= 0 s"
+    )
     assert plain.diagnostics == () and plain.mission is not None and plain.mission.comms.hub is None
     assert len(plain.mission.permits) == 1
-    lacking = found("override comms { hub = none }")
+    lacking = extended("override comms { hub = none }")
     assert codes(lacking) == [("LJ0502", 3)], "star mode needs one"
     assert lacking.diagnostics[0].hint.endswith("or leave `star` out of `mode`")
-    assert codes(found("permit dog.forward when now >= 0 s")) == [("LJ0124", 4)]
+    assert codes(extended("permit dog.forward when now >= 0 s")) == [("LJ0124", 4)]
 
 
-def test_what_the_base_has_needs_the_word(project: Path) -> None:
-    found = compiled(project, "  param uavs = 4 in 1..10")
-    assert codes(found) == [("LJ0124", 4)]
-    fix = found.diagnostics[0].fix
+def test_changing_a_declaration_of_the_base_needs_override(project: Path) -> None:
+    compilation = compiled(project, "  param uavs = 4 in 1..10")
+    assert codes(compilation) == [("LJ0124", 4)]
+    fix = compilation.diagnostics[0].fix
     assert fix is not None and fix.edits[0].text == "override param"
-    assert found.diagnostics[0].related[0].span.path.endswith("base.ljs")
+    assert compilation.diagnostics[0].related[0].span.path.endswith("base.ljs")
 
 
-def test_what_the_base_has_not_cannot_be_overridden(project: Path) -> None:
-    found = compiled(project, "  override param uafs = 4 in 1..10")
-    assert codes(found) == [("LJ0123", 4)]
-    assert found.diagnostics[0].hint == "did you mean `uavs`?"
+def test_only_declarations_of_the_base_can_be_overridden(project: Path) -> None:
+    compilation = compiled(project, "  override param uafs = 4 in 1..10")
+    assert codes(compilation) == [("LJ0123", 4)]
+    assert compilation.diagnostics[0].hint == "did you mean `uavs`?"
 
 
 def test_an_override_that_breaks_the_base_is_reported_where_it_is_extended(project: Path) -> None:
-    found = compiled(project, "  override target victim[1..1] : person_in_water { position = (1 m, 2 m) }")
-    assert found.diagnostics == ()
-    found = compiled(
+    compilation = compiled(project, "  override target victim[1..1] : person_in_water { position = (1 m, 2 m) }")
+    assert compilation.diagnostics == ()
+    compilation = compiled(
         project, "  override param altitude = 3 s\n  override asset uav : lifeboat { position = (1 m, 2 m) }"
     )
-    assert {(item.code, item.span.line) for item in found.diagnostics} == {("LJ0201", 3)}
-    assert found.diagnostics[0].related[0].span.path.endswith("base.ljs")
-    assert found.diagnostics[0].related[0].span.line == 27
+    assert {(item.code, item.span.line) for item in compilation.diagnostics} == {("LJ0201", 3)}
+    assert compilation.diagnostics[0].related[0].span.path.endswith("base.ljs")
+    assert compilation.diagnostics[0].related[0].span.line == 27
 
 
 def test_a_faulty_base_is_named_once(project: Path, small: str) -> None:
     (project / "base.ljs").write_text(small.replace("tick = 10 s", "tick = 10 m"))
-    found = compiled(project, "  param extra = 1")
-    assert codes(found) == [("LJ0119", 3)]
+    compilation = compiled(project, "  param extra = 1")
+    assert codes(compilation) == [("LJ0119", 3)]
 
 
 def test_an_unknown_base(project: Path) -> None:
@@ -157,9 +165,9 @@ def test_an_unknown_base(project: Path) -> None:
 def test_a_circle_of_files_ends_in_a_diagnostic(project: Path) -> None:
     (project / "one.ljs").write_text("ljs 1\nuse .two\nrecord a : other { }\n")
     (project / "two.ljs").write_text("ljs 1\nuse .one\nrecord b : other { }\n")
-    found = compile_file(str(project / "one.ljs"))
-    assert [item.code for item in found.diagnostics] == ["LJ0119"]
-    assert "one.ljs → two.ljs → one.ljs" in found.diagnostics[0].related[0].message
+    compilation = compile_file(str(project / "one.ljs"))
+    assert [item.code for item in compilation.diagnostics] == ["LJ0119"]
+    assert "one.ljs → two.ljs → one.ljs" in compilation.diagnostics[0].related[0].message
     (project / "me.ljs").write_text("ljs 1\nuse .me\nrecord a : other { }\n")
     assert [item.code for item in compile_file(str(project / "me.ljs")).diagnostics] == ["LJ0120"]
 
@@ -174,7 +182,7 @@ def test_missions_that_extend_each_other_end_in_a_diagnostic(project: Path) -> N
 
 
 def _chain(project: Path, small: str, length: int) -> Path:
-    """`mission_N`, which extends `mission_N-1`, and so on to the small mission."""
+    """`mission_N`, which extends `mission_N-1`, and so on down to the small mission."""
     (project / "mission_0.ljs").write_text(small.replace("mission small", "mission mission_0"))
     for k in range(1, length + 1):
         text = f"ljs 1\nuse .mission_{k - 1}\nmission mission_{k} extends mission_{k - 1} {{ param more_{k} = {k} }}\n"
@@ -184,7 +192,7 @@ def _chain(project: Path, small: str, length: int) -> Path:
 
 @pytest.fixture
 def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The texts that were parsed, with repeats."""
+    """The parsed texts, in order, including repeated ones."""
     texts: list[str] = []
     run = Parser.run
 
@@ -197,35 +205,35 @@ def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_each_mission_of_a_chain_is_checked_once(project: Path, small: str, parsed: list[str]) -> None:
-    found = compile_file(str(_chain(project, small, 8)))
-    assert found.diagnostics == () and found.mission is not None
-    assert [p.name for p in found.mission.parameters][-1] == "more_8"
-    # each once as a library, once to be checked, and once in each of those that come after it
+    compilation = compile_file(str(_chain(project, small, 8)))
+    assert compilation.diagnostics == () and compilation.mission is not None
+    assert [p.name for p in compilation.mission.parameters][-1] == "more_8"
+    # each once as a library, once to be checked, and once in each mission that extends it
     assert max(parsed.count(path) for path in set(parsed)) <= 2 + 8
 
 
 def test_a_chain_has_an_end(project: Path, small: str) -> None:
-    found = compile_file(str(_chain(project, small, 9))).diagnostics
-    assert [item.code for item in found] == ["LJ0120"] and "more than 8 in a row" in found[0].message
+    diagnostics = compile_file(str(_chain(project, small, 9))).diagnostics
+    assert [item.code for item in diagnostics] == ["LJ0120"] and "more than 8 in a row" in diagnostics[0].message
     assert [item.code for item in compile_file(str(_chain(project, small, 60))).diagnostics] == ["LJ0119"] * 2
 
 
 @pytest.mark.parametrize("faulty", [False, True])
 def test_a_file_that_many_lead_to_is_read_once(project: Path, parsed: list[str], *, faulty: bool) -> None:
-    """Two files that both use two files, and so on: two to the twentieth ways lead to the last ones."""
+    """Two files that both use two files, and so on: 2^20 paths lead to the last ones."""
     for k in range(21):
         uses = f"use .a{k - 1}\nuse .b{k - 1}\n" if k else "nonsense\n" if faulty else ""
         for name in "ab":
             (project / f"{name}{k}.ljs").write_text(f"ljs 1\n{uses}record {name}_{k} : other {{ place: position }}\n")
-    found = compile_file(str(project / "a20.ljs")).diagnostics
-    assert [item.code for item in found] == ["LJ0119", "LJ0119"] * faulty
+    diagnostics = compile_file(str(project / "a20.ljs")).diagnostics
+    assert [item.code for item in diagnostics] == ["LJ0119", "LJ0119"] * faulty
     assert len(parsed) == 41  # all but `b20`
 
 
 def test_missions_too_long_together(project: Path, small: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inherit, "LONGEST_TEXT", 2_000)
-    found = compile_file(str(_chain(project, f"{small}{' ' * 2_000}", 2))).diagnostics
-    assert [item.code for item in found] == ["LJ0119"] and "2,000 characters" in found[0].related[0].message
+    diagnostics = compile_file(str(_chain(project, f"{small}{' ' * 2_000}", 2))).diagnostics
+    assert [item.code for item in diagnostics] == ["LJ0119"] and "2,000 characters" in diagnostics[0].related[0].message
 
 
 def test_neighbours_are_found_and_nothing_else(project: Path) -> None:
@@ -244,15 +252,15 @@ HEAD = "use std.sea { person_in_water }\nuse .base { small }"
 
 
 @pytest.mark.parametrize("head", ["victim", "victim[1..3] : person_in_water"])
-def test_what_the_base_hides_stays_hidden(project: Path, head: str) -> None:
-    """Another value, without the word again, is no reason to show it."""
+def test_hidden_values_of_the_base_stay_hidden(project: Path, head: str) -> None:
+    """A new value without `hidden` stays hidden."""
     override = f"  override target {head} {{ position ~ sites(search) }}"
-    found = compiled(project, override, head=HEAD)
-    assert found.diagnostics == () and found.mission is not None
-    group = next(group for group in found.mission.groups if group.name == "victim")
+    compilation = compiled(project, override, head=HEAD)
+    assert compilation.diagnostics == () and compilation.mission is not None
+    group = next(group for group in compilation.mission.groups if group.name == "victim")
     assert [prop.name for prop in group.properties if prop.hidden] == ["position"]
-    told = compiled(project, override + '\n  override goal "They are at {victim[1].position}."', head=HEAD)
-    assert ("LJ0401", 6) in codes(told)
+    compilation = compiled(project, override + '\n  override goal "They are at {victim[1].position}."', head=HEAD)
+    assert ("LJ0401", 6) in codes(compilation)
 
 
 TYPES = """
@@ -272,9 +280,9 @@ target other_box : box_of_secrets { secret = 6 m }
         "kept : other_box { position = (1 m, 1 m), secret = 8 m }",
     ],
 )
-def test_what_a_type_hides_stays_hidden(project: Path, declared: str) -> None:
-    """In an entity with another value, in a type that begins with it, and in an entity of that."""
-    found = compiled(project, f"  target {declared}", head=f"use .base {{ small }}{TYPES}")
-    assert found.diagnostics == () and found.mission is not None
-    group = next(group for group in found.mission.groups if group.name == "kept")
+def test_hidden_values_of_a_type_stay_hidden(project: Path, declared: str) -> None:
+    """In an entity with another value, in a type that extends it, and in an entity of that type."""
+    compilation = compiled(project, f"  target {declared}", head=f"use .base {{ small }}{TYPES}")
+    assert compilation.diagnostics == () and compilation.mission is not None
+    group = next(group for group in compilation.mission.groups if group.name == "kept")
     assert [prop.name for prop in group.properties if prop.hidden] == ["secret_m"]

@@ -1,4 +1,4 @@
-"""Bad input, through the functions and through the command line: one clear message, the right exit code."""
+"""Bad input through functions and the command line: one clear message and the right exit code."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def test_validate_as_json(tmp_path: Path, small: str, capsys: pytest.CaptureFixt
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)"))
     assert main(["validate", "--output-format", "json", str(file)]) == ExitCode.MISSION
-    (found,) = msgspec.json.decode(capsys.readouterr().out, type=list[Diagnostic])
-    assert (found.code, found.span.path, found.span.line) == ("LJ0101", str(file), 34)
+    (output,) = msgspec.json.decode(capsys.readouterr().out, type=list[Diagnostic])
+    assert (output.code, output.span.path, output.span.line) == ("LJ0101", str(file), 34)
 
 
 def test_validate_reads_standard_input(

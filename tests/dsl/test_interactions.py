@@ -1,4 +1,4 @@
-"""What an interaction says: who performs it, which declared states it moves, in one dimension; and what a state is."""
+"""Interactions: the actor, the declared states that they change, their dimensions; and the rules for states."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ IN_A_MISSION = [
 ]  # fmt: skip
 
 
-def found(text: str) -> list[tuple[str, int, int]]:
+def errors_of(text: str) -> list[tuple[str, int, int]]:
     return [(item.code, item.span.line, item.span.column) for item in compile_text(text).diagnostics]
 
 
@@ -86,21 +86,21 @@ def test_the_bus_stop_is_good() -> None:
 @pytest.mark.parametrize(("block", "code", "line", "column", "part"), OF_A_TYPE, ids=lambda value: str(value)[:30])
 def test_a_type_by_itself(block: str, code: str, line: int, column: int, part: str) -> None:
     text = TYPES.replace(BOARD, f"interaction board {block}")
-    (one,) = compile_text(text).diagnostics
-    assert (one.code, one.span.line, one.span.column) == (code, line, column)
-    assert part in one.message
+    (diagnostic,) = compile_text(text).diagnostics
+    assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == (code, line, column)
+    assert part in diagnostic.message
 
 
 @pytest.mark.parametrize(("moves", "code", "part"), IN_A_MISSION, ids=lambda value: str(value)[:30])
 def test_a_target_and_who_acts_on_it(moves: str, code: str, part: str) -> None:
     changed = f"interaction board {{ by = road, within = 20 m, {moves} }}"
     assert compile_text(TYPES.replace(BOARD, changed)).diagnostics == ()
-    (one,) = compile_text(TYPES.replace(BOARD, changed) + MISSION).diagnostics
-    assert (one.code, one.span.line, one.span.column) == (code, 19, 19)
-    assert part in one.message
+    (diagnostic,) = compile_text(TYPES.replace(BOARD, changed) + MISSION).diagnostics
+    assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == (code, 19, 19)
+    assert part in diagnostic.message
 
 
-def test_an_interaction_that_is_never_used_in_the_mission_is_nobodys_fault() -> None:
+def test_an_unused_interaction_is_no_error() -> None:
     also = "\n  interaction shower { by = vessel, within = 9 m, gives = hold, from = people }"
     assert compile_text(TYPES.replace(BOARD, BOARD + also) + MISSION).diagnostics == ()
 
@@ -139,13 +139,13 @@ def test_only_what_the_role_controls_may_act() -> None:
     assert ("event:board", "asset:taxi") in edges and ("event:board", "asset:bus") not in edges
 
 
-def test_an_engine_that_an_asset_type_of_the_file_brings_is_known() -> None:
+def test_engines_of_the_files_asset_types_are_known() -> None:
     rocket = "asset rocket { engine = booster, verb launch() }\n"
     by = BOARD.replace("by = road", "by = booster")
     assert compile_text(TYPES.replace(BOARD, by) + rocket).diagnostics == ()
 
 
-def test_a_type_that_extends_another_says_what_differs() -> None:
+def test_an_extending_type_declares_only_differences() -> None:
     wider = "target square : stop { people = 7, interaction board { within = 40 m } }\n"
     compilation = compile_text(TYPES + wider + MISSION.replace(": stop", ": square"))
     assert compilation.mission is not None and compilation.diagnostics == ()
@@ -167,36 +167,39 @@ def test_a_type_that_extends_another_says_what_differs() -> None:
 def test_a_state_is_a_number_under_its_own_name(line: str, code: str, column: int) -> None:
     number = 7 if code == "LJ0106" else 9
     text = TYPES.replace("state people = 4\n", f"{line}\n").replace(f"\n  {BOARD}", "")
-    assert found(text) == [(code, number, column)]
+    assert errors_of(text) == [(code, number, column)]
 
 
 # -- the same in a mission.json
 
 
 def as_json(interaction: str) -> set[tuple[str, str]]:
-    """Code and message of everything that is refused of the bus stop with this interaction, written as JSON."""
+    """Code and message of all errors of the bus stop with this interaction, written as JSON."""
     mission = compile_text(TYPES + MISSION).mission
     assert mission is not None
     words = dict(re.findall(r"(\w+) = (\w+)", interaction.replace("from =", "source =")))
     within = ex.Number(value=1.0, unit="m") if "within" in words else UNSAID
     words = {key: value for key, value in words.items() if key not in ("within", "lasting")}
-    one = model.Interaction(**{"name": "board", "by": "", **words}, within=within)
+    board = model.Interaction(**{"name": "board", "by": "", **words}, within=within)
     stop, *others = sorted(mission.groups, key=lambda group: group.name != "corner")
-    changed = msgspec.structs.replace(mission, groups=(msgspec.structs.replace(stop, interactions=(one,)), *others))
+    changed = msgspec.structs.replace(mission, groups=(msgspec.structs.replace(stop, interactions=(board,)), *others))
     read = document.decode(document.encode(changed), "m.json")
-    return {(one.code, one.message) for one in proofs(read, SourceText("m.json", document.encode(changed)))}
+    return {
+        (interaction.code, interaction.message)
+        for interaction in proofs(read, SourceText("m.json", document.encode(changed)))
+    }
 
 
 @pytest.mark.parametrize(
     "interaction",
     [*(words for words, *_ in OF_A_TYPE), *(f"{{ by = road, within = 1 m, {words} }}" for words, *_ in IN_A_MISSION)],
 )
-def test_a_document_is_refused_for_what_its_text_is_refused_for(interaction: str) -> None:
+def test_a_document_has_the_errors_of_its_text(interaction: str) -> None:
     text = (TYPES + MISSION).replace(BOARD, f"interaction board {interaction}")
-    told = {(item.code, item.message) for item in compile_text(text).diagnostics if item.severity == "error"}
+    diagnostics = {(item.code, item.message) for item in compile_text(text).diagnostics if item.severity == "error"}
     refused = {(code, message.removeprefix("bus/corner: ")) for code, message in as_json(interaction)}
-    # a text whose type is at fault is looked through no further; its roles are those of the file's missions
-    assert told and told <= refused, (told, refused)
+    # checking a text stops at a faulty type; its roles are those of the file's missions
+    assert diagnostics and diagnostics <= refused, (diagnostics, refused)
 
 
 def test_a_good_document_is_not_refused() -> None:
@@ -210,10 +213,16 @@ def test_a_state_of_a_document_is_a_number(value: ex.Expr) -> None:
 
     def spoilt(group: model.Group) -> model.Group:
         old = group.properties
-        new = (msgspec.structs.replace(one, value=value) if one.name == "people" else one for one in old)
+        new = (
+            msgspec.structs.replace(property_, value=value) if property_.name == "people" else property_
+            for property_ in old
+        )
         return msgspec.structs.replace(group, properties=tuple(new))
 
     groups = tuple(map(spoilt, mission.groups))
     text = document.encode(msgspec.structs.replace(mission, groups=groups))
-    (told,) = proofs(document.decode(text, "m.json"), SourceText("m.json", text))
-    assert (told.code, told.message) == ("LJ0201", "bus/corner: `people` of `corner` is a state and no number")
+    (diagnostic,) = proofs(document.decode(text, "m.json"), SourceText("m.json", text))
+    assert (diagnostic.code, diagnostic.message) == (
+        "LJ0201",
+        "bus/corner: `people` of `corner` is a state and no number",
+    )

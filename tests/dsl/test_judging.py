@@ -1,4 +1,4 @@
-"""The table of what is adjudicated: every rule and every interaction of a target, with the radii of the paper."""
+"""The table of adjudication: every rule and every interaction of a target, with the radii of the paper."""
 
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def test_the_bounds_are_those_of_the_paper(mission: str, event: str, by: str, bo
     assert rows[event][1:3] == (by, bounds)
 
 
-def test_a_page_leads_with_what_it_is_given() -> None:
+def test_a_page_begins_with_the_given_sections() -> None:
     mission = load_mission(ROOT / "scenarios" / "ufr.ljs")
     lead = [("First", ["one", "two"]), ("Empty", []), ("Counts", table(("a", "b"), [("1|2", "x")]))]
     text = page(mission, lead=lead, graph_picture="g.svg")

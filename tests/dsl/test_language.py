@@ -1,4 +1,4 @@
-"""`docs/language.md` is true: every block of the language on it compiles, or has the error it says it has."""
+"""`docs/language.md`: every block of the language on it compiles, or has the error that it names."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ def compiled(kind: str, text: str, folder: Path) -> Compilation:
         return compile_file(str(folder / "example.ljs"))
     if text.startswith("ljs 1"):
         return compile_text(text)
-    said = [re.sub(r"\s+", " ", line) for line in text.splitlines()]
+    statements = [re.sub(r"\s+", " ", line) for line in text.splitlines()]
     rest = [
         line
         for key, line in REST.items()
-        if not any(re.match(rf"{re.escape(key)}\b|{re.escape(key)}", s) for s in said)
+        if not any(re.match(rf"{re.escape(key)}\b|{re.escape(key)}", s) for s in statements)
     ]
     inside = "\n".join([*rest, text])
     return compile_text(f'{USES}mission example "Example" {{\n{inside}\n}}\n')
@@ -74,14 +74,14 @@ def compiled(kind: str, text: str, folder: Path) -> Compilation:
 
 @pytest.mark.parametrize(("kind", "text"), BLOCKS, ids=lambda value: value.split("\n")[0][:40])
 def test_block(kind: str, text: str, tmp_path: Path) -> None:
-    found = compiled(kind, text, tmp_path)
+    compilation = compiled(kind, text, tmp_path)
     if kind.startswith("error"):
-        assert {item.code for item in found.diagnostics} == {kind.split()[1]}
+        assert {item.code for item in compilation.diagnostics} == {kind.split()[1]}
         return
-    assert [(item.code, item.message) for item in found.diagnostics] == []
-    if found.mission is not None:
-        for mode in found.mission.modes.allowed:
-            assert instantiate(found.mission, mode=mode).agents
+    assert [(item.code, item.message) for item in compilation.diagnostics] == []
+    if compilation.mission is not None:
+        for mode in compilation.mission.modes.allowed:
+            assert instantiate(compilation.mission, mode=mode).agents
 
 
 @pytest.mark.parametrize("word", sorted(STATEMENTS))

@@ -13,7 +13,7 @@ from lingjing.errors import PluginError
 
 @pytest.fixture
 def acme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An installed distribution `acme` that brings types through the entry-point group `lingjing.std`."""
+    """An installed distribution `acme` that declares types through the entry-point group `lingjing.std`."""
     package = tmp_path / "acme_types"
     package.mkdir()
     (package / "__init__.py").write_text("")
@@ -43,26 +43,26 @@ def test_types_of_a_plug_in(acme: Path, small: str) -> None:
 
 def test_a_faulty_library_is_reported_where_it_is_used(acme: Path, small: str) -> None:
     (acme / "boats.ljs").write_text("ljs 1\nasset catamaran {\n  engine = vessel\n  speed = 9 m/\n}\n")
-    (found,) = compile_text(small.replace("use std.air", "use acme.boats\nuse std.air")).diagnostics
-    assert (found.code, found.span.line) == ("LJ0119", 2)
-    assert found.related[0].span.path.endswith("boats.ljs")
+    (diagnostic,) = compile_text(small.replace("use std.air", "use acme.boats\nuse std.air")).diagnostics
+    assert (diagnostic.code, diagnostic.span.line) == ("LJ0119", 2)
+    assert diagnostic.related[0].span.path.endswith("boats.ljs")
 
 
 def test_libraries_that_use_each_other(acme: Path, small: str) -> None:
     (acme / "one.ljs").write_text("ljs 1\nuse acme.two\n")
     (acme / "two.ljs").write_text("ljs 1\nuse acme.one\n")
-    (found,) = compile_text(small.replace("use std.air", "use acme.one\nuse std.air")).diagnostics
-    assert found.code == "LJ0119"
+    (diagnostic,) = compile_text(small.replace("use std.air", "use acme.one\nuse std.air")).diagnostics
+    assert diagnostic.code == "LJ0119"
 
 
-def test_a_type_left_behind_is_named(small: str) -> None:
-    (found,) = compile_text(small.replace("use std.sea { lifeboat, person", "use std.sea { person")).diagnostics
-    assert found.hint == "add it: `use std.sea { lifeboat }`"
+def test_a_type_that_is_not_imported_is_named(small: str) -> None:
+    (diagnostic,) = compile_text(small.replace("use std.sea { lifeboat, person", "use std.sea { person")).diagnostics
+    assert diagnostic.hint == "add it: `use std.sea { lifeboat }`"
 
 
 def test_a_missing_library_causes_no_further_errors(small: str) -> None:
-    found = compile_text(small.replace("use std.sea {", "use nowhere.sea {")).diagnostics
-    assert [(item.code, item.span.line) for item in found] == [("LJ0118", 3)]
+    diagnostics = compile_text(small.replace("use std.sea {", "use nowhere.sea {")).diagnostics
+    assert [(item.code, item.span.line) for item in diagnostics] == [("LJ0118", 3)]
 
 
 def test_two_packages_with_one_name(acme: Path, small: str) -> None:
@@ -76,5 +76,5 @@ def test_two_packages_with_one_name(acme: Path, small: str) -> None:
 
 def test_no_path_leads_out_of_the_library() -> None:
     for path in ("std...ssr", "..ssr", "...ssr"):
-        found = compile_text(f"ljs 1\nuse {path}\nrecord a : other {{ }}\n").diagnostics
-        assert "LJ0010" in {item.code for item in found}
+        diagnostics = compile_text(f"ljs 1\nuse {path}\nrecord a : other {{ }}\n").diagnostics
+        assert "LJ0010" in {item.code for item in diagnostics}

@@ -1,4 +1,4 @@
-"""The nine missions of the paper: they compile cleanly, instantiate in every mode, and say what the paper's tables say.
+"""The nine missions of the paper compile without errors, instantiate in every mode, and match the paper's tables.
 
 `golden/missions.txt` holds a summary of each (`pytest tests/dsl --update` rewrites it).
 """
@@ -62,10 +62,10 @@ def nine() -> dict[str, Mission]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_instances_of_five_seeds_in_every_mode(nine: dict[str, Mission], name: str) -> None:
-    one = nine[name]
-    for mode in one.modes.allowed:
-        made = [instantiate(one, seed=seed, mode=mode) for seed in range(5)]
-        assert msgspec.json.encode(made[0]) == msgspec.json.encode(instantiate(one, seed=0, mode=mode))
+    mission_ = nine[name]
+    for mode in mission_.modes.allowed:
+        made = [instantiate(mission_, seed=seed, mode=mode) for seed in range(5)]
+        assert msgspec.json.encode(made[0]) == msgspec.json.encode(instantiate(mission_, seed=0, mode=mode))
         assert len({msgspec.json.encode(instance) for instance in made}) == 5
         for instance in made:
             assert instance.agents and instance.entities
@@ -83,32 +83,32 @@ def test_mission_json_is_stable(nine: dict[str, Mission], name: str) -> None:
 def test_the_papers_tables(
     nine: dict[str, Mission], name: str, modes: set[str], engines: set[str], ticks: int, seconds: float
 ) -> None:
-    one = nine[name]
-    instance = instantiate(one)
-    assert set(one.modes.allowed) == modes
+    mission_ = nine[name]
+    instance = instantiate(mission_)
+    assert set(mission_.modes.allowed) == modes
     assert {entity.engine for entity in instance.entities if entity.role == "asset"} == engines
     assert (instance.budget.ticks, instance.clock.tick_s) == (ticks, seconds)
 
 
 @pytest.mark.parametrize(("name", "interaction", "radius"), RADII)
 def test_the_papers_radii(nine: dict[str, Mission], name: str, interaction: str, radius: float) -> None:
-    acts = [one for entity in instantiate(nine[name]).entities for one in entity.interactions]
-    assert {one.within_m for one in acts if one.name == interaction} == {float(radius)}
+    acts = [interaction_ for entity in instantiate(nine[name]).entities for interaction_ in entity.interactions]
+    assert {interaction_.within_m for interaction_ in acts if interaction_.name == interaction} == {float(radius)}
 
 
 @pytest.mark.parametrize(("name", "sweep", "param", "values"), SWEEPS)
 def test_the_papers_sweeps(nine: dict[str, Mission], name: str, sweep: str, param: str, values: list[float]) -> None:
-    found = next(item for item in nine[name].sweeps if item.name == sweep)
-    assert found.parameters == (param,)
-    assert [getattr(value, "value", None) for value in found.values[0]] == pytest.approx(values)
+    declared = next(item for item in nine[name].sweeps if item.name == sweep)
+    assert declared.parameters == (param,)
+    assert [getattr(value, "value", None) for value in declared.values[0]] == pytest.approx(values)
     for value in values:
         assert instantiate(nine[name], settings={param: value}).settings[param] == value
 
 
 def test_action_clipping(nine: dict[str, Mission]) -> None:
     def bounds(name: str, entity: str, verb: str) -> tuple[float | None, float | None]:
-        found = next(e for e in instantiate(nine[name]).entities if e.id == entity)
-        argument = next(v for v in found.verbs if v.name == verb).arguments[0]
+        owner = next(e for e in instantiate(nine[name]).entities if e.id == entity)
+        argument = next(v for v in owner.verbs if v.name == verb).arguments[0]
         return argument.minimum, argument.maximum
 
     assert bounds("vdn", "dog", "forward") == (5.0, 25.0)
@@ -125,10 +125,10 @@ def test_budgets_of_subtasks_and_counted_ones(nine: dict[str, Mission]) -> None:
     assert {item.resource for item in ld.limits[0].counts} == {"uav", "van"}
 
 
-def test_what_is_hidden(nine: dict[str, Mission]) -> None:
+def test_hidden_groups(nine: dict[str, Mission]) -> None:
     hidden = {
-        name: sorted({e.group for e in instantiate(one).entities if "position" in e.hidden})
-        for name, one in nine.items()
+        name: sorted({e.group for e in instantiate(mission_).entities if "position" in e.hidden})
+        for name, mission_ in nine.items()
     }
     assert hidden == {
         "bi": ["fracture"], "cd": [], "cr": ["jam"], "idf": ["fire"], "ld": ["house", "jam"], "ssr": ["victim"],
@@ -151,24 +151,27 @@ def test_summaries(nine: dict[str, Mission], request: pytest.FixtureRequest) -> 
     assert text == GOLDEN.read_text(encoding="utf-8")
 
 
-def summary(one: Mission) -> str:
-    """A mission in some twenty lines: who, where, what counts, and what seed 0 draws."""
-    lines = [f"# {one.name}: {one.title}", f"scene {one.scene.kind}, modes {', '.join(one.modes.allowed)}"]
-    for mode in one.modes.allowed:
-        instance: Instance = instantiate(one, mode=mode)
+def summary(mission: Mission) -> str:
+    """A mission in some twenty lines: agents, places, rules, and the draws of seed 0."""
+    lines = [
+        f"# {mission.name}: {mission.title}",
+        f"scene {mission.scene.kind}, modes {', '.join(mission.modes.allowed)}",
+    ]
+    for mode in mission.modes.allowed:
+        instance: Instance = instantiate(mission, mode=mode)
         lines.append(f"{mode}: {', '.join(f'{a.id} as {a.role}' for a in instance.agents)}")
         lines.append(f"  messages: {', '.join(m.kind for m in instance.messages) or 'none'}")
         lines.append(f"  relations: {', '.join(f'{r.kind} {r.source}-{r.target}' for r in instance.relations)}")
-    instance = instantiate(one)
+    instance = instantiate(mission)
     for entity in instance.entities:
         east, north, _ = entity.position
         hides = f" hides {', '.join(entity.hidden)}" if entity.hidden else ""
         verbs = f": {', '.join(verb.name for verb in entity.verbs)}" if entity.verbs else ""
         lines.append(f"{entity.id} ({entity.type}) at {east:g}, {north:g}{hides}{verbs}")
-    lines.append(f"stages: {', '.join(stage.name for stage in one.stages)}")
-    lines.append(f"rules: {', '.join(rule.name for rule in one.rules)}")
-    bound = [*one.limits, *one.permits, *one.constraints, *one.inspections, *one.sweeps]
+    lines.append(f"stages: {', '.join(stage.name for stage in mission.stages)}")
+    lines.append(f"rules: {', '.join(rule.name for rule in mission.rules)}")
+    bound = [*mission.limits, *mission.permits, *mission.constraints, *mission.inspections, *mission.sweeps]
     names = [getattr(item, "name", "permit") for item in bound]
     lines.append(f"bound by: {', '.join(names) or 'nothing more'}")
-    lines.append(f"success: {msgspec.json.encode(one.success).decode()}")
+    lines.append(f"success: {msgspec.json.encode(mission.success).decode()}")
     return "\n".join(lines) + "\n"

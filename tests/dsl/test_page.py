@@ -1,4 +1,4 @@
-"""The page of a mission says everything a reader must know, and says it of every shipped mission."""
+"""The page of a mission contains every declaration, for every shipped mission."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_every_declared_name_is_on_the_page(file: Path) -> None:
 def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
     mission = load_mission(file)
     text = page(mission)
-    section = text.partition("## What is hidden\n")[2].partition("\n## ")[0]
+    section = text.partition("## Hidden values\n")[2].partition("\n## ")[0]
     for group in mission.groups:
         if any(prop.hidden for prop in group.properties):
             assert f"- `{group.name}`: `" in section
@@ -49,8 +49,8 @@ def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
     assert bool(mission.reveals) != ("Nothing of this is revealed" in section) or not section
 
 
-def test_what_agents_can_notice_of_hidden_values_is_listed(small: str) -> None:
-    heading = "What follows from hidden values, or from reports that were right, and can be noticed:"
+def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None:
+    heading = "Consequences of hidden values, or of correct reports, that agents can notice:"
     plain = compile_text(small).mission
     assert plain is not None and heading not in page(plain)
     binding = """  permit boat.moveTo when exists r: matched(victim[1], r)
@@ -58,24 +58,24 @@ def test_what_agents_can_notice_of_hidden_values_is_listed(small: str) -> None:
   constraint hard apart { always distance_xy(boat, victim[1]) >= 1 m }
   constraint soft near { always distance_xy(boat, victim[1]) <= 900 m, penalty = 10 % }
   success"""
-    told = small.replace("  success", binding).replace(
+    text_ = small.replace("  success", binding).replace(
         "{ done when rescued(v) }", "{ done when rescued(v), ticks <= 40\n limit calls <= 30 counts detection }"
     )
-    mission = compile_text(told).mission
+    mission = compile_text(text_).mission
     assert mission is not None
     listed = page(mission).partition(heading)[2].partition("\n## ")[0].strip().splitlines()
     assert listed == [
-        "- the receipts of `boat.moveTo` tell whether it is permitted",
+        "- the receipts of `boat.moveTo` show whether it is permitted",
         "- the episode ends when **apart** is broken",
         "- the episode ends when stage **execute** is late",
-        "- receipts tell that the limit **calls** counts while stage **execute** runs",
+        "- receipts show that the limit **calls** counts while stage **execute** runs",
     ]
 
 
 def test_rules_are_said_in_words() -> None:
     text = page(load_mission(ROOT / "scenarios" / "ssr.ljs"))
-    said = "the overlap of `r.box` with the true box of `v` in `r.frame` is at least `0.5`"
-    assert said in text
+    sentence = "the overlap of `r.box` with the true box of `v` in `r.frame` is at least `0.5`"
+    assert sentence in text
     assert "an engine has performed `rescue` on `v` and the horizontal distance from `boat` to `v` is at most" in text
     assert "Won when for every victim `v`, *rescued* holds for `v`." in text
 
@@ -89,4 +89,4 @@ def test_a_mission_with_little_has_few_sections() -> None:
     text = page(bare)
     assert "**rescue** of `victim` is allowed from the start." in text
     text = page(msgspec.structs.replace(bare, groups=tuple(group for group in bare.groups if group.role == "asset")))
-    assert "## Stages" not in text and "## Who may say what" not in text and "## How it is judged" not in text
+    assert "## Stages" not in text and "## Messages" not in text and "## Adjudication" not in text

@@ -1,4 +1,4 @@
-"""What validates runs: a text that playing would refuse is refused where it says so, in the modes that refuse it."""
+"""A mission that passes validation runs: errors of playing it are reported by the compiler, at their declarations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lingjing.scene.districts import build
 from lingjing.scene.districts.options import plan
 
 FAR = "subset([(0 m, 2 m), (1 m, 2 m), ({}, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
-"""Places one of which, not drawn with seed 0, may be too far."""
+"""Places of which one, which seed 0 does not draw, may be too far."""
 
 # what is replaced in the small mission, by what, code, line, column, a part of the message
 CASES = [
@@ -57,11 +57,13 @@ CASES = [
 
 
 @pytest.mark.parametrize(("old", "new", "code", "line", "column", "part"), CASES, ids=lambda value: str(value)[:30])
-def test_what_run_refuses(small: str, old: str, new: str, code: str, line: int, column: int, part: str) -> None:
+def test_errors_of_playing_are_reported(
+    small: str, old: str, new: str, code: str, line: int, column: int, part: str
+) -> None:
     text = small.replace(", spread 8 m", "") if "sweep" in new else small
-    found = compile_text(text.replace(old, new, 1)).diagnostics
-    assert [(item.code, item.span.line, item.span.column) for item in found] == [(code, line, column)]
-    assert part in found[0].message
+    diagnostics = compile_text(text.replace(old, new, 1)).diagnostics
+    assert [(item.code, item.span.line, item.span.column) for item in diagnostics] == [(code, line, column)]
+    assert part in diagnostics[0].message
 
 
 def test_a_side_of_an_or_may_name_a_member_that_is_not_there(small: str) -> None:
@@ -80,25 +82,25 @@ def test_a_group_may_be_empty_by_its_param(small: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "column", "said"),
+    ("options", "column", "message"),
     [
         ('tle1 = "1 25544U", tle2 = "2 xyz"', 27, "line 1 of the elements is not 69 characters that begin with `1 `"),
         ('epoch = "yesterday"', 27, "`yesterday` is no epoch of a satellite"),
     ],
 )
-def test_satellites_that_cannot_fly(small: str, given: str, column: int, said: str) -> None:
+def test_satellites_that_cannot_fly(small: str, options: str, column: int, message: str) -> None:
     text = small.replace("use std.sea", "use std.orbit { satellite }\nuse std.sea")
-    text = text.replace("  asset boat", f"  asset eye : satellite {{ {given} }}\n  asset boat")
-    found = [item for item in compile_text(text).diagnostics if said in item.message]
-    assert [(item.code, item.span.line, item.span.column) for item in found] == [("LJ0507", 27, column)]
+    text = text.replace("  asset boat", f"  asset eye : satellite {{ {options} }}\n  asset boat")
+    diagnostics = [item for item in compile_text(text).diagnostics if message in item.message]
+    assert [(item.code, item.span.line, item.span.column) for item in diagnostics] == [("LJ0507", 27, column)]
 
 
 def test_more_than_cameras_can_draw_is_refused(small: str) -> None:
     crowd = small.replace(
         "  asset boat", "  target rock[1..4100] : person_in_water { position = (0 m, 0 m) }\n  asset boat"
     )
-    (found,) = [item for item in compile_text(crowd).diagnostics if "cameras to draw" in item.message]
-    assert (found.code, found.severity) == ("LJ0507", "error")
+    (diagnostic,) = [item for item in compile_text(crowd).diagnostics if "cameras to draw" in item.message]
+    assert (diagnostic.code, diagnostic.severity) == ("LJ0507", "error")
     assert not [item for item in compile_text(crowd.replace("4100", "4000")).diagnostics if item.severity == "error"]
 
 
@@ -106,9 +108,9 @@ def test_a_place_that_only_a_sweep_puts_too_far_is_refused(small: str) -> None:
     far = small.replace("~ sites(search, apart >= 10 m)", f"~ {FAR.format('(uavs - 1) * 2e3 m')}")
     assert compile_text(far).diagnostics == ()
     swept = far.replace("  param alt", "  sweep all over uavs in [1, 4]\n  param alt")
-    (found,) = compile_text(swept).diagnostics
-    assert (found.code, found.span.line) == ("LJ0507", 20)
-    assert "with uavs = 4, a place that `victim` may be drawn at is beyond the scene" in found.message
+    (diagnostic,) = compile_text(swept).diagnostics
+    assert (diagnostic.code, diagnostic.span.line) == ("LJ0507", 20)
+    assert "with uavs = 4, a place that `victim` may be drawn at is beyond the scene" in diagnostic.message
 
 
 PLACES = [
@@ -133,12 +135,12 @@ mission walk "A walk" {{
 """
 
 
-@pytest.mark.parametrize(("place", "code", "said"), PLACES)
-def test_places_outside_of_a_town_are_refused_as_they_are_when_it_is_built(place: str, code: str, said: str) -> None:
+@pytest.mark.parametrize(("place", "code", "message"), PLACES)
+def test_places_outside_of_a_town_give_the_error_of_building_it(place: str, code: str, message: str) -> None:
     compilation = compile_text(TOWN.format(place))
-    found = compilation.diagnostics
-    assert [item.code for item in found] == ([code] if code else []), found
-    assert all(said in item.message for item in found)
+    diagnostics = compilation.diagnostics
+    assert [item.code for item in diagnostics] == ([code] if code else []), diagnostics
+    assert all(message in item.message for item in diagnostics)
     if code or compilation.mission is None:
         return
     for seed in range(4):
@@ -148,7 +150,7 @@ def test_places_outside_of_a_town_are_refused_as_they_are_when_it_is_built(place
         assert max(abs(metres) for metres in placed.entities[0].position[:2]) <= 160.0
 
 
-def test_every_declaration_that_cannot_be_evaluated_is_told_in_one_run() -> None:
+def test_one_run_reports_every_declaration_that_cannot_be_evaluated() -> None:
     more = """
   asset cart : wagon { position = (0 m, 20 m), speed <= -3 m/s }
   asset pony : robot_dog { position = dog[1].position }
@@ -159,13 +161,15 @@ def test_every_declaration_that_cannot_be_evaluated_is_told_in_one_run() -> None
     text = text.replace("controls dog {", "controls dog[1] {").replace("  success when dog in wide\n", more[1:])
     text = text.replace("use std.ground { robot_dog }", "use std.ground { car, robot_dog }\nasset wagon : car { }")
     text = text.replace("blocks = 2 by 2", "blocks = 200 by 2")
-    found = {(item.code, item.span.line): item.message for item in compile_text(text).diagnostics}
-    assert [where for where in found if where[0] == "LJ0507"] == [("LJ0507", line) for line in (10, 12, 13, 14)], found
-    assert ("LJ0508", 6) in found and "`endurance` is 0" in found["LJ0507", 10]
+    diagnostics = {(item.code, item.span.line): item.message for item in compile_text(text).diagnostics}
+    assert [where for where in diagnostics if where[0] == "LJ0507"] == [
+        ("LJ0507", line) for line in (10, 12, 13, 14)
+    ], diagnostics
+    assert ("LJ0508", 6) in diagnostics and "`endurance` is 0" in diagnostics["LJ0507", 10]
 
 
 @pytest.mark.parametrize(
-    ("place", "said"),
+    ("place", "message"),
     [
         ("position = (461 m, 0 m)", "outside of the scene, which spans 460 m to every side"),
         ("position = (459 m, 0 m)", ""),
@@ -173,20 +177,20 @@ def test_every_declaration_that_cannot_be_evaluated_is_told_in_one_run() -> None
     ],
 )
 @pytest.mark.parametrize("options", ["", "inside = wide"])
-def test_a_town_of_no_stated_extent_is_as_wide_as_they_are_built(place: str, said: str, options: str) -> None:
+def test_a_town_without_an_extent_has_the_default_one(place: str, message: str, options: str) -> None:
     text = TOWN.format(place).replace("robot_dog", "quadrotor").replace("std.ground", "std.air")
-    found = compile_text(text.replace("extent = 200 m, blocks = 2 by 2", options)).diagnostics
-    if options and "outside" in said:  # such a town may be wider than it says
-        said = ""
-    assert [item.code for item in found] == (["LJ0211"] if said else []), found
-    assert all(said in item.message for item in found)
+    diagnostics = compile_text(text.replace("extent = 200 m, blocks = 2 by 2", options)).diagnostics
+    if options and "outside" in message:  # such a town may be wider than its extent
+        message = ""
+    assert [item.code for item in diagnostics] == (["LJ0211"] if message else []), diagnostics
+    assert all(message in item.message for item in diagnostics)
 
 
-def test_a_fault_of_a_base_mission_is_shown_where_that_is_named(small: str, tmp_path: Path) -> None:
+def test_an_error_in_a_base_mission_is_reported_at_its_name(small: str, tmp_path: Path) -> None:
     (tmp_path / "base.ljs").write_text(small.replace("lifeboat {", "lifeboat when mode == star {"))
     (tmp_path / "m.ljs").write_text("ljs 1\nuse .base { small }\nmission more extends small {}\n")
-    (found,) = compile_file(str(tmp_path / "m.ljs")).diagnostics
-    assert (found.code, found.span.line, found.span.column) == ("LJ0507", 3, 22)
+    (diagnostic,) = compile_file(str(tmp_path / "m.ljs")).diagnostics
+    assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == ("LJ0507", 3, 22)
 
 
 SHORE, SQUARE = ((0.0, -90.0), (0.0, 90.0)), ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
@@ -211,8 +215,8 @@ OPTIONS = [
 ]
 
 
-def test_a_scene_is_refused_for_what_the_checker_says_and_for_nothing_else() -> None:
-    """The planner, which builds districts, raises exactly where the data name a fault."""
+def test_a_scene_has_exactly_the_errors_of_the_checker() -> None:
+    """The planner of districts raises exactly where the options have a fault."""
     for kind, options, level in itertools.product(
         (kind for kind in builtin_scenes() if kind not in ("bay", "map")), OPTIONS, (0.0, -3.0)
     ):
@@ -245,19 +249,19 @@ SPAN = AFLOAT + ", bridge = [(60 m, 0 m), (90 m, 0 m)], deck = 60 m"
         (AFLOAT.replace("-3 m", "-30 m"), "delivery_van", "(0 m, 0 m)", "", ""),
     ],
 )
-def test_what_is_always_on_a_surface_begins_there(options: str, body: str, position: str, code: str, words: str):
-    """And what the text alone cannot tell, the city does (`tests/scene/test_anchor.py`)."""
+def test_entities_bound_to_a_surface_begin_on_it(options: str, body: str, position: str, code: str, words: str):
+    """The city reports errors that the text alone does not show (`tests/scene/test_anchor.py`)."""
     text = TOWN.format(f"position = {position}").replace("robot_dog", body)
     text = text.replace("2 by 2", f"2 by 2, {options}" if options else "2 by 2")
     text = text.replace("std.ground", "std.sea") if body == "lifeboat" else text
-    found = [item for item in compile_text(text).diagnostics if item.severity == "error"]
-    assert [item.code for item in found] == ([code] if code else [])
-    assert all(words in item.message for item in found)
+    diagnostics = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert [item.code for item in diagnostics] == ([code] if code else [])
+    assert all(words in item.message for item in diagnostics)
 
 
 @pytest.mark.parametrize("kind", ["residential", "coastal", "industrial"])
-def test_what_a_scene_lacks_it_lacks(kind: str, small: str) -> None:
-    """The anchor, which puts things on surfaces, finds none where the data say that there is none."""
+def test_surfaces_that_a_scene_declares_as_missing_are_missing(kind: str, small: str) -> None:
+    """The anchor finds no surface of a kind that the scene's data declare as missing."""
     spec = SceneSpec(kind=kind, options={"extent_m": 300.0}, datum_m=-3.0)
     city: City = build(spec)
     mission = compile_text(small).mission
@@ -279,10 +283,10 @@ def _alone(instance: Instance, entity: Entity, surface: str) -> Instance:
     return msgspec.structs.replace(instance, entities=(there,))
 
 
-def test_a_mission_with_very_many_members_is_not_tried(small: str) -> None:
+def test_a_mission_with_very_many_members_is_not_instantiated(small: str) -> None:
     many = small.replace("victim[1..3]", "victim[1..50000]").replace("apart >= 10 m", "apart >= 0.01 m")
-    (found,) = compile_text(many).diagnostics  # of its instance nothing is said
-    assert "50003 entities for cameras to draw" in found.message
+    (diagnostic,) = compile_text(many).diagnostics  # its instance is not built
+    assert "50003 entities for cameras to draw" in diagnostic.message
 
 
 @pytest.mark.parametrize(
@@ -295,8 +299,8 @@ def test_a_mission_with_very_many_members_is_not_tried(small: str) -> None:
     ],
 )
 def test_a_ticks_length_is_not_known_before_the_clock(small: str, old: str, new: str, line: int, column: int) -> None:
-    found = compile_text(small.replace(old, new, 1)).diagnostics
-    assert [(item.code, item.span.line, item.span.column) for item in found] == [("LJ0304", line, column)]
+    diagnostics = compile_text(small.replace(old, new, 1)).diagnostics
+    assert [(item.code, item.span.line, item.span.column) for item in diagnostics] == [("LJ0304", line, column)]
 
 
 @pytest.mark.parametrize(
@@ -325,15 +329,15 @@ def test_an_event_happens_at_a_time_or_after_a_number_of_ticks(small: str, at: s
     assert again is not None and again.events == mission.events
 
 
-def test_what_success_asks_of_nobody_is_told_at_success(small: str) -> None:
-    (found,) = compile_text(
+def test_a_condition_over_an_empty_group_is_reported_at_success(small: str) -> None:
+    (diagnostic,) = compile_text(
         small.replace("forall v in victim: rescued(v)", "distance_xy(uav[4], boat) <= 5 m")
     ).diagnostics
-    assert (found.code, found.span.line, found.span.column) == ("LJ0507", 38, 3), found
+    assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == ("LJ0507", 38, 3), diagnostic
 
 
 def test_nothing_is_drawn_from_a_region_that_only_the_city_knows() -> None:
     text = TOWN.format("position ~ sites(quay)").replace("  asset", '  region quay = along(road("A"), 5 m)\n  asset')
-    (found,) = compile_text(text).diagnostics
-    assert (found.code, found.span.line) == ("LJ0507", 10), found
-    assert "where region 'quay' lies is not known yet" in found.message and "along a road" in found.hint
+    (diagnostic,) = compile_text(text).diagnostics
+    assert (diagnostic.code, diagnostic.span.line) == ("LJ0507", 10), diagnostic
+    assert "where region 'quay' lies is not known yet" in diagnostic.message and "along a road" in diagnostic.hint

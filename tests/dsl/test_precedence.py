@@ -1,4 +1,4 @@
-"""How far `not` reaches: over a comparison to its right, never out of its own brackets."""
+"""The operand of `not`: it includes a comparison to its right, and ends at its own brackets."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ WON = "success when forall v in victim: rescued(v)"
 def test_not_in_brackets_is_closed(condition, outer, inner):
     assert WON in SSR
     compiled = compile_text(SSR.replace(WON, f"success when forall v in victim: {condition}"))
-    assert {found.code for found in compiled.diagnostics} <= {"LJ0510"}  # nobody is rescued at the start
+    assert {item.code for item in compiled.diagnostics} <= {"LJ0510"}  # at the start, no victim is rescued
     body = compiled.mission.success.body
     assert type(body) is outer
     assert type(body.left if outer is Binary else body.operand) is inner

@@ -1,4 +1,4 @@
-"""A mission printed as text compiles to the mission it was printed from."""
+"""A mission printed as text compiles to an equal mission."""
 
 from __future__ import annotations
 
@@ -117,8 +117,8 @@ _TREES = st.recursive(
 
 
 @given(tree=_TREES)
-def test_arithmetic_reads_back_as_the_tree_it_was(tree: ex.Expr) -> None:
-    """Checked by reading alone: the phrase, parsed, has the tree's operators in the tree's places."""
+def test_arithmetic_reads_back_as_an_equal_tree(tree: ex.Expr) -> None:
+    """Checked by parsing alone: the parsed phrase has the operators of the tree in the same places."""
     from lingjing.dsl.source.reporter import Reporter
     from lingjing.dsl.source.text import SourceText
     from lingjing.dsl.syntax import tree as s
@@ -178,7 +178,7 @@ def test_long_texts_come_back_over_lines(small: str) -> None:
         assert compiled(to_ljs(msgspec.structs.replace(PLAIN, goal=text))).goal == text, repr(text)
 
 
-def test_what_has_no_place_is_named() -> None:
+def test_parts_without_a_text_are_named() -> None:
     mission = compiled(SMALLEST)
     assert unprintable_paths(mission) == ()
     documented = msgspec.structs.replace(
@@ -195,7 +195,7 @@ def test_a_name_that_is_no_word_is_a_clear_error() -> None:
 
 
 def test_every_part_of_a_mission_is_printed_or_named() -> None:
-    """A new field of `Mission` must be printed, or `unprintable_paths` must name it when it is set."""
+    """A new field of `Mission` must be printed, or named by `unprintable_paths` when it is set."""
     fields = set(model.Mission.__struct_fields__)
     assert fields - _KNOWN <= NOT_PRINTED
 

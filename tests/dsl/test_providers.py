@@ -1,4 +1,4 @@
-"""A scene or an engine that nobody here offers is a warning where it is named; the built-in names are known."""
+"""A scene or an engine that is not installed is a warning at its name. Built-in names are known."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from lingjing.plugins.host import PluginHost
 
 
 def warned(text: str, *offered: str) -> list[tuple[str, int, int, str, str]]:
-    found = compile_source(SourceText(text, "m.ljs"), offers=lambda kind: offered)
-    assert found.mission is not None
-    return [(item.severity, item.span.line, item.span.column, item.message, item.hint) for item in found.diagnostics]
+    compilation = compile_source(SourceText(text, "m.ljs"), offers=lambda kind: offered)
+    assert compilation.mission is not None
+    return [
+        (item.severity, item.span.line, item.span.column, item.message, item.hint) for item in compilation.diagnostics
+    ]
 
 
 def test_an_unknown_scene(small: str) -> None:
     line = small[: small.index("scene bay")].count("\n") + 1
-    (one,) = warned(small.replace("scene bay", "scene baay"), "bay", "moon")
-    assert one == ("warning", line, 9, "no scene called `baay` is installed", "did you mean `bay`?")
+    (diagnostic,) = warned(small.replace("scene bay", "scene baay"), "bay", "moon")
+    assert diagnostic == ("warning", line, 9, "no scene called `baay` is installed", "did you mean `bay`?")
 
 
-def test_one_that_a_plug_in_brings_is_silent(small: str) -> None:
+def test_a_scene_of_a_plug_in_gives_no_warning(small: str) -> None:
     assert warned(small.replace("scene bay", "scene moon"), "moon") == []
 
 
-def test_an_unknown_engine_is_said_once(small: str) -> None:
+def test_an_unknown_engine_is_reported_once(small: str) -> None:
     type_ = "asset hovercraft {\n  engine = airboat\n  speed = 9 m/s\n  verb moveTo(x: length, y: length)\n}\n"
     two = "".join(f"  asset {name} : hovercraft {{ position = (9 m, 9 m) }}\n" for name in ("one", "other"))
     text = small.replace("mission ", type_ + "mission ", 1).replace("  asset boat", f"{two}  asset boat")
@@ -41,14 +43,14 @@ def test_a_map_that_is_not_there(small: str, tmp_path: Path, monkeypatch: pytest
     line = small[: small.index("scene bay")].count("\n") + 1
     scene = small[small.index("scene bay") :].partition("\n")[0]
     for option in ("folder", "file", "map"):
-        (one,) = warned(small.replace(scene, f'scene map {{ {option} = "town" }}'))
+        (diagnostic,) = warned(small.replace(scene, f'scene map {{ {option} = "town" }}'))
         hint = f"a path begins in the working folder, `{tmp_path}`"
-        assert one == ("warning", line, 9, "scene `map`: there is no `town`", hint)
+        assert diagnostic == ("warning", line, 9, "scene `map`: there is no `town`", hint)
     Path("town").mkdir()
     assert warned(small.replace(scene, 'scene map { map = "town" }')) == []
 
 
-def test_the_verbs_that_look_at_a_mission_say_that_its_map_is_not_there(
+def test_commands_report_a_missing_map(
     small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -58,20 +60,20 @@ def test_the_verbs_that_look_at_a_mission_say_that_its_map_is_not_there(
     Path("s.toml").write_text(
         'suite = 1\nname = "s"\nmissions = ["m.ljs"]\nseeds = "1"\n[[entrants]]\npolicy = "random"\n'
     )
-    said = "there is no `town.osm`"
+    message = "there is no `town.osm`"
     for there in (False, True, False):  # nothing that is kept of an earlier look may count
         if there:
             Path("town.osm").write_text("<osm/>")
         else:
             Path("town.osm").unlink(missing_ok=True)
         assert main(["validate", "m.ljs"]) == ExitCode.OK
-        assert (said in capsys.readouterr().out) != there
+        assert (message in capsys.readouterr().out) != there
         assert main(["compile", "m.ljs", "-o", "m.json"]) == ExitCode.OK
-        assert (said in capsys.readouterr().err) != there
+        assert (message in capsys.readouterr().err) != there
         assert main(["validate", "m.json"]) == ExitCode.OK
-        assert (said in capsys.readouterr().out) != there
+        assert (message in capsys.readouterr().out) != there
         assert main(["bench", "s.toml", "--check"]) == (ExitCode.OK if there else ExitCode.USAGE)
-        assert (f"missions[0]: `m.ljs`: scene `map`: {said}" in capsys.readouterr().err) != there
+        assert (f"missions[0]: `m.ljs`: scene `map`: {message}" in capsys.readouterr().err) != there
 
 
 def test_the_built_in_names_are_those_that_are_installed() -> None:
@@ -79,7 +81,7 @@ def test_the_built_in_names_are_those_that_are_installed() -> None:
     assert (host.scenes.keys(), host.engines.keys()) == (builtin_scenes().keys(), builtin_engines().keys())
 
 
-def test_validate_says_it_again_the_second_time(
+def test_validate_repeats_the_warning(
     small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

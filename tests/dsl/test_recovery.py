@@ -1,4 +1,4 @@
-"""All errors of a file in one run, in source order; a faulty statement hides none of its neighbours'."""
+"""One run reports all errors of a file in source order. A faulty statement hides no errors of others."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def test_many_errors_come_in_one_run_and_in_source_order(small: str) -> None:
 
 
 def test_a_faulty_statement_causes_no_further_errors(small: str) -> None:
-    found = compile_text(small.replace("target victim[1..3] :", "target victim[1..3 :")).diagnostics
-    assert {item.span.line for item in found} == {18}
+    diagnostics = compile_text(small.replace("target victim[1..3] :", "target victim[1..3 :")).diagnostics
+    assert {item.span.line for item in diagnostics} == {18}
 
 
 def test_what_a_faulty_block_holds_is_still_read(small: str) -> None:
@@ -40,16 +40,16 @@ def test_what_a_faulty_block_holds_is_still_read(small: str) -> None:
 
 
 def test_an_unclosed_block_is_reported_where_it_should_end(small: str) -> None:
-    found = compile_text(small.rstrip()[:-1]).diagnostics
-    assert codes(found) == [("LJ0003", 38)]
-    assert found[0].related[0].span.line == 6
+    diagnostics = compile_text(small.rstrip()[:-1]).diagnostics
+    assert codes(diagnostics) == [("LJ0003", 38)]
+    assert diagnostics[0].related[0].span.line == 6
 
 
 def test_without_indentation_an_unclosed_block_is_reported_at_its_brace(small: str) -> None:
     flat = "\n".join(line.strip() for line in small.rstrip()[:-1].split("\n"))
-    found = compile_text(flat).diagnostics
-    assert codes(found) == [("LJ0003", 6)]
-    assert found[0].message == "`{` is never closed"
+    diagnostics = compile_text(flat).diagnostics
+    assert codes(diagnostics) == [("LJ0003", 6)]
+    assert diagnostics[0].message == "`{` is never closed"
 
 
 @pytest.mark.parametrize(
@@ -73,15 +73,15 @@ def test_an_unclosed_text_does_not_swallow_the_block(small: str) -> None:
 
 
 def test_a_misspelt_keyword_keeps_what_it_declares(small: str) -> None:
-    found = compile_text(small.replace("  asset boat", "  aset boat")).diagnostics
-    assert codes(found) == [("LJ0011", 26)]
-    assert found[0].fix is not None and found[0].fix.edits[0].text == "asset"
+    diagnostics = compile_text(small.replace("  asset boat", "  aset boat")).diagnostics
+    assert codes(diagnostics) == [("LJ0011", 26)]
+    assert diagnostics[0].fix is not None and diagnostics[0].fix.edits[0].text == "asset"
 
 
 def test_a_misspelt_declaration_is_reported_once_where_it_stands(small: str) -> None:
-    found = compile_text(small.replace("  asset boat", "  asset baot")).diagnostics
-    assert codes(found) == [("LJ0101", 26)]
-    assert len(found[0].related) == 4
+    diagnostics = compile_text(small.replace("  asset boat", "  asset baot")).diagnostics
+    assert codes(diagnostics) == [("LJ0101", 26)]
+    assert len(diagnostics[0].related) == 4
 
 
 def test_continued_lines_and_any_newline_are_read(small: str) -> None:
@@ -89,13 +89,13 @@ def test_continued_lines_and_any_newline_are_read(small: str) -> None:
         "[(1 m, 2 m), (3 m, 4 m)], spread", "[(1 m, 2 m),\n (3 m, 4 m)],\n # a comment\n spread"
     )
     assert compile_text(longer).diagnostics == ()
-    one = compile_text(small).mission
+    mission = compile_text(small).mission
     for ending in ("\r\n", "\r"):
         other = compile_text("\ufeff" + small.replace("\n", ending))
         assert other.diagnostics == ()
-        assert other.mission is not None and one is not None and other.mission.groups == one.groups
-    found = compile_text(small.replace("boat, v)", "boot, v)").replace("\n", "\r")).diagnostics
-    assert codes(found) == [("LJ0101", 34)]
+        assert other.mission is not None and mission is not None and other.mission.groups == mission.groups
+    diagnostics = compile_text(small.replace("boat, v)", "boot, v)").replace("\n", "\r")).diagnostics
+    assert codes(diagnostics) == [("LJ0101", 34)]
 
 
 def test_a_comma_equals_a_newline_in_a_block(small: str) -> None:
@@ -112,5 +112,5 @@ def test_keywords_are_names_where_they_cannot_be_keywords() -> None:
     assert compile_text(text).diagnostics == ()
 
 
-def codes(found: tuple[Diagnostic, ...]) -> list[tuple[str, int]]:
-    return [(item.code, item.span.line) for item in found]
+def codes(diagnostics: tuple[Diagnostic, ...]) -> list[tuple[str, int]]:
+    return [(item.code, item.span.line) for item in diagnostics]

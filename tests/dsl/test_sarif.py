@@ -1,4 +1,4 @@
-"""SARIF output: valid against the published schema of SARIF 2.1.0, with places, related places and fixes."""
+"""SARIF output: valid by the published schema of SARIF 2.1.0, with places, related places and fixes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables that ship are those of the grammar, and nothing heavy is loaded to use them."""
+"""The shipped tables are those of the grammar, and loading them imports no large package."""
 
 from __future__ import annotations
 

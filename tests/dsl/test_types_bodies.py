@@ -1,5 +1,4 @@
-"""What a type says of its body: measures, colour, shape, look, mounts and parts; what is wrong with them, and the way
-back to text."""
+"""Bodies of types: measures, colour, shape, look, mounts and parts; their errors, and their text."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ MASS = "must be above 0 kg and at most 10000000 kg"
 
 
 def with_type(small: str, text: str) -> str:
-    """The small mission with targets of a type `beacon` that stands before it."""
+    """The small mission, preceded by a declaration of the type `beacon`, with targets of it."""
     mission = small.replace(": person_in_water {", ": beacon {")
     return mission.replace("mission ", f"{text}mission ", 1)
 
@@ -40,11 +39,11 @@ def test_mounts_and_parts_are_values_of_the_group(small: str) -> None:
     (lamp,) = group.parts
     assert lamp == BodyPart(name="lamp", shape="cone", length_m=0.2, width_m=0.2, height_m=0.3, above_m=3.0,
                             heading_deg=45.0, colour="red")  # fmt: skip
-    said = {prop.name for prop in group.properties}
-    assert {"length_m", "width_m", "height_m", "colour"} <= said and "look" not in said
+    names = {prop.name for prop in group.properties}
+    assert {"length_m", "width_m", "height_m", "colour"} <= names and "look" not in names
 
 
-def test_a_type_keeps_its_bases_look_unless_it_says_another_body(small: str) -> None:
+def test_a_type_keeps_its_bases_look_unless_its_body_differs(small: str) -> None:
     def look(extra: str) -> set[str]:
         text = f"target beacon : person_in_water {{\n{extra}\n}}\n"
         made = group_of(with_type(small, text))
@@ -62,7 +61,9 @@ def test_a_mission_may_give_measures_of_its_own(small: str) -> None:
     )
     compilation = compile_text(text)
     assert compilation.mission is not None
-    first, second, _ = (one for one in instantiate(compilation.mission, seed=3).entities if one.group == "victim")
+    first, second, _ = (
+        entity for entity in instantiate(compilation.mission, seed=3).entities if entity.group == "victim"
+    )
     assert 1.0 <= float(first.properties["height_m"]) <= 2.0  # type: ignore[arg-type]
     assert first.properties["height_m"] != second.properties["height_m"] and first.properties["colour"] == "pink"
     assert "look" not in first.properties and round_trip_losses(compilation.mission, to_ljs(compilation.mission)) == ()
@@ -73,8 +74,10 @@ def test_a_colour_is_drawn_from_a_list(small: str) -> None:
                          "  target victim[1..3] : person_in_water {\n    colour ~ choice([red, blue])")  # fmt: skip
     mission = compile_text(text).mission
     assert mission is not None and round_trip_losses(mission, to_ljs(mission)) == ()
-    drawn = [one for seed in range(4) for one in instantiate(mission, seed=seed).entities if one.group == "victim"]
-    assert {one.properties["colour"] for one in drawn} == {"red", "blue"}
+    drawn = [
+        entity for seed in range(4) for entity in instantiate(mission, seed=seed).entities if entity.group == "victim"
+    ]
+    assert {entity.properties["colour"] for entity in drawn} == {"red", "blue"}
 
 
 def test_a_draw_within_the_bounds_is_taken(small: str) -> None:
@@ -121,16 +124,16 @@ def test_bodies_survive_the_way_back_to_text(small: str) -> None:
 )  # fmt: skip
 def test_faults_of_a_body(small: str, line: str, code: str, message: str) -> None:
     text = with_type(small, f"target beacon : person_in_water {{\n  {line}\n}}\n")
-    (found,) = compile_text(text).diagnostics
-    assert (found.code, found.message if message else "") == (code, message)
+    (diagnostic,) = compile_text(text).diagnostics
+    assert (diagnostic.code, diagnostic.message if message else "") == (code, message)
 
 
 def test_a_part_and_a_mount_are_declared_once(small: str) -> None:
     part = "part a : box { length = 1 m, width = 1 m, height = 1 m }\n"
     mount = "mount front { ahead = 1 m, above = 1 m, tilt = 0 deg }\n"
     text = f"target beacon : person_in_water {{\n{part}{part}{mount}{mount}}}\n"
-    found = compile_text(with_type(small, text)).diagnostics
-    assert [item.code for item in found] == ["LJ0104", "LJ0104"]
+    diagnostics = compile_text(with_type(small, text)).diagnostics
+    assert [item.code for item in diagnostics] == ["LJ0104", "LJ0104"]
 
 
 def test_a_mission_has_no_mounts_of_its_own(small: str) -> None:

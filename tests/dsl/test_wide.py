@@ -1,4 +1,4 @@
-"""A satellite whose pictures lose the scene is warned of where it is declared; one that fits is not."""
+"""A satellite with pictures far wider than the scene gives a warning at its declaration; one that fits does not."""
 
 from __future__ import annotations
 
@@ -28,14 +28,16 @@ ELEMENTS = 'tle1 = "1 25544U 98067A   26079.50000000  .00016717  00000-0  10270-
 
 def test_a_camera_for_the_air_in_orbit() -> None:
     compilation = compile_text(TEXT)
-    (found,) = compilation.diagnostics
-    assert compilation.mission is not None and found.severity == "warning"
-    assert (found.code, found.span.line, found.span.column) == ("LJ0506", 9, 9)
-    assert "from 550 km, 84 deg show 990 km across, the scene is 3 km wide and covers 2.9 of 960 px" in found.message
-    assert "`sat[2]`" in found.message and "`orbit` of `std.sensors`" in found.hint
+    (diagnostic,) = compilation.diagnostics
+    assert compilation.mission is not None and diagnostic.severity == "warning"
+    assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == ("LJ0506", 9, 9)
+    assert (
+        "from 550 km, 84 deg show 990 km across, the scene is 3 km wide and covers 2.9 of 960 px" in diagnostic.message
+    )
+    assert "`sat[2]`" in diagnostic.message and "`orbit` of `std.sensors`" in diagnostic.hint
 
 
-def test_the_extent_that_a_city_has_by_itself_is_known() -> None:
+def test_the_default_extent_of_a_city_is_known() -> None:
     assert "the scene is 3 km wide" in compile_text(TEXT.replace("extent = 3 km, ", "")).diagnostics[0].message
     assert plan(SceneSpec(kind="city", datum_m=-3.0)).extent_m == extent_m(SceneSpec(kind="city")) == 3000.0
 
@@ -48,7 +50,7 @@ def test_the_extent_that_a_city_has_by_itself_is_known() -> None:
         ("scene city { extent = 3 km,", "scene moon {"),
     ],
 )
-def test_what_fits_or_is_not_known_is_silent(old: str, new: str) -> None:
+def test_fitting_and_unknown_pictures_give_no_warning(old: str, new: str) -> None:
     assert TEXT.count(old) == 1
     assert compile_text(TEXT.replace(old, new)).diagnostics == ()
 
@@ -60,5 +62,5 @@ def test_the_preset_fits_a_small_district() -> None:
 
 
 def test_elements_may_be_of_a_lower_orbit() -> None:
-    given = TEXT.replace("satellite { camera", f"satellite {{ {ELEMENTS}, camera")
-    assert "from 160 km" in compile_text(given).diagnostics[0].message
+    text = TEXT.replace("satellite { camera", f"satellite {{ {ELEMENTS}, camera")
+    assert "from 160 km" in compile_text(text).diagnostics[0].message

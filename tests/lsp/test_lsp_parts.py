@@ -1,4 +1,4 @@
-"""The language server's answers, asked for directly: a bar `|` in a text is the cursor."""
+"""The language server's functions, called directly. A bar `|` in a text marks the cursor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def labels(text: str) -> list[str]:
 
 
 def within(line: str, *, at: str = "  success") -> str:
-    """The shipped mission with a line put before another."""
+    """The shipped mission with a line inserted before another."""
     return SSR.replace(at, f"  {line}\n{at}", 1)
 
 
@@ -86,9 +86,9 @@ def within(line: str, *, at: str = "  success") -> str:
 def test_completion(line: str, offered: set[str], not_offered: set[str]) -> None:
     if "|" not in line:
         return
-    found = set(labels(within(line)))
-    assert offered <= found, sorted(found)
-    assert not (not_offered & found)
+    proposed = set(labels(within(line)))
+    assert offered <= proposed, sorted(proposed)
+    assert not (not_offered & proposed)
 
 
 def test_completion_of_libraries() -> None:
@@ -99,7 +99,7 @@ def test_completion_of_libraries() -> None:
     assert set(labels("ljs 1\nuse std.sea { | }")) >= {"lifeboat", "person_in_water"}
 
 
-def test_completion_at_every_place_of_every_prefix_answers() -> None:
+def test_completion_works_at_every_place_of_every_prefix() -> None:
     for end in range(0, len(SSR), 37):
         complete(Analysis(SSR[:end], "<test>"), end)
         complete(Analysis(SSR, "<test>"), end)
@@ -109,9 +109,9 @@ def hovered(word: str, *, nth: int = 0, text: str = SSR) -> str:
     offset = -1
     for _ in range(nth + 1):
         offset = text.index(word, offset + 1)
-    said = explain(Analysis(text, "<test>"), offset)
-    assert said is not None, word
-    return said[0]
+    explained = explain(Analysis(text, "<test>"), offset)
+    assert explained is not None, word
+    return explained[0]
 
 
 @pytest.mark.parametrize(
@@ -137,14 +137,14 @@ def test_hover(word: str, due: str) -> None:
     assert due in hovered(word)
 
 
-def test_hover_tells_of_the_type_whose_block_it_is() -> None:
-    """The van and the dog have a `speed` each."""
+def test_hover_describes_the_property_of_the_enclosing_type() -> None:
+    """The van and the dog each have a `speed`."""
     text = data_path("scenarios", "ld.ljs").read_text(encoding="utf-8")
     head = "asset dog : robot_dog {"
     assert "of `robot_dog`" in hovered("speed = 1.5", text=text.replace(head, f"{head}\n    speed = 1.5 m/s"))
 
 
-def test_completion_tells_what_a_name_is_in_the_language_s_words() -> None:
+def test_completion_describes_names_in_the_words_of_the_language() -> None:
     text = "ljs 1\nasset mule : quadruped { engine = x }\n" + SSR.removeprefix("ljs 1\n")
     offset = text.index("success when") + len("success when ")
     items = complete(Analysis(text, "<test>"), offset).items
@@ -168,11 +168,11 @@ def test_definitions_in_the_file_and_in_the_library() -> None:
         offset = -1
         for _ in range(nth + 1):
             offset = SSR.index(word, offset + 1)
-        one = analysis.names.at(offset)
-        assert one is not None
-        found = analysis.declaration(one)
-        assert found is not None
-        return found
+        occurrence = analysis.names.at(offset)
+        assert occurrence is not None
+        place = analysis.declaration(occurrence)
+        assert place is not None
+        return place
 
     path, start, end = declared("lifeboat {")
     assert path.endswith("sea.ljs") or path == "<test>"
@@ -187,11 +187,11 @@ def test_definitions_in_the_file_and_in_the_library() -> None:
     assert path.endswith("sea.ljs")
 
 
-def test_references_tell_locals_apart() -> None:
+def test_references_distinguish_local_names() -> None:
     analysis = Analysis(SSR, "<test>")
-    one = analysis.names.at(SSR.index("v: victim, r: detection) { when matched"))
-    assert one is not None
-    places = [SSR[place.start : place.end] for place in analysis.names.of(one.key)]
+    occurrence = analysis.names.at(SSR.index("v: victim, r: detection) { when matched"))
+    assert occurrence is not None
+    places = [SSR[place.start : place.end] for place in analysis.names.of(occurrence.key)]
     assert places == ["v", "v"]
 
 

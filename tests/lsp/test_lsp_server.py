@@ -1,4 +1,4 @@
-"""`lingjing lsp` in a process of its own, spoken to by a real client over standard input and output."""
+"""`lingjing lsp` in a separate process, with a real client over standard input and output."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ URI = "file:///nowhere/ssr.ljs"
 
 
 class Editor(LanguageClient):
-    """A client that remembers what the server published."""
+    """A client that stores the publications of the server."""
 
     def __init__(self) -> None:
         super().__init__("test-editor", "1")
@@ -47,7 +47,7 @@ class Editor(LanguageClient):
         self.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
 
     def type(self, line: int, column: int, text: str, *, end: tuple[int, int] | None = None) -> None:
-        """Put a text at a place (code units), or in place of a range."""
+        """Insert a text at a place (code units), or replace a range."""
         begin = lsp.Position(line, column)
         stop = lsp.Position(*end) if end else begin
         change = lsp.TextDocumentContentChangePartial(range=lsp.Range(begin, stop), text=text)
@@ -57,7 +57,7 @@ class Editor(LanguageClient):
 
 
 def place(text: str, word: str) -> lsp.Position:
-    """Where a word begins, in UTF-16 code units."""
+    """The beginning of a word, in UTF-16 code units."""
     before = text[: text.index(word)]
     line = before.count("\n")
     return lsp.Position(line, len(before.rsplit("\n", 1)[-1].encode("utf-16-le")) // 2)
@@ -105,11 +105,11 @@ async def test_quick_typing_is_checked_once(editor: Editor) -> None:
     await editor.diagnostics()
     for number in range(20):
         editor.type(0, 5 + number, "1")
-    found = await editor.diagnostics(beyond=1)
-    assert [fault.code for fault in found] == ["LJ0106"] or found
+    diagnostics = await editor.diagnostics(beyond=1)
+    assert [fault.code for fault in diagnostics] == ["LJ0106"] or diagnostics
     while editor.published[URI][-1].version != 21:
         await asyncio.sleep(0.05)
-    assert len(editor.published[URI]) < 1 + 20  # a burst is not checked letter by letter
+    assert len(editor.published[URI]) < 1 + 20  # fast typing does not cause a check per letter
 
 
 async def test_a_broken_file_still_answers(editor: Editor) -> None:
@@ -142,8 +142,8 @@ async def test_columns_are_utf16(editor: Editor) -> None:
     start = place(text, "水域")
     assert change.range == lsp.Range(start, lsp.Position(start.line, start.character + 2))
     place_of_grid = place(text, "search {")
-    found = await editor.text_document_definition_async(lsp.DefinitionParams(DOCUMENT, place_of_grid))
-    assert isinstance(found, lsp.Location) and found.range.start == place(text, "search =")
+    location = await editor.text_document_definition_async(lsp.DefinitionParams(DOCUMENT, place_of_grid))
+    assert isinstance(location, lsp.Location) and location.range.start == place(text, "search =")
 
 
 async def test_completion_hover_definition_references(editor: Editor) -> None:
@@ -151,9 +151,9 @@ async def test_completion_hover_definition_references(editor: Editor) -> None:
     editor.open(text)
     where = place(text, "boat. }")
     cursor = lsp.Position(where.line, where.character + 5)
-    found = await editor.text_document_completion_async(lsp.CompletionParams(DOCUMENT, cursor))
-    assert isinstance(found, lsp.CompletionList)
-    assert {"position", "heading", "speed"} <= {item.label for item in found.items}
+    completion = await editor.text_document_completion_async(lsp.CompletionParams(DOCUMENT, cursor))
+    assert isinstance(completion, lsp.CompletionList)
+    assert {"position", "heading", "speed"} <= {item.label for item in completion.items}
     hover = await editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, place(text, "altitude")))
     assert hover is not None and isinstance(hover.contents, lsp.MarkupContent)
     assert "a length in `m`" in hover.contents.value
@@ -194,7 +194,7 @@ async def test_formatting_and_code_actions(editor: Editor) -> None:
     assert not await editor.text_document_code_action_async(lsp.CodeActionParams(DOCUMENT, elsewhere, context))
 
 
-async def test_closing_takes_the_diagnostics_away(editor: Editor) -> None:
+async def test_closing_removes_the_diagnostics(editor: Editor) -> None:
     editor.open("ljs 1\nmission")
     assert await editor.diagnostics()
     editor.text_document_did_close(lsp.DidCloseTextDocumentParams(DOCUMENT))
@@ -210,7 +210,7 @@ async def test_a_library_that_changes_is_seen(editor: Editor, tmp_path: Path) ->
 
 
 def long_mission(lines: int) -> str:
-    """A mission of about that many lines, and of no more entities than cameras can draw."""
+    """A mission of about that many lines, without more entities than cameras can draw."""
     entities = "\n".join(
         f"  target t{n} : person_in_water {{\n    position = ({n}.5 m, -{n}.25 m)\n    drift = 0.{n % 9 + 1} m/s\n  }}"
         for n in range(lines // 4)
@@ -245,16 +245,16 @@ async def test_ten_thousand_lines(editor: Editor, record_property: pytest.Record
     print(timings)
 
 
-async def test_a_cancelled_question_leaves_the_server_well(editor: Editor) -> None:
+async def test_a_cancelled_request_does_not_harm_the_server(editor: Editor) -> None:
     editor.open(long_mission(2000))
-    asked = [
+    requests = [
         asyncio.ensure_future(editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, lsp.Position(30 + n, 8))))
         for n in range(5)
     ]
     await asyncio.sleep(0.05)
     for number in list(editor.protocol._request_futures):
         editor.protocol.notify("$/cancelRequest", lsp.CancelParams(id=number))
-    done = await asyncio.gather(*asked, return_exceptions=True)
+    done = await asyncio.gather(*requests, return_exceptions=True)
     assert len(done) == 5
     assert await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(DOCUMENT))
 
@@ -270,7 +270,7 @@ async def test_shutdown_during_a_check_leaves_nothing(editor: Editor) -> None:
     assert not Path(f"/proc/{server.pid}").exists()
 
 
-async def test_a_client_that_goes_away_ends_the_server(editor: Editor) -> None:
+async def test_the_server_ends_when_the_client_disconnects(editor: Editor) -> None:
     server = editor._server
     assert server is not None and server.stdin is not None
     editor.open(SSR)

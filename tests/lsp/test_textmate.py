@@ -1,4 +1,4 @@
-"""The extension for Visual Studio Code: its grammar knows the words that the compiler knows."""
+"""The extension for Visual Studio Code: its grammar contains the words of the compiler."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def test_every_inner_word_is_coloured(rules, word: str) -> None:
 
 @pytest.mark.parametrize("unit", [*sorted(UNITS), "km/h", "m/s^2"])
 def test_every_unit_is_coloured_whole(rules, unit: str) -> None:
-    found = regex.search(rules["number"]["match"], f"= 3.5 {unit}, x")
-    assert (found[1], found[2]) == ("3.5", unit)
+    match = regex.search(rules["number"]["match"], f"= 3.5 {unit}, x")
+    assert (match[1], match[2]) == ("3.5", unit)
 
 
 def test_functions_and_names(rules) -> None:
@@ -62,8 +62,8 @@ def test_functions_and_names(rules) -> None:
         assert regex.search(rules["function"]["patterns"][0]["match"], f"{word}(")
     for word in DISTRIBUTIONS:
         assert regex.search(rules["distribution"]["match"], f"~ {word}(")
-    found = regex.search(rules["declaration"]["match"], "  param altitude = 3 m")
-    assert (found[1], found[2]) == ("param", "altitude")
+    match = regex.search(rules["declaration"]["match"], "  param altitude = 3 m")
+    assert (match[1], match[2]) == ("param", "altitude")
     assert regex.search(rules["number"]["match"], "in 1..10")[1] == "1"
 
 

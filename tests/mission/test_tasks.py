@@ -7,7 +7,7 @@ import pytest
 import lingjing
 from lingjing.bench.columns import shipped
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.tasks import asked, possible, reported
+from lingjing.mission.tasks import possible, reported, required_tasks
 
 MISSIONS = {path.stem: path for path in shipped()}
 
@@ -34,13 +34,13 @@ def engines(instance, task):
 )
 def test_success_says_which_interactions_are_left_to_do(name, tasks, groups):
     found = instance(name)
-    assert {(task.name, task.target, *engines(found, task), task.within_m) for task in asked(found)} == tasks
+    assert {(task.name, task.target, *engines(found, task), task.within_m) for task in required_tasks(found)} == tasks
     assert reported(found) == groups
 
 
 def test_goods_are_named_at_both_ends():
     found = instance("cd")
-    delivery = asked(found)[0]
+    delivery = required_tasks(found)[0]
     assert (delivery.takes, delivery.source, delivery.moves_goods) == ("demand", "load", True)
     depot = next(entity for entity in found.entities if entity.id == "depot")
     assert [(task.gives, task.up_to) for task in possible(depot, found)] == [("load", "payload")]

@@ -8,7 +8,7 @@ import pytest
 import tests.missions.stage_kit as kit
 from lingjing.kernel.episode import policy_barrier
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
-from lingjing.mission.tasks import asked, declared, meant
+from lingjing.mission.tasks import declared, matching_members, required_tasks
 from lingjing.plugins.host import PluginHost
 
 SHOPS = ("shop[1]", "shop[2]", "shop[3]")
@@ -140,7 +140,9 @@ def test_the_word_of_the_counter_goes_to_the_walker():
 def test_the_task_that_is_asked_for_is_the_longest_queue(seed):
     instance, _ = kit.staged("queue", None, seed)
     people = {entity.id: entity.properties["people"] for entity in instance.entities if entity.group == "shop"}
-    assert [(task.name, task.target) for task in asked(instance)] == [("join", max(people, key=people.__getitem__))]
+    assert [(task.name, task.target) for task in required_tasks(instance)] == [
+        ("join", max(people, key=people.__getitem__))
+    ]
 
 
 def attr(variable, name):
@@ -152,14 +154,14 @@ def test_a_comparison_chooses_only_where_declarations_tell():
     shops = tuple(entity for entity in instance.entities if entity.group == "shop")
     least = Aggregate(function="min", variable="p", domain="shop", body=attr("p", "people"))
     shortest = Binary(operator="<=", left=attr("q", "people"), right=least)
-    (one,) = meant(shortest, "q", shops, instance)
+    (one,) = matching_members(shortest, "q", shops, instance)
     assert one.properties["people"] == min(shop.properties["people"] for shop in shops)
     event = Call(function="emitted", arguments=(Symbol(name="join"), Ref(name="q", kind="local")))
-    assert meant(event, "q", shops, instance) == shops
+    assert matching_members(event, "q", shops, instance) == shops
     nobody = Binary(operator=">", left=attr("q", "people"), right=Number(value=1000.0))
-    assert meant(nobody, "q", shops, instance) == shops
+    assert matching_members(nobody, "q", shops, instance) == shops
     unknown = Binary(operator=">", left=attr("q", "colour"), right=Number(value=1.0))
-    assert meant(Binary(operator="and", left=unknown, right=shortest), "q", shops, instance) == (one,)
+    assert matching_members(Binary(operator="and", left=unknown, right=shortest), "q", shops, instance) == (one,)
 
 
 def test_stocks_that_interactions_change_tell_nothing_beforehand():
@@ -168,7 +170,7 @@ def test_stocks_that_interactions_change_tell_nothing_beforehand():
     van = next(entity for entity in instance.entities if entity.group == "van")
     assert declared(point, "demand_kg") is None
     assert declared(van, "payload_kg") == van.properties["payload_kg"]
-    assert len(asked(instance)) == 5
+    assert len(required_tasks(instance)) == 5
 
 
 # -- played

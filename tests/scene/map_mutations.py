@@ -1,4 +1,4 @@
-"""Maps with faults planted at random, by seed: structure, attributes, tags, bytes, packing, formats."""
+"""Maps with faults planted at random by a seed: structure, attributes, tags, bytes, compression, formats."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NASTY = (
     "\U0001f600" * 50, "x" * 900, "x" * 2000, "multipolygon", "restriction", "lanelet", "true", "false", "delete",
     "2006-01-01T00:00:00Z", "-0.0",
 )  # fmt: skip
-"""Values that stand in for others."""
+"""Values that replace others."""
 
 TAGS = (
     ("building", "yes"), ("building:part", "yes"), ("height", "12 m"), ("building:levels", "3"), ("min_height", "4"),
@@ -62,7 +62,7 @@ def small_town() -> str:
 
 
 def mutated(seed: int, folder: Path) -> Path:
-    """The map of a seed with one to eight faults, as a file."""
+    """Write the map of a seed with one to eight faults."""
     chance = random.Random(seed)
     form = chance.choice(("osm",) * 8 + ("bytes", "gz", "pbf", "pbf"))
     if form == "pbf":
@@ -87,18 +87,18 @@ def mutated(seed: int, folder: Path) -> Path:
 
 
 def _other_attribute(text: str, chance: random.Random) -> str:
-    return _replaced(text, _ATTRIBUTE, chance, lambda found: f'{found[1]}="{chance.choice(NASTY)}"')
+    return _replaced(text, _ATTRIBUTE, chance, lambda match: f'{match[1]}="{chance.choice(NASTY)}"')
 
 
 def _no_attribute(text: str, chance: random.Random) -> str:
-    return _replaced(text, _ATTRIBUTE, chance, lambda found: "")
+    return _replaced(text, _ATTRIBUTE, chance, lambda match: "")
 
 
 def _odd_attribute(text: str, chance: random.Random) -> str:
     name = chance.choice(("action", "visible", "version", "uid", "changeset", "lat", "ref", "id", "minlat"))
     odd = f'{name}_odd="{chance.choice(NASTY)}" '
     return _replaced(
-        text, re.compile("<(node|way|relation|nd|member|tag|bounds) "), chance, lambda found: found[0] + odd
+        text, re.compile("<(node|way|relation|nd|member|tag|bounds) "), chance, lambda match: match[0] + odd
     )
 
 
@@ -107,32 +107,32 @@ def _fresh_tag(text: str, chance: random.Random) -> str:
     if chance.random() < 0.4:
         value = chance.choice(NASTY)
     return _replaced(
-        text, re.compile("</(way|relation)>"), chance, lambda found: f'<tag k="{key}" v="{value}"/>{found[0]}'
+        text, re.compile("</(way|relation)>"), chance, lambda match: f'<tag k="{key}" v="{value}"/>{match[0]}'
     )
 
 
 def _element(text: str, chance: random.Random) -> str:
-    """An element twice, nowhere, inside of another, deleted, or in another place."""
-    found = chance.choice(list(_ELEMENT.finditer(text)) or [None])
-    if found is None:
+    """Double an element, remove it, nest it in another, delete it, or move it."""
+    match = chance.choice(list(_ELEMENT.finditer(text)) or [None])
+    if match is None:
         return text
     other = chance.choice(list(_ELEMENT.finditer(text)))[0]
     way = chance.randrange(5)
     if way == 3:
-        new = found[0].replace(" id=", chance.choice((' action="delete" id=', ' visible="false" id=')), 1)
+        new = match[0].replace(" id=", chance.choice((' action="delete" id=', ' visible="false" id=')), 1)
     else:
-        new = (found[0] * 2, "", found[0].replace(">", f">{other}", 1), "", other)[way]
-    return text[: found.start()] + new + text[found.end() :]
+        new = (match[0] * 2, "", match[0].replace(">", f">{other}", 1), "", other)[way]
+    return text[: match.start()] + new + text[match.end() :]
 
 
 def _swapped_refs(text: str, chance: random.Random) -> str:
-    refs = [found[0] for found in re.finditer(r'ref="[^"]*"', text)] or ['ref="1"']
-    return _replaced(text, re.compile(r'ref="[^"]*"'), chance, lambda found: chance.choice(refs))
+    refs = [match[0] for match in re.finditer(r'ref="[^"]*"', text)] or ['ref="1"']
+    return _replaced(text, re.compile(r'ref="[^"]*"'), chance, lambda match: chance.choice(refs))
 
 
 def _moved_node(text: str, chance: random.Random) -> str:
     by = chance.choice((0.0, 1e-7, -1e-4, 1e-4, 1e-3, 1.0, 100.0))
-    return _replaced(text, re.compile(r'lat="([^"]*)"'), chance, lambda found: f'lat="{_plus(found[1], by)}"')
+    return _replaced(text, re.compile(r'lat="([^"]*)"'), chance, lambda match: f'lat="{_plus(match[1], by)}"')
 
 
 def _stray(text: str, chance: random.Random) -> str:
@@ -143,7 +143,7 @@ def _stray(text: str, chance: random.Random) -> str:
         '<member type="way" ref="1" role="outer"><nd lat="31.2" lon="121.5"/><nd/></member>', "<![CDATA[x]]>",
         '<bound box="1,2,3"/>', '<way id="99"><nd lat="31.2" lon="121.5"/><nd lat="31.3" lon="121"/></way>',
     )  # fmt: skip
-    places = [found.end() for found in re.finditer(">", text)] or [0]
+    places = [match.end() for match in re.finditer(">", text)] or [0]
     at = chance.choice(places)
     return text[:at] + chance.choice(strays) + text[at:]
 
@@ -158,8 +158,8 @@ def _replaced(text: str, pattern: re.Pattern[str], chance: random.Random, new) -
     places = list(pattern.finditer(text))
     if not places:
         return text
-    found = chance.choice(places)
-    return text[: found.start()] + new(found) + text[found.end() :]
+    match = chance.choice(places)
+    return text[: match.start()] + new(match) + text[match.end() :]
 
 
 def _plus(text: str, by: float) -> str:
@@ -170,7 +170,7 @@ def _plus(text: str, by: float) -> str:
 
 
 def _damaged(data: bytes, chance: random.Random) -> bytes:
-    """Bytes with some changed, cut off, lost or twice."""
+    """The bytes with some changed, cut off, lost or doubled."""
     made = bytearray(data)
     for _ in range(chance.randint(1, 6)):
         at = chance.randrange(max(1, len(made)))
@@ -190,7 +190,7 @@ _BINARY: list[bytes] = []
 
 
 def _binary(folder: Path) -> bytes:
-    """The small town as PBF, not packed, so that faults reach its contents."""
+    """The small town as uncompressed PBF, so that faults reach its content."""
     if not _BINARY:
         plain, target = folder / "plain.osm", folder / "plain.osm.pbf"
         plain.write_text(small_town(), encoding="utf-8")

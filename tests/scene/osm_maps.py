@@ -1,4 +1,4 @@
-"""Small maps for tests, written in metres about a place and kept as OpenStreetMap XML."""
+"""Small maps for tests, written in metres about a place and stored as OpenStreetMap XML."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def square(x: float, y: float, side: float, high: float | None = None) -> Points
 
 
 class Map:
-    """Collects nodes, ways and relations; ids count from 1 in the order of adding. `half_m` is half the stated box."""
+    """Collects nodes, ways and relations. Ids count from 1 in the order of adding. `half_m`: half the stated box."""
 
     def __init__(self, half_m: float | None = 500.0) -> None:
         self._nodes: dict[tuple[float, float], int] = {}
@@ -38,7 +38,7 @@ class Map:
         return ref
 
     def way(self, points: Points, tags: dict[str, str] | None = None, missing: int = 0) -> int:
-        """`missing` adds that many references to nodes that are not there."""
+        """Add a way. `missing`: number of references to nodes that do not exist."""
         refs = [self.node(x, y) for x, y in points] + [10_000 + k for k in range(missing)]
         number = len(self._ways) + 1
         lines = "".join(f'<nd ref="{ref}"/>' for ref in refs)
@@ -76,8 +76,8 @@ class Map:
 
 
 def convert(path: Path, target: Path) -> Path:
-    """The map in the format that the target's name says."""
-    header = osmium.io.Reader(str(path)).header()  # it says what the map covers
+    """Convert the map to the format of the target's suffix."""
+    header = osmium.io.Reader(str(path)).header()  # it states the map's box
     with osmium.SimpleWriter(str(target), header=header) as writer:
         for item in osmium.FileProcessor(str(path)):
             writer.add(item)

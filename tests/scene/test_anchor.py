@@ -1,4 +1,4 @@
-"""Entities of the nine missions stand on what they are declared to stand on, deterministically and within reach."""
+"""The anchor places the entities of the nine missions on the declared surfaces, deterministically and within reach."""
 
 import os
 import random
@@ -48,9 +48,9 @@ def cache_folder(tmp_path_factory):
 
 @cache
 def mission(name: str):
-    found = compile_source(read_source(str(SCENARIOS / f"{name}.ljs"))).mission
-    assert found is not None
-    return found
+    compiled = compile_source(read_source(str(SCENARIOS / f"{name}.ljs"))).mission
+    assert compiled is not None
+    return compiled
 
 
 @cache
@@ -127,7 +127,7 @@ WALKS = {"vdn": ("home", 25.0), "idf": ("fire", 2.0), "upr": ("leak", 4.5), "ld"
 
 
 def walks(footing: Footing, start: tuple[float, float], end: tuple[float, float], within: float) -> bool:
-    """Whether a search over a grid of 1.5 m, nearest to the end first, gets within that distance of it."""
+    """True if a search over a grid of 1.5 m, nearest to the end first, comes within that distance of the end."""
     seen, edge = {(0, 0)}, [(hypot(end[0] - start[0], end[1] - start[1]), 0, 0)]
     while edge and len(seen) < 20_000:
         left, i, j = heappop(edge)
@@ -142,7 +142,7 @@ def walks(footing: Footing, start: tuple[float, float], end: tuple[float, float]
 
 
 @pytest.mark.parametrize("name", WALKS)
-def test_dogs_can_walk_to_what_they_are_sent_to(name: str) -> None:
+def test_dogs_can_walk_to_their_targets(name: str) -> None:
     group, within = WALKS[name]
     for seed in SEEDS:
         instance, city = anchored(name, seed)
@@ -154,7 +154,7 @@ def test_dogs_can_walk_to_what_they_are_sent_to(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_anchoring_is_a_function_and_leaves_the_rest_alone(name: str) -> None:
+def test_anchoring_is_deterministic_and_changes_only_places(name: str) -> None:
     instance, city = anchored(name, 3)
     before = instantiate(mission(name), seed=3)
     assert anchor(before, city) == instance
@@ -181,8 +181,8 @@ def test_vehicles_start_a_length_apart_and_along_their_lane() -> None:
         instance, city = anchored("cd", seed, vans=8)
         vans = [entity for entity in instance.entities if entity.group == "van"]
         lanes = [lane for road in city.roads for lane in road.lanes]
-        for one, other in combinations(vans, 2):
-            assert hypot(one.position[0] - other.position[0], one.position[1] - other.position[1]) > 2.9
+        for first, second in combinations(vans, 2):
+            assert hypot(first.position[0] - second.position[0], first.position[1] - second.position[1]) > 2.9
         for van in vans:
             places = ((project(lane.shape, *van.position[:2]), lane.shape) for lane in lanes)
             distance, at, shape = min((place.off_m, place.at_m, shape) for place, shape in places)
@@ -234,15 +234,15 @@ def test_traffic_gets_from_the_start_to_every_end(name: str, start: str, ends: t
         assert run.stdout.strip() == "[]"
 
 
-def test_no_house_is_as_white_as_the_one_that_is_looked_for() -> None:
-    """The camera paints the building that a target on a facade names: its colour is no other's."""
+def test_no_house_is_as_white_as_the_reference_building() -> None:
+    """The camera paints the building that a target on a facade names: no other building has its colour."""
     instance, city = anchored("vdn", 1)
     home = next(entity for entity in instance.entities if entity.id == "home")
     assert home.properties["building"] in {building.id for building in city.buildings}
     assert all(max(abs(a - b) for a, b in zip(b.colour, WHITE, strict=True)) > 0.1 for b in city.buildings)
 
 
-def test_a_scene_without_what_is_needed_is_named() -> None:
+def test_the_error_names_a_scene_without_the_required_surface() -> None:
     base = instantiate(mission("cr"), seed=0)
     bay = city_of("ssr", 0)
     with pytest.raises(MissionError, match=r"no road for `goal_place` .* in the scene `bay-") as caught:
@@ -258,11 +258,11 @@ def test_a_scene_without_what_is_needed_is_named() -> None:
 
 
 @pytest.mark.parametrize("kind", ["road", "roof", "facade", "ground", ""])
-def test_what_is_drawn_from_a_region_stays_in_it(kind: str) -> None:
-    """Small regions, whose nearest road, roof or door often lies outside: the next one inside is taken, or none."""
+def test_drawn_entities_stay_in_their_region(kind: str) -> None:
+    """If the nearest road, roof or door lies outside of a small region, the next one inside is used, or none."""
     base, city = instantiate(mission("ufr"), seed=0), city_of("ufr", 0)
     fire = next(entity for entity in base.entities if entity.group == "fire")
-    found = refused = 0
+    accepted = refused = 0
     for step in range(24):
         x, y = -430.0 + 37.0 * step, 300.0 - 29.0 * step
         region = ((x, y), (x + 40.0, y), (x + 40.0, y + 40.0), (x, y + 40.0))
@@ -276,8 +276,8 @@ def test_what_is_drawn_from_a_region_stays_in_it(kind: str) -> None:
             refused += 1
             continue
         assert shapely.Polygon(region).covers(shapely.Point(placed.position[:2]))
-        found += 1
-    assert found >= 5 and (refused >= 1 or kind in ("ground", ""))
+        accepted += 1
+    assert accepted >= 5 and (refused >= 1 or kind in ("ground", ""))
 
 
 @pytest.mark.parametrize("name", NINE)
@@ -312,7 +312,7 @@ def test_an_asset_outside_of_the_city_or_under_it_is_refused(position: tuple[flo
         ("vessel", (900.0, 300.0, 1.0), ""),
     ],
 )
-def test_what_is_always_on_a_surface_is_refused_where_the_city_has_it_elsewhere(
+def test_entities_bound_to_a_surface_are_rejected_off_it(
     engine: str, position: tuple[float, float, float], words: str
 ) -> None:
     spec, city = instantiate(mission("bi"), seed=0), city_of("bi", 0)
@@ -329,8 +329,8 @@ def test_what_is_always_on_a_surface_is_refused_where_the_city_has_it_elsewhere(
 
 
 @pytest.mark.parametrize("name", ["bi", "ssr"])
-def test_what_is_put_into_the_water_floats_there(name: str) -> None:
-    """The anchor and the engines agree on where water is, also over land that lies under it."""
+def test_boats_placed_on_water_float(name: str) -> None:
+    """The anchor and the engines agree about water, also over land that lies below it."""
     city = city_of(name, 0)
     deep = Land(polygon=((600.0, -300.0), (900.0, -300.0), (900.0, 300.0)), top_m=-20.0, surface="sand")
     city = msgspec.structs.replace(city, lands=(*city.lands, deep))
@@ -351,7 +351,7 @@ def test_an_asset_without_an_elevation_stands_on_the_ground_and_not_at_the_water
     assert placed.position[2] == Footing(city).height(*placed.position[:2]) > -0.5
 
 
-def test_the_proofs_about_places_know_how_far_the_scenes_span() -> None:
+def test_the_proofs_about_places_use_the_extents_of_the_scenes() -> None:
     for name in ("ssr", "cd", "ufr", "cr"):
         reach = reach_m(instantiate(mission(name), seed=0).scene)
         assert reach is not None and city_of(name, 0).bounds == (-reach, -reach, reach, reach)
@@ -373,9 +373,9 @@ ON_MAP = 'region main = road("Central Avenue")\n  region strip = along(main, 20 
 
 def test_regions_made_of_roads_get_outlines() -> None:
     text = (SCENARIOS / "cr.ljs").read_text(encoding="utf-8").replace("region district", ON_MAP)
-    found = compile_source(SourceText(text, "m.ljs")).mission
-    assert found is not None
-    base = instantiate(found, seed=0)
+    compiled = compile_source(SourceText(text, "m.ljs")).mission
+    assert compiled is not None
+    base = instantiate(compiled, seed=0)
     assert [region.name for region in base.regions if region.on_map is not None] == ["main", "strip"]
     instance = anchor(base, city_of("cr", 0))
     regions = {region.name: shapely.Polygon(region.polygon) for region in instance.regions}

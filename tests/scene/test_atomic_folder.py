@@ -1,4 +1,4 @@
-"""What writers of cities and networks leave: whole results, nothing of those that were killed, no torn cache."""
+"""Writers of cities and networks leave complete results, no remainders of killed writers, and no damaged cache."""
 
 import os
 import shutil
@@ -36,7 +36,7 @@ def hut(tmp_path: Path) -> Path:
     return bare.write(tmp_path / "hut.osm")
 
 
-def test_what_a_killed_writer_left_goes_with_the_next_one(tmp_path: Path) -> None:
+def test_the_next_writer_removes_the_remainder_of_a_killed_one(tmp_path: Path) -> None:
     code = (
         "import os, sys; from pathlib import Path; from lingjing.scene.atomic_folder import folder_beside\n"
         "with folder_beside(Path(sys.argv[1])) as folder:\n"
@@ -65,11 +65,11 @@ def test_writers_of_one_folder_at_once_leave_one_whole_city(tmp_path: Path, hut:
 def test_a_folder_that_writers_fight_over_is_always_a_city(
     tmp_path: Path, can_exchange: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two cities take turns in one place. Whoever looks there meanwhile finds one of them, whole, and may write."""
+    """Two cities alternate in one folder. A concurrent reader finds one of them complete, and may write."""
     target, sources = tmp_path / "city", [tmp_path / "one", tmp_path / "two"]
     cities = [write_store(source, frame_of(source.name), Pieces()) for source in sources]
     if not can_exchange:
-        monkeypatch.setattr(store, "_exchanged", lambda one, other: False)
+        monkeypatch.setattr(store, "_exchanged", lambda first, second: False)
     copy_store(sources[0], target)
     stop = threading.Event()
 
@@ -93,7 +93,7 @@ def test_a_folder_that_writers_fight_over_is_always_a_city(
     assert not list(tmp_path.glob(".city*"))
 
 
-def test_the_same_city_again_leaves_the_folder_to_who_plays_in_it(tmp_path: Path) -> None:
+def test_writing_the_same_city_again_keeps_its_folder(tmp_path: Path) -> None:
     write_store(tmp_path / "one", frame_of("one"), Pieces())
     copy_store(tmp_path / "one", tmp_path / "city")
     before = (tmp_path / "city").stat().st_ino
@@ -108,13 +108,13 @@ def frame_of(name: str) -> City:
     return City(id=name, origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0), tile_m=50.0)
 
 
-def test_a_map_is_known_again_whatever_folder_it_is_asked_into(tmp_path: Path, hut: Path) -> None:
+def test_a_built_map_is_reused_for_another_folder(tmp_path: Path, hut: Path) -> None:
     assert not build(hut, Options(), tmp_path / "a").cached
     assert build(hut, Options(), tmp_path / "b").cached
     assert build(hut, Options()).cached
 
 
-def test_a_cache_that_has_rotted_is_made_anew(tmp_path: Path, hut: Path) -> None:
+def test_a_damaged_cache_is_rebuilt(tmp_path: Path, hut: Path) -> None:
     good = build(hut, Options()).city
     (tile,) = next(cities_folder().iterdir()).glob("tiles/[0-9-]*")
     tile.write_bytes(tile.read_bytes()[:-1])
@@ -123,7 +123,7 @@ def test_a_cache_that_has_rotted_is_made_anew(tmp_path: Path, hut: Path) -> None
     assert intact_city(again.folder) == good
 
 
-def test_a_mission_is_not_played_in_a_city_that_has_rotted(tmp_path: Path, hut: Path) -> None:
+def test_a_mission_is_not_played_in_a_damaged_city(tmp_path: Path, hut: Path) -> None:
     folder = build(hut, Options(), tmp_path / "city").folder
     spec = SceneSpec(kind="map", options={"folder": str(folder)})
     assert city_of(spec) == intact_city(folder)
@@ -134,7 +134,7 @@ def test_a_mission_is_not_played_in_a_city_that_has_rotted(tmp_path: Path, hut: 
     assert "scene build" in caught.value.hint
 
 
-def test_a_network_that_has_rotted_is_made_anew() -> None:
+def test_a_damaged_network_is_rebuilt() -> None:
     nodes = [StreetNode(id="a", east=0.0, north=0.0), StreetNode(id="b", east=100.0, north=0.0)]
     edges = [StreetEdge(id="ab", start="a", end="b")]
     first = build_network(nodes, edges)
@@ -145,7 +145,7 @@ def test_a_network_that_has_rotted_is_made_anew() -> None:
 
 
 @pytest.mark.parametrize("place", ["taken/notes.txt", "taken", "hut.osm/city"])
-def test_a_place_that_is_taken_is_refused_before_the_map_is_read(
+def test_an_occupied_folder_is_rejected_before_the_map_is_read(
     tmp_path: Path, hut: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "taken").mkdir()
@@ -156,7 +156,7 @@ def test_a_place_that_is_taken_is_refused_before_the_map_is_read(
     assert caught.value.hint
 
 
-def test_a_full_disk_is_said_in_words(tmp_path: Path, hut: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_gives_a_readable_error(tmp_path: Path, hut: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     build(hut, Options(), tmp_path / "city")
 
     def full(source: str, target: str) -> None:
@@ -169,10 +169,10 @@ def test_a_full_disk_is_said_in_words(tmp_path: Path, hut: Path, monkeypatch: py
     assert not (tmp_path / "other").exists()
 
 
-@pytest.mark.parametrize("said", ["inf", "nan", "-inf", "1e999", "9" * 400])
-def test_numbers_without_end_are_not_said(said: str) -> None:
-    assert number({"k": said}, "k") is None
-    assert metres({"k": said}, "k") is None
+@pytest.mark.parametrize("value", ["inf", "nan", "-inf", "1e999", "9" * 400])
+def test_infinite_numbers_count_as_missing(value: str) -> None:
+    assert number({"k": value}, "k") is None
+    assert metres({"k": value}, "k") is None
 
 
 def test_houses_of_endless_storeys_and_nodes_off_the_earth(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The bay is what the sea-rescue listing needs, a pure function of its spec, and seeded."""
+"""The bay fits the sea-rescue listing, is a pure function of its spec, and depends on the seed."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Procedural districts: the same for the same spec, on a sound net, with room where missions need it."""
+"""Procedural districts: equal for equal specs, on a valid network, with space for the missions."""
 
 import os
 import subprocess
@@ -69,7 +69,7 @@ def test_every_kind_builds_and_is_the_same_again(kind: str) -> None:
         assert Path(city.network).is_file()
 
 
-def test_an_episode_by_the_sea_changes_what_floats_and_is_given_the_rest() -> None:
+def test_a_coastal_episode_changes_only_floating_objects() -> None:
     options = {"extent_m": 600.0, "bridge": ((-60.0, 0.0), (150.0, 10.0), (280.0, 5.0))}
     first, second = (district("coastal", 3, seed=seed, **options) for seed in (11, 12))
     assert first.buildings is second.buildings and first.roads is second.roads
@@ -90,12 +90,12 @@ def test_buildings_stand_apart_from_each_other_and_from_the_roads(kind: str) -> 
     ])  # fmt: skip
     assert not any(lanes.intersects(shape) for shape in shapes)
     tree = shapely.STRtree(shapes)
-    for one, shape in zip(city.buildings, shapes, strict=True):
+    for building, shape in zip(city.buildings, shapes, strict=True):
         for k in tree.query(shape):
             other = city.buildings[k]
-            apart = one.base_m >= other.top_m or other.base_m >= one.top_m or one is other
-            assert apart or shape.intersection(shapes[k]).area < 0.01, (one.id, other.id)
-        assert one.top_m > one.base_m and one.levels >= 1
+            apart = building.base_m >= other.top_m or other.base_m >= building.top_m or building is other
+            assert apart or shape.intersection(shapes[k]).area < 0.01, (building.id, other.id)
+        assert building.top_m > building.base_m and building.levels >= 1
     lanes_of_doors = [b for b in city.buildings if b.entrance is not None]
     assert len(lanes_of_doors) > 0.3 * len(city.buildings)
     for building in lanes_of_doors:
@@ -103,7 +103,7 @@ def test_buildings_stand_apart_from_each_other_and_from_the_roads(kind: str) -> 
         assert shapely.Polygon(building.polygon).exterior.distance(shapely.Point(x, y)) < 0.01
 
 
-def test_what_stands_about_stands_free() -> None:
+def test_props_stand_clear_of_buildings() -> None:
     city = district("industrial", 4, extent_m=500.0)
     walls = [shapely.Polygon(building.polygon) for building in city.buildings]
     tree = shapely.STRtree(walls)
@@ -236,7 +236,7 @@ def test_the_same_city_in_another_process_whatever_the_hash_seed() -> None:
 @pytest.mark.parametrize("kind", ["residential", "industrial", "logistics", "coastal"])
 @pytest.mark.parametrize("blocks", [(1.0, 1.0), (1.0, 2.0), (3.0, 1.0), (2.0, 2.0)])
 @pytest.mark.parametrize("inside_m", [0.0, 30.0, 145.0])
-def test_a_road_runs_around_what_leaves_no_room_for_streets(
+def test_a_road_runs_around_a_site_that_fills_the_scene(
     kind: str, blocks: tuple[float, float], inside_m: float
 ) -> None:
     """One block, a site as large as its scene, a strip by the sea: each has a road, and no building stands on it."""
@@ -296,8 +296,8 @@ def test_a_sea_that_would_flood_the_town_is_refused() -> None:
         ("bay { }", 0.0),
     ],
 )
-def test_a_mission_by_the_sea_may_leave_out_where_the_sea_lies(said: str, level: float) -> None:
-    compiled = compile_text(DRONE.replace("SCENE", said))
+def test_a_mission_by_the_sea_may_leave_out_where_the_sea_lies(scene: str, level: float) -> None:
+    compiled = compile_text(DRONE.replace("SCENE", scene))
     assert compiled.mission is not None
     spec = instantiate(compiled.mission, seed=1).scene
     assert spec.datum_m == level
@@ -320,15 +320,15 @@ def test_a_large_compound_has_more_houses_than_there_are_colours() -> None:
 
 @pytest.mark.parametrize("kind", ["residential", "coastal"])
 def test_a_district_elsewhere_is_the_same_district(kind: str) -> None:
-    """Every point of it, its net's too, lies as much farther as its centre does."""
+    """Every point of the district and of its network is translated like its centre."""
     east, north = -4000.0, 2500.0
     options = {"extent_m": 400.0, "blocks_rows": 2.0, "blocks_columns": 2.0}
     here, there = district(kind, **options), district(kind, **options, centre=((east, north),))
     assert there.bounds == tuple(edge + (north if k % 2 else east) for k, edge in enumerate(here.bounds))
-    for one, other in zip(here.buildings, there.buildings, strict=True):
-        assert other.polygon == tuple((pytest.approx(x + east), pytest.approx(y + north)) for x, y in one.polygon)
-    for one, other in zip(here.roads, there.roads, strict=True):
-        assert other.lanes[0].shape[0][:2] == pytest.approx(
-            (one.lanes[0].shape[0][0] + east, one.lanes[0].shape[0][1] + north), abs=0.02
+    for before, after in zip(here.buildings, there.buildings, strict=True):
+        assert after.polygon == tuple((pytest.approx(x + east), pytest.approx(y + north)) for x, y in before.polygon)
+    for before, after in zip(here.roads, there.roads, strict=True):
+        assert after.lanes[0].shape[0][:2] == pytest.approx(
+            (before.lanes[0].shape[0][0] + east, before.lanes[0].shape[0][1] + north), abs=0.02
         )
     assert len(there.props) == len(here.props) and there.sha256 != here.sha256

@@ -85,7 +85,7 @@ def test_builders_at_once_leave_one_whole_net():
 
 
 def test_traffic_can_drive_on_it():
-    """SUMO routes through the crossing: the net's connections are sound."""
+    """SUMO finds routes through the crossing: the network's connections are valid."""
     net = build_network(*cross())
     program = (
         "import sumolib, sys; net = sumolib.net.readNet(sys.argv[1]);"

@@ -1,4 +1,4 @@
-"""Maps of what stands in a dog's way."""
+"""Clearance maps for legged robots."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ SQUARE = ((10.0, 10.0), (20.0, 10.0), (20.0, 20.0), (10.0, 20.0))
 
 def clearance(x: float, y: float, **pieces: object) -> float:
     city = City(id="t", origin=(31.0, 121.0), bounds=(-100.0, -100.0, 100.0, 100.0), **pieces)
-    found = obstacle_map(city, (-30.0, -30.0, 30.0, 30.0), cell_m=0.5, far_m=1.5)
-    return float(found.clearance_m[found.cell(x, y)])
+    map_ = obstacle_map(city, (-30.0, -30.0, 30.0, 30.0), cell_m=0.5, far_m=1.5)
+    return float(map_.clearance_m[map_.cell(x, y)])
 
 
 @pytest.mark.parametrize("x, expected", [(15.0, 0.0), (9.25, 0.75), (8.25, 1.5), (0.0, 1.5)])
-def test_a_cell_knows_how_far_the_next_wall_is(x, expected):
+def test_a_cell_has_the_distance_to_the_nearest_wall(x, expected):
     house = Building(id="house", polygon=SQUARE, base_m=0.0, top_m=9.0)
     assert clearance(x, 15.25, buildings=(house,)) == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("base, top, free", [(0.0, 0.15, True), (0.0, 0.3, False), (0.7, 1.0, False), (0.9, 3.0, True)])
-def test_kerbs_are_stepped_on_and_what_is_high_is_walked_under(base, top, free):
+def test_kerbs_and_high_objects_are_no_obstacles(base, top, free):
     slab = Solid(id="slab", polygon=SQUARE, base_m=base, top_m=top)
     assert (clearance(15.0, 15.0, solids=(slab,)) > 0.0) is free
 

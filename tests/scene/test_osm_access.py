@@ -1,4 +1,4 @@
-"""Access and speed of streets, as OpenStreetMap's tags say them and as the network has them."""
+"""Access and speed of streets: OpenStreetMap's tags, and their effect in the network."""
 
 from pathlib import Path
 
@@ -58,12 +58,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ({"motor_vehicle:conditional": "no @ (22:00-06:00)"}, None, None),
     ],
 )
-def test_the_most_special_key_that_says_something_counts(tags: Tags, cars: str | None, buses: str | None) -> None:
+def test_the_most_specific_key_with_a_value_counts(tags: Tags, cars: str | None, buses: str | None) -> None:
     assert access(tags, CAR_KEYS) == cars
     assert access(tags, BUS_KEYS) == buses
 
 
-def test_a_direction_of_its_own_precedes_both() -> None:
+def test_a_key_for_one_direction_precedes_the_general_key() -> None:
     tags = {"vehicle": "yes", "vehicle:backward": "no"}
     assert [access(tags, CAR_KEYS, way) for way in ("forward", "backward")] == ["open", "closed"]
     assert access({**tags, "motorcar": "yes"}, CAR_KEYS, "backward") == "open"
@@ -137,7 +137,7 @@ def test_a_direction_of_its_own_precedes_both() -> None:
         ("fast", None),
     ],
 )
-def test_speeds_in_all_their_spellings(text: str, kmh: float | None) -> None:
+def test_notations_of_speeds(text: str, kmh: float | None) -> None:
     assert limit_kmh(text) == (None if kmh is None else pytest.approx(kmh, abs=0.01))
 
 
@@ -165,7 +165,7 @@ def test_limits_along_and_against_a_street(tags: Tags, along: float | None, agai
 
 
 def roads_of(folder: Path, *ways: Tags) -> dict[str, list[Road]]:
-    """The roads of each way by the sign of its direction, for ways that run from a cross street to another."""
+    """The roads of each way by the sign of their direction. Each way runs from one cross street to another."""
     made = Map()
     made.way([(0, -20), (0, 20 * len(ways) + 20)], {"highway": "primary"})
     made.way([(200, -20), (200, 20 * len(ways) + 20)], {"highway": "primary"})
@@ -179,13 +179,13 @@ def roads_of(folder: Path, *ways: Tags) -> dict[str, list[Road]]:
 
 def _network(data: MapData) -> tuple[tuple[Road, ...], str]:
     frame = choose(data, None)
-    found = streets(data, collect(data, frame))
-    made = network_from_osm(found.document, frame.origin, frame.box, found.variants)
+    map_streets = streets(data, collect(data, frame))
+    made = network_from_osm(map_streets.document, frame.origin, frame.box, map_streets.variants)
     return read_roads(made.path)[0], made.path
 
 
 def kinds(roads: list[Road]) -> dict[str, set[str]]:
-    """Kinds of lanes by direction, `+` along the way and `-` against it."""
+    """Kinds of lanes by direction: `+` along the way, `-` against it."""
     return {"-" if road.id.startswith("-") else "+": {lane.kind for lane in road.lanes} for road in roads}
 
 
@@ -241,7 +241,7 @@ def test_speeds_reach_the_network(tmp_path: Path) -> None:
 
 
 def short_cut(folder: Path, tags: Tags) -> str:
-    """The network of a street that leads once around and of one across, which has the tags and a dead end."""
+    """The network of a street that makes a detour, and of a short cut with these tags and a dead end."""
     made = Map()
     made.way([(-100, 0), (0, 0), (0, 300), (400, 300), (400, 0), (500, 0)], {"highway": "secondary", "name": "around"})
     made.way([(0, 0), (200, 0), (400, 0)], {"highway": "secondary", "name": "across", **tags})
@@ -250,7 +250,7 @@ def short_cut(folder: Path, tags: Tags) -> str:
 
 
 @pytest.mark.parametrize(("tags", "through"), [({}, True), ({"motor_vehicle": "destination"}, False)])
-def test_no_way_leads_through_streets_for_their_own_traffic(tmp_path: Path, tags: Tags, through: bool) -> None:
+def test_no_route_leads_through_streets_without_through_traffic(tmp_path: Path, tags: Tags, through: bool) -> None:
     path = short_cut(tmp_path, tags)
     roads = read_road_map(path)
     west, east, inside = (-80.0, 0.0), (480.0, 0.0), (200.0, -80.0)
@@ -260,7 +260,7 @@ def test_no_way_leads_through_streets_for_their_own_traffic(tmp_path: Path, tags
     assert lengths[0] == pytest.approx(560.0 if through else 1160.0, rel=0.06)
     assert len(lengths) == 3 and max(lengths[1:]) < 450.0
 
-    sim = Simulation(path, 1)  # the engine that drives there
+    sim = Simulation(path, 1)  # the traffic engine
     try:
         graph = read_graph(sim)
         start, goal, near = (graph.nearest(*place, heading_deg=90.0) for place in (west, east, inside))
@@ -271,14 +271,14 @@ def test_no_way_leads_through_streets_for_their_own_traffic(tmp_path: Path, tags
         assert driven.length_m == pytest.approx(560.0 if through else 1160.0, rel=0.06)
         assert driven.duration_s < 200.0, "what keeps it out is no part of the time it takes"
         assert reached.length_m < 500.0
-        Traffic(sim, graph, 1)  # background vehicles go by SUMO's own ways
+        Traffic(sim, graph, 1)  # background vehicles use SUMO's own routing
         edges = sim.simulation.findRoute(start.lane.edge, goal.lane.edge).edges
         assert set(edges) == set(driven.edges)
     finally:
         sim.close()
 
 
-def test_streets_that_say_nothing_of_access_keep_their_kind(tmp_path: Path) -> None:
+def test_streets_without_access_tags_keep_their_kind(tmp_path: Path) -> None:
     made = Map()
     made.way([(0, 0), (100, 0)], {"highway": "residential", "foot": "yes", "hgv": "no"})
     data = read(made.write(tmp_path / "plain.osm"))
@@ -287,8 +287,7 @@ def test_streets_that_say_nothing_of_access_keep_their_kind(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("name", "closed"), [("krems", 12), ("north-bayreuth", 28)])
 def test_no_closed_street_of_a_real_town_is_open_to_cars(name: str, closed: int) -> None:
-    """Of the ways for vehicles that are closed in the two towns 8 were open to passenger cars while `access=no` alone
-    counted."""
+    """No closed way for vehicles of the two towns is open to cars. Eight were when only `access=no` counted."""
     path = MAPS / f"{name}.osm.gz"
     if not path.is_file():
         pytest.skip(f"the map is not at {path}")

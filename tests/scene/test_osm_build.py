@@ -74,11 +74,11 @@ def test_formats_orders_and_places_give_one_city(tmp_path: Path) -> None:
     assert build(plain, Options(seed=1), tmp_path / "other").city.sha256 != cities[0].sha256
 
 
-def test_a_second_build_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_build_comes_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = town().write(tmp_path / "town.osm")
     first = build(path, Options())
     assert first.folder.parent == cities_folder()
-    monkeypatch.setattr(reading, "read", None)  # nothing is read again
+    monkeypatch.setattr(reading, "read", None)  # the map is not read again
     assert build(path, Options()).cached
     copied = build(path, Options(), tmp_path / "copy")
     assert copied.cached
@@ -105,7 +105,7 @@ def test_without_a_cache_a_city_needs_a_folder(tmp_path: Path, monkeypatch: pyte
     assert not build(path, Options(), tmp_path / "out").cached
 
 
-def test_a_map_without_roads_or_buildings_is_a_city_that_says_so(tmp_path: Path) -> None:
+def test_a_map_without_roads_or_buildings_gives_a_city_with_a_note(tmp_path: Path) -> None:
     made = Map()
     made.way(square(0, 0, 30), {"building": "yes"})
     houses = build(made.write(tmp_path / "houses.osm"), Options(), tmp_path / "houses")
@@ -123,7 +123,7 @@ def test_a_map_without_roads_or_buildings_is_a_city_that_says_so(tmp_path: Path)
     assert not (tmp_path / "none").exists()
 
 
-def test_a_part_around_buildings_takes_streets_near_them_and_says_which_it_leaves(tmp_path: Path) -> None:
+def test_a_part_around_buildings_includes_near_streets_and_notes_the_others(tmp_path: Path) -> None:
     made = Map(half_m=None)
     made.way(square(0, 0, 100), {"building": "yes"})
     made.way([(0, 210), (280, 210)], {"highway": "residential"})
@@ -180,8 +180,8 @@ def test_dangling_references_are_left_out_and_counted(tmp_path: Path) -> None:
         "ways without enough nodes": 1,
     }
     assert built.summary.counts["buildings"] == 4
-    said = [reason_text(count, reason) for reason, count in built.summary.skipped.items()]
-    assert said[:2] == ["1 area that does not close", "1 multipolygon that does not close"]
+    reasons = [reason_text(count, reason) for reason, count in built.summary.skipped.items()]
+    assert reasons[:2] == ["1 area that does not close", "1 multipolygon that does not close"]
 
 
 def test_nodes_missing_from_streets_and_outlines_are_counted(tmp_path: Path) -> None:
@@ -211,7 +211,7 @@ def test_nodes_missing_from_streets_and_outlines_are_counted(tmp_path: Path) -> 
         ("map.kml", b"<kml/>", "is not OpenStreetMap data: it is KML"),
     ],
 )
-def test_what_is_no_map_is_refused_in_one_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+def test_a_file_that_is_no_map_gives_a_one_line_error(tmp_path: Path, name: str, content: bytes, message: str) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(UsageError, match=message) as caught:
         build(tmp_path / name, Options(), tmp_path / "out")
@@ -264,7 +264,7 @@ BLANKS = b" " * (64 << 20)
 
 
 @pytest.mark.parametrize(("name", "packed"), [("bomb.osm.gz", gzip.compress), ("bomb.osm.bz2", bz2.compress)])
-def test_a_map_that_unpacks_without_end_is_refused(tmp_path: Path, name: str, packed: Callable[[bytes], bytes]) -> None:
+def test_a_decompression_bomb_is_rejected(tmp_path: Path, name: str, packed: Callable[[bytes], bytes]) -> None:
     (tmp_path / name).write_bytes(packed(b'<osm version="0.6">') + 6 * packed(BLANKS))
     with pytest.raises(UsageError, match="it unpacks to more than 100 times its size"):
         build(tmp_path / name, Options(), tmp_path / "out")
@@ -294,7 +294,7 @@ def test_a_map_far_north_is_built(tmp_path: Path) -> None:
     assert build(path, Options(), tmp_path / "out").summary.counts["buildings"] == 1
 
 
-def test_an_empty_part_that_the_file_states_is_said_and_not_gone_by(tmp_path: Path) -> None:
+def test_an_empty_stated_part_is_ignored_with_a_note(tmp_path: Path) -> None:
     path = tmp_path / "empty.osm"
     bounds = '<bounds minlat="31.2" minlon="121.5" maxlat="31.2" maxlon="121.5"/>'
     path.write_text(house(31.2, 121.5, bounds))
@@ -307,25 +307,25 @@ def test_an_empty_part_that_the_file_states_is_said_and_not_gone_by(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("bounds", "said"),
+    ("bounds", "fault"),
     [
         ('<bounds minlat="10" minlon="10" maxlat="10.01" maxlon="10.01"/>', "a part without data (10,10,10.01,10.01)"),
         ('<bound box="-90,-180,90,180"/>', "the whole Earth as its part"),
     ],
 )
-def test_a_stated_part_that_says_nothing_of_the_data_is_not_gone_by(tmp_path: Path, bounds: str, said: str) -> None:
+def test_a_stated_part_without_data_is_ignored_with_a_note(tmp_path: Path, bounds: str, fault: str) -> None:
     path = tmp_path / "elsewhere.osm"
     path.write_text(house(31.2, 121.5, bounds))
     summary = build(path, Options(), tmp_path / "out").summary
     assert (summary.counts["buildings"], summary.box_is) == (1, "around its buildings")
-    assert any(f"states {said}" in note for note in summary.notes)
+    assert any(f"states {fault}" in note for note in summary.notes)
 
 
-def test_what_lies_outside_of_the_stated_part_is_said(tmp_path: Path) -> None:
+def test_objects_outside_of_the_stated_part_are_noted(tmp_path: Path) -> None:
     made = Map(half_m=100.0)
     made.way(square(0, 0, 30), {"building": "yes"})
     made.way([(-300, 10), (300, 10)], {"highway": "footway"})
-    made.way([(-300, 50), (0, 50), (300, 50)], {"highway": "residential"})  # it sticks out, as in every extract
+    made.way([(-300, 50), (0, 50), (300, 50)], {"highway": "residential"})  # ways extend beyond the box, as in extracts
     whole = build(made.write(tmp_path / "whole.osm"), Options(), tmp_path / "whole").summary
     assert not whole.notes
     made.way(square(300, 0, 30), {"building": "yes"})
@@ -342,7 +342,7 @@ def test_what_lies_outside_of_the_stated_part_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "999", "1e300"])
-def test_places_that_are_not_on_earth_are_refused(tmp_path: Path, value: str) -> None:
+def test_places_outside_of_the_earth_are_rejected(tmp_path: Path, value: str) -> None:
     path = tmp_path / "odd.osm"
     path.write_text(house(31.2, 121.5).replace('lat="31.2"', f'lat="{value}"', 1))
     with pytest.raises(UsageError):
@@ -351,11 +351,11 @@ def test_places_that_are_not_on_earth_are_refused(tmp_path: Path, value: str) ->
 
 @pytest.mark.parametrize("tag", ["lanes", "width", "building:levels", "height", "layer", "maxspeed"])
 @pytest.mark.parametrize("value", ["1e308", "999999", "nan", "-0.5"])
-def test_nonsense_in_a_tag_is_not_said(tmp_path: Path, tag: str, value: str) -> None:
+def test_an_invalid_tag_counts_as_missing(tmp_path: Path, tag: str, value: str) -> None:
     made = Map()
-    said = {tag: value}
-    made.way(square(0, 0, 30), {"building": "yes", **said})
-    made.way([(-200, -50), (200, -50)], {"highway": "residential", **said})
+    tags = {tag: value}
+    made.way(square(0, 0, 30), {"building": "yes", **tags})
+    made.way([(-200, -50), (200, -50)], {"highway": "residential", **tags})
     built = build(made.write(tmp_path / "odd.osm"), Options(), tmp_path / "out")
     assert built.summary.counts["buildings"] == 1
     assert 1 <= sum(len(road.lanes) for tile in Tiles(built.city) for road in tile.roads) <= 4
@@ -373,7 +373,7 @@ def house(latitude: float, longitude: float, bounds: str = "") -> str:
     return f'<osm version="0.6">{bounds}{nodes}{way}</osm>'
 
 
-def test_a_part_of_a_map_is_cut_to_it(tmp_path: Path) -> None:
+def test_a_city_is_clipped_to_the_chosen_part(tmp_path: Path) -> None:
     path = town().write(tmp_path / "town.osm")
     whole = choose(reading.read(path), None)
     west, south, east, north = whole.box
@@ -441,7 +441,7 @@ def test_a_mission_names_a_folder_or_a_file(tmp_path: Path, monkeypatch: pytest.
         ({"folder": "city"}, 0.0, (30.0, 121.5), "origin is 1.* m from the city's"),
     ],
 )
-def test_what_a_mission_says_wrongly_is_named(
+def test_wrong_options_of_a_mission_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, str], datum: float,
     origin: tuple[float, float] | None, message: str,
 ) -> None:  # fmt: skip

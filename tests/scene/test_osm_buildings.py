@@ -14,7 +14,7 @@ def built(made: Map, folder: Path, seed: int = 0) -> dict[str, Building]:
     return {building.id: building for building in buildings(made.features(folder), seed).buildings}
 
 
-def test_colours_and_layers_are_read_or_not_said() -> None:
+def test_colours_and_layers_are_read_or_missing() -> None:
     assert colour({"c": "#ff0000"}, "c") == (1.0, 0.0, 0.0)
     assert colour({"c": "#FFF"}, "c") == colour({"c": "white"}, "c") == (1.0, 1.0, 1.0)
     assert colour({"c": "light_grey"}, "c") == colour({"c": "lightgray"}, "c") is not None
@@ -47,7 +47,7 @@ def test_colours_and_layers_are_read_or_not_said() -> None:
         ({}, (0.0, 18.0, 0.0)),
     ],
 )
-def test_heights_follow_the_tags_and_nonsense_is_not_said(tags: dict[str, str], wanted: tuple[float, ...]) -> None:
+def test_heights_follow_the_tags_and_invalid_ones_are_ignored(tags: dict[str, str], wanted: tuple[float, ...]) -> None:
     roof = tags.get("roof:shape", "flat")
     assert heights(tags, 3.0, roof, untagged_storeys=6, narrow_m=10.0)[:3] == wanted
 
@@ -70,14 +70,14 @@ def test_parts_stand_in_place_of_their_outline(tmp_path: Path) -> None:
     made.way(square(5, 5, 20), {"building:part": "yes", "height": "100", "min_height": "60"})
     made.way(square(100, 0, 40), {"building": "yes", "height": "30"})
     made.way(square(100, 0, 10), {"building:part": "yes", "height": "50"})
-    found = built(made, tmp_path)
-    assert set(found) == {"w2", "w3", "w4", "w5"}
-    assert found["w3"].base_m == 60.0
-    assert {found[key].name for key in ("w2", "w3")} == {"Tower"}
-    assert found["w2"].colour == (1.0, 0.0, 0.0)
-    # a part that covers little of its outline stands beside what it leaves
-    assert len(found["w4"].polygon) == 6
-    assert found["w5"].top_m == 50.0
+    buildings = built(made, tmp_path)
+    assert set(buildings) == {"w2", "w3", "w4", "w5"}
+    assert buildings["w3"].base_m == 60.0
+    assert {buildings[key].name for key in ("w2", "w3")} == {"Tower"}
+    assert buildings["w2"].colour == (1.0, 0.0, 0.0)
+    # a part that covers little of its outline stands beside the remainder of the outline
+    assert len(buildings["w4"].polygon) == 6
+    assert buildings["w5"].top_m == 50.0
 
 
 def test_courtyards_and_several_outlines_of_one_relation(tmp_path: Path) -> None:
@@ -85,9 +85,9 @@ def test_courtyards_and_several_outlines_of_one_relation(tmp_path: Path) -> None
     outer, inner = made.way(square(0, 0, 60)), made.way(square(20, 20, 20))
     second = made.way(square(100, 0, 20))
     made.relation([(outer, "outer"), (inner, "inner"), (second, "outer")], {"building": "yes", "height": "12"})
-    found = built(made, tmp_path)
-    assert sorted(found) == ["r1", "r1-1"]
-    assert sorted(len(building.holes) for building in found.values()) == [0, 1]
+    buildings = built(made, tmp_path)
+    assert sorted(buildings) == ["r1", "r1-1"]
+    assert sorted(len(building.holes) for building in buildings.values()) == [0, 1]
 
 
 def test_swapped_roles_and_members_named_twice_give_the_same_courtyard(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_an_outline_of_several_ways_and_one_that_does_not_close(tmp_path: Path) 
     assert features.skipped == {"multipolygons that do not close": 2, "areas that do not close": 1}
 
 
-def test_what_cannot_be_seen_or_lies_outside_is_left_out(tmp_path: Path) -> None:
+def test_invisible_and_outer_buildings_are_left_out(tmp_path: Path) -> None:
     made = Map(half_m=100.0)
     made.way(square(0, 0, 20), {"building": "yes", "location": "underground"})
     made.way(square(30, 0, 20), {"building": "yes", "layer": "-1"})
@@ -126,7 +126,7 @@ def test_what_cannot_be_seen_or_lies_outside_is_left_out(tmp_path: Path) -> None
     assert set(built(made, tmp_path)) == {"w5"}
 
 
-def test_the_seed_decides_what_nobody_says_and_nothing_else(tmp_path: Path) -> None:
+def test_the_seed_decides_only_untagged_details(tmp_path: Path) -> None:
     made = Map()
     for k in range(20):
         made.way(square(-400 + 40 * k, 0, 30), {"building": "yes"})
@@ -142,7 +142,7 @@ def test_the_seed_decides_what_nobody_says_and_nothing_else(tmp_path: Path) -> N
     assert {key: more[key] for key in first} == first  # one more house changes no other
 
 
-def test_entrances_look_away_from_their_wall(tmp_path: Path) -> None:
+def test_entrances_face_away_from_their_wall(tmp_path: Path) -> None:
     made = Map()
     made.way([(0, 0), (10, 0), (20, 0), (20, 20), (0, 20), (0, 0)], {"building": "yes", "height": "9"})
     made.node(10, 0, entrance="main")
@@ -162,10 +162,10 @@ def test_use_comes_from_tags_and_from_the_land_around(tmp_path: Path) -> None:
     made.way(square(0, 0, 30), {"building": "yes", "height": "120"})
     made.way(square(50, 0, 30), {"building": "school"})
     made.way(square(100, 0, 30), {"building": "yes", "building:material": "glass"})
-    found = built(made, tmp_path)
-    assert [found[key].use for key in ("w2", "w3", "w4")] == ["industrial", "office", "school"]
-    assert found["w2"].facade == "industrial"
-    assert found["w5"].facade == "curtain"
+    buildings = built(made, tmp_path)
+    assert [buildings[key].use for key in ("w2", "w3", "w4")] == ["industrial", "office", "school"]
+    assert buildings["w2"].facade == "industrial"
+    assert buildings["w5"].facade == "curtain"
 
 
 def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> None:
@@ -177,14 +177,14 @@ def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> 
     low = [f"w{made.way(square(-200 + 40 * k, 60, 30), {'building': 'yes'})}" for k in range(12)]
     high = [f"w{made.way(square(-200 + 40 * k, 1560, 30), {'building': 'yes'})}" for k in range(12)]
     alone = [f"w{made.way(square(-200 + 40 * k, -1500, 30), {'building': 'yes'})}" for k in range(12)]
-    found = built(made, tmp_path)
-    assert {found[key].use for key in (*low, *high, *alone)} == {"office"}
-    assert all(2 <= found[key].levels <= 8 for key in low)
-    assert all(15 <= found[key].levels <= 29 for key in high)
-    assert all(1 <= found[key].levels <= 6 for key in alone)  # the land use alone makes no tower
-    assert {found[key].facade for key in low} <= {"punched", "ribbon"}
-    assert {found[key].facade for key in high} <= {"curtain", "ribbon"}
-    assert len({found[key].levels for key in low}) > 1
+    buildings = built(made, tmp_path)
+    assert {buildings[key].use for key in (*low, *high, *alone)} == {"office"}
+    assert all(2 <= buildings[key].levels <= 8 for key in low)
+    assert all(15 <= buildings[key].levels <= 29 for key in high)
+    assert all(1 <= buildings[key].levels <= 6 for key in alone)  # the land use alone makes no tower
+    assert {buildings[key].facade for key in low} <= {"punched", "ribbon"}
+    assert {buildings[key].facade for key in high} <= {"curtain", "ribbon"}
+    assert len({buildings[key].levels for key in low}) > 1
 
 
 def houses(made: Map, side: float, apart: float, count: int = 12, **tags: str) -> None:
@@ -220,7 +220,7 @@ def test_untagged_buildings_among_blocks_are_blocks_and_deep_ones_are_halls(tmp_
     assert hall <= 3
 
 
-def test_a_tower_says_so_wherever_it_stands(tmp_path: Path) -> None:
+def test_a_building_tagged_as_a_tower_is_tall_anywhere(tmp_path: Path) -> None:
     made = Map()
     houses(made, 11.0, 28.0)
     tower = made.way(square(0, 0, 25), {"building": "tower"})
@@ -228,33 +228,33 @@ def test_a_tower_says_so_wherever_it_stands(tmp_path: Path) -> None:
     assert levels[f"w{tower}"] >= 6
 
 
-def test_pieces_that_share_a_wall_are_set_apart(tmp_path: Path) -> None:
+def test_pieces_with_a_common_wall_are_separated(tmp_path: Path) -> None:
     made = Map()
-    said = {"building:part": "yes", "building:levels": "10"}
+    levels = {"building:part": "yes", "building:levels": "10"}
     made.way(square(0, 0, 60), {"building": "yes"})
     made.way(square(0, 0, 60), {"building:part": "yes", "height": "10"})  # a podium
-    made.way(square(0, 0, 20), said | {"height": "50"})  # a tower flush with two of its walls
-    made.way(square(30, 30, 10), said | {"height": "40"})  # one that stands clear of them
+    made.way(square(0, 0, 20), levels | {"height": "50"})  # a tower flush with two of its walls
+    made.way(square(30, 30, 10), levels | {"height": "40"})  # a tower inside, clear of the walls
     made.way(square(100, 0, 20), {"building": "yes", "height": "12"})
-    made.way(square(100, 0, 20, 40), {"building": "yes", "height": "12"})  # the same hall again, and more
+    made.way(square(100, 0, 20, 40), {"building": "yes", "height": "12"})  # the same hall again, but longer
     made.way(square(200, 0, 40, 20), {"building": "yes", "height": "12"})
-    made.way(square(220, 0, 40, 20), {"building": "yes", "height": "20"})  # a wing half in it
-    found = built(made, tmp_path)
-    podium, tower, clear = found["w2"], found["w3"], found["w4"]
+    made.way(square(220, 0, 40, 20), {"building": "yes", "height": "20"})  # a wing that half overlaps it
+    buildings = built(made, tmp_path)
+    podium, tower, clear = buildings["w2"], buildings["w3"], buildings["w4"]
     assert (podium.base_m, podium.top_m, podium.roof) == (0.0, 10.0, "bare")
     assert (tower.base_m, tower.top_m, tower.levels) == (10.0, 50.0, 8)
     assert (clear.base_m, clear.top_m) == (0.0, 40.0)
-    assert "w5" not in found
-    assert shapely.Polygon(found["w6"].polygon).area == pytest.approx(800.0, abs=2.0)
-    assert shapely.Polygon(found["w7"].polygon).bounds == pytest.approx((200.0, 0.0, 220.0, 20.0), abs=0.1)
-    assert shapely.Polygon(found["w8"].polygon).area == pytest.approx(800.0, abs=2.0)
-    assert found["w8"].roof == "flat"
+    assert "w5" not in buildings
+    assert shapely.Polygon(buildings["w6"].polygon).area == pytest.approx(800.0, abs=2.0)
+    assert shapely.Polygon(buildings["w7"].polygon).bounds == pytest.approx((200.0, 0.0, 220.0, 20.0), abs=0.1)
+    assert shapely.Polygon(buildings["w8"].polygon).area == pytest.approx(800.0, abs=2.0)
+    assert buildings["w8"].roof == "flat"
 
 
 def test_neighbours_back_to_back_keep_their_roofs(tmp_path: Path) -> None:
     made = Map()
     made.way(square(0, 0, 20), {"building": "yes", "height": "12"})
     made.way(square(20, 0, 20), {"building": "yes", "height": "20", "min_height": "11.8"})
-    found = built(made, tmp_path)
-    assert [found[key].roof for key in ("w1", "w2")] == ["flat", "flat"]
-    assert (found["w2"].base_m, found["w2"].top_m) == (11.8, 20.0)
+    buildings = built(made, tmp_path)
+    assert [buildings[key].roof for key in ("w1", "w2")] == ["flat", "flat"]
+    assert (buildings["w2"].base_m, buildings["w2"].top_m) == (11.8, 20.0)

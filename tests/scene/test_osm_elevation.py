@@ -14,10 +14,10 @@ TUNNEL = {"highway": "primary", "tunnel": "yes", "layer": "-1"}
 
 
 def profile(made: Map, folder: Path, points: list[tuple[float, float]]) -> list[float]:
-    """Heights at some nodes."""
+    """Elevations of the nodes at some points."""
     data = read(made.write(folder / "small.osm"))
-    found = heights(data, collect(data, choose(data, None)), [way for way in data.ways if "highway" in way.tags])
-    return [found[made.node(x, y)] for x, y in points]
+    elevations = heights(data, collect(data, choose(data, None)), [way for way in data.ways if "highway" in way.tags])
+    return [elevations[made.node(x, y)] for x, y in points]
 
 
 def line(start: int, end: int) -> list[tuple[float, float]]:
@@ -30,11 +30,11 @@ def test_a_bridge_over_a_street_is_high_and_its_ramps_fall(tmp_path: Path) -> No
     made.way(line(-40, 40), BRIDGE)
     made.way(line(40, 400), STREET)
     made.way([(0, -200), (0, 200)], STREET)
-    found = profile(made, tmp_path, line(-400, 400))
-    middle = [z for (x, _), z in zip(line(-400, 400), found, strict=True) if -40 <= x <= 40]
+    elevations = profile(made, tmp_path, line(-400, 400))
+    middle = [z for (x, _), z in zip(line(-400, 400), elevations, strict=True) if -40 <= x <= 40]
     assert middle == [6.0] * 5
-    assert found[0] == found[-1] == 0.0
-    assert max(abs(b - a) / 20.0 for a, b in pairwise(found)) == pytest.approx(GRADE, abs=0.001)
+    assert elevations[0] == elevations[-1] == 0.0
+    assert max(abs(b - a) / 20.0 for a, b in pairwise(elevations)) == pytest.approx(GRADE, abs=0.001)
     assert profile(made, tmp_path, [(0, -200), (0, 200)]) == [0.0, 0.0]
 
 
@@ -64,7 +64,7 @@ def test_tunnels_fall_from_their_portals_and_streets_do_not(tmp_path: Path) -> N
     made.way(line(-400, -200), STREET)
     made.way(line(-200, 200), TUNNEL)
     made.way(line(200, 400), STREET)
-    found = dict(zip(line(-400, 400), profile(made, tmp_path, line(-400, 400)), strict=True))
-    assert all(z == 0.0 for (x, _), z in found.items() if abs(x) >= 200)
-    assert found[-180.0, 0.0] == pytest.approx(-20 * GRADE, abs=0.01)
-    assert found[0.0, 0.0] == -6.0
+    elevations = dict(zip(line(-400, 400), profile(made, tmp_path, line(-400, 400)), strict=True))
+    assert all(z == 0.0 for (x, _), z in elevations.items() if abs(x) >= 200)
+    assert elevations[-180.0, 0.0] == pytest.approx(-20 * GRADE, abs=0.01)
+    assert elevations[0.0, 0.0] == -6.0

@@ -1,4 +1,4 @@
-"""Maps with planted faults: whatever is wrong with a file, it is built or refused, and never a fault of ours."""
+"""Maps with planted faults: each is built or rejected with an error, and none causes an exception of our code."""
 
 from collections import Counter
 from pathlib import Path
@@ -23,7 +23,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_two_thousand_maps_are_built_or_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Everything but netconvert, which is another process and takes its time: the document for it is written."""
+    """All steps except netconvert, a slow separate program; its input is written."""
 
     def unconverted(data, features):  # type: ignore[no-untyped-def]
         streets(data, features)
@@ -45,7 +45,7 @@ def test_two_thousand_maps_are_built_or_refused(tmp_path: Path, monkeypatch: pyt
             assert built.attribution
             ends["built"] += 1
         path.unlink()
-    assert min(ends["refused"], ends["built"]) > 500, ends  # faults that all maps die of would show nothing
+    assert min(ends["refused"], ends["built"]) > 500, ends  # a fault common to all maps would prove nothing
 
 
 def _assembled(path: Path) -> City:
@@ -58,7 +58,7 @@ def test_no_map_ends_the_command_line_with_a_fault_of_ours(tmp_path: Path, capsy
     for seed in range(60):
         path = mutated(seed, tmp_path)
         code = main(["scene", "build", str(path), "-o", str(tmp_path / f"city-{seed}")])
-        said = capsys.readouterr()
-        assert code in (ExitCode.OK, ExitCode.USAGE), (seed, code, said.err)
-        assert "Traceback" not in said.err
+        output = capsys.readouterr()
+        assert code in (ExitCode.OK, ExitCode.USAGE), (seed, code, output.err)
+        assert "Traceback" not in output.err
         assert (tmp_path / f"city-{seed}").exists() == (code == ExitCode.OK)

@@ -33,7 +33,7 @@ def test_islands_and_several_lines_of_coast(tmp_path: Path) -> None:
     assert sea.level_m == -3.0
 
 
-def test_a_coast_that_ends_before_the_edge_is_led_on_and_said(tmp_path: Path) -> None:
+def test_a_coast_that_ends_before_the_edge_is_continued_with_a_note(tmp_path: Path) -> None:
     made = Map()
     made.way([(-450, 0), (-10, 0)], {"natural": "coastline"})
     made.way([(10, 5), (460, 0)], {"natural": "coastline"})
@@ -44,9 +44,9 @@ def test_a_coast_that_ends_before_the_edge_is_led_on_and_said(tmp_path: Path) ->
     assert features.skipped == {"gaps of the coastline, closed with straight lines": 3}
 
 
-def test_a_coastline_that_would_drown_the_city_is_not_believed(tmp_path: Path) -> None:
+def test_a_coastline_that_would_flood_the_city_is_ignored(tmp_path: Path) -> None:
     made = Map()
-    made.way([(600, 400), (-600, 400)], {"natural": "coastline"})  # the wrong way round: water to the north
+    made.way([(600, 400), (-600, 400)], {"natural": "coastline"})  # the wrong direction: water to the north
     for k in range(12):
         made.way(square(-400 + 40 * k, 420, 20), {"building": "yes"})
     features = made.features(tmp_path)
@@ -76,9 +76,9 @@ def test_surfaces_are_painted_coarse_to_fine_and_leave_water_out(tmp_path: Path)
     made.way(square(-200, -200, 30), {"amenity": "parking", "parking": "underground"})
     features = made.features(tmp_path)
     wet = water.wet(features)
-    found = ground.areas(features, wet)
-    assert [area.surface for area in found] == ["residential", "grass", "park", "pitch"]
-    shapes = [shapely.Polygon(area.polygon, area.holes) for area in found]
+    surfaces = ground.areas(features, wet)
+    assert [area.surface for area in surfaces] == ["residential", "grass", "park", "pitch"]
+    shapes = [shapely.Polygon(area.polygon, area.holes) for area in surfaces]
     assert all(shape.is_valid for shape in shapes)
     assert shapely.union_all(shapes).intersection(wet).area < 1.0
     assert shapes[1].area == pytest.approx(200**2, rel=0.01)  # cut to the frame
@@ -96,15 +96,15 @@ def test_trees_stand_where_trees_can(tmp_path: Path) -> None:
     areas = ground.areas(features, wet)
     road = Road(id="e", lanes=(Lane(id="e_0", shape=((0, 180, 0), (200, 180, 0)), width_m=10.0),))
     occupied = trees.occupied_area(wet, (), (road,))
-    found = list(trees.trees(features, areas, occupied, seed=3))
-    assert found == list(trees.trees(features, areas, occupied, seed=3))
-    assert found != list(trees.trees(features, areas, occupied, seed=4))
-    assert (found[0].model, found[0].scale) == ("pine", 2.0)
-    assert sum(prop.position[0] < -300 for prop in found) == 11
-    sown = [prop.position[:2] for prop in found if prop.position[0] >= 0]
+    props = list(trees.trees(features, areas, occupied, seed=3))
+    assert props == list(trees.trees(features, areas, occupied, seed=3))
+    assert props != list(trees.trees(features, areas, occupied, seed=4))
+    assert (props[0].model, props[0].scale) == ("pine", 2.0)
+    assert sum(prop.position[0] < -300 for prop in props) == 11
+    sown = [prop.position[:2] for prop in props if prop.position[0] >= 0]
     assert len(sown) > 40
     assert not any(shapely.contains_xy(occupied, x, y) or (x < 60 and y < 60) for x, y in sown)
-    assert len({prop.id for prop in found}) == len(found)
+    assert len({prop.id for prop in props}) == len(props)
 
 
 def test_a_large_wood_is_sown_all_over(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_piers_have_piles_and_walls_leave_roads_free(tmp_path: Path) -> None:
     assert all(pile.base_m < -1.5 and pile.top_m == pytest.approx(deck.base_m) for pile in piles)
     road = Road(id="e", lanes=(Lane(id="e_0", shape=((150, -50, 0), (150, 50, 0)), width_m=4.0),))
     (wall,) = structures.walls(features, trees.pavement([road]))
-    assert wall.polygon[0][0] == pytest.approx(200.15, abs=0.1)  # the piece across the road is gone
+    assert wall.polygon[0][0] == pytest.approx(200.15, abs=0.1)  # the piece across the road is left out
 
 
 def test_decks_lie_under_raised_ways_only(tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_roads_end_where_the_frame_ends() -> None:
     assert structures.is_visible(Road(id="t", lanes=(lane,), tunnel=True)) is False
 
 
-def test_footbridges_pass_over_what_they_cross_and_stairs_lead_up(tmp_path: Path) -> None:
+def test_footbridges_pass_over_roads_and_stairs_lead_up(tmp_path: Path) -> None:
     made = Map()
     foot = {"highway": "footway", "bridge": "yes", "layer": "3"}
     made.way([(-100, 0), (100, 0)], {"highway": "primary"})
@@ -167,11 +167,11 @@ def test_footbridges_pass_over_what_they_cross_and_stairs_lead_up(tmp_path: Path
     made.way([(0, 50), (60, 50)], foot)  # joined to it
     made.way([(60, 50), (60, 110)], {"highway": "steps"})
     made.way([(200, 200), (200, 300)], foot)  # over grass
-    found = {bridge.id: bridge for bridge in footbridges(made.features(tmp_path), ())}
-    assert {key: bridge.path[0][2] for key, bridge in found.items() if key.startswith("foot")} == {
+    bridges = {bridge.id: bridge for bridge in footbridges(made.features(tmp_path), ())}
+    assert {key: bridge.path[0][2] for key, bridge in bridges.items() if key.startswith("foot")} == {
         "foot-w2": 6.0, "foot-w3": 6.0, "foot-w5": LEVEL_M
     }  # fmt: skip
-    (stairs,) = (bridge for key, bridge in found.items() if key.startswith("ramp"))
+    (stairs,) = (bridge for key, bridge in bridges.items() if key.startswith("ramp"))
     (_, bottom, high), (_, top, low) = stairs.path
     assert (high, low) == (6.0, 0.0)
     assert top - bottom == pytest.approx(12.0, abs=0.1)  # at a grade of one in two

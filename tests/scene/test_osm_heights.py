@@ -1,4 +1,4 @@
-"""Heights of buildings whose tags do not state them: by the place they are in and by their tagged neighbours."""
+"""Heights of buildings without tagged heights: from their place and from their tagged neighbours."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 LUJIAZUI = DATA / "shanghai_lujiazui.osm"
 
 MEDIAN_ERRORS_M = {0: 24.9, 1: 12.0, 2: 12.0, 4: 16.0}
-"""Seed → the median error over the hidden half of Lujiazui's tagged heights, measured at commit 398c89b3, before
+"""Seed → median error over the hidden half of Lujiazui's tagged heights, metres, measured at commit 398c89b3, before
 storeys depended on the place."""
 
 
@@ -36,13 +36,13 @@ def untagged(result: RaisedBuildings) -> list[Building]:
 
 
 def over_20_m(result: RaisedBuildings) -> float:
-    """The share of the untagged buildings that are taller than 20 m."""
+    """Share of the untagged buildings above 20 m."""
     drawn = untagged(result)
     return sum(building.top_m > 20.0 for building in drawn) / len(drawn)
 
 
 def rows(made: Map, x: float, y: float, count: int, wide: float, high: float, **tags: str) -> list[str]:
-    """Buildings in rows of ten, 15 m apart; their ids."""
+    """Add buildings in rows of ten, 15 m apart, and return their ids."""
     ids = []
     for number in range(count):
         row, column = divmod(number, 10)
@@ -52,7 +52,7 @@ def rows(made: Map, x: float, y: float, count: int, wide: float, high: float, **
 
 
 def commercial_land(made: Map) -> list[str]:
-    """Twenty untagged buildings with the footprints of towers on land for commerce."""
+    """Add twenty untagged buildings with footprints of towers on commercial land."""
     made.way(square(-450, 150, 900, 300), {"landuse": "commercial"})
     return rows(made, -440, 160, 20, 28.0, 28.0)
 
@@ -81,15 +81,15 @@ def test_no_towers_stand_in_a_small_place(tmp_path: Path, place: dict[str, str])
     assert max(tops) < 24.0
 
 
-def test_what_stands_alone_in_the_fields_is_no_block(tmp_path: Path) -> None:
+def test_isolated_buildings_in_fields_are_no_blocks(tmp_path: Path) -> None:
     made = Map()
     farm = made.way(square(0, 0, 24), {"building": "yes"})
     flats = made.way(square(450, 0, 24), {"building": "apartments"})
     tower = made.way(square(-450, 0, 24), {"building": "apartments", "building:levels": "9"})
-    found = {building.id: building.top_m for building in raised(made, tmp_path).buildings}
-    assert found[f"w{farm}"] <= 9.0
-    assert found[f"w{flats}"] <= 12.0
-    assert found[f"w{tower}"] == 27.0
+    tops = {building.id: building.top_m for building in raised(made, tmp_path).buildings}
+    assert tops[f"w{farm}"] <= 9.0
+    assert tops[f"w{flats}"] <= 12.0
+    assert tops[f"w{tower}"] == 27.0
 
 
 def test_a_large_city_has_towers_where_their_own_tags_name_them(tmp_path: Path) -> None:
@@ -129,13 +129,13 @@ def test_a_place_counts_outside_of_the_part_that_is_built(tmp_path: Path) -> Non
     made.node(900, 900, place="city", population="3000000")
     ids = rows(made, -440, -440, 60, 14.0, 40.0, building="apartments")
     data = read(made.write(tmp_path / "small.osm"))
-    whole = {one.id: one for one in buildings(collect(data, choose(data, None)), 0).buildings}
+    whole = {building.id: building for building in buildings(collect(data, choose(data, None)), 0).buildings}
     west, south, east, north = choose(data, None).box
     width, height = east - west, north - south
     cut = west + 0.3 * width, south + 0.3 * height, west + 0.6 * width, south + 0.6 * height
-    part = {one.id: one for one in buildings(collect(data, choose(data, cut)), 0).buildings}
+    part = {building.id: building for building in buildings(collect(data, choose(data, cut)), 0).buildings}
     assert 3 < len(part) < len(whole) == len(ids)
-    assert {ref: one.levels for ref, one in part.items()} == {ref: whole[ref].levels for ref in part}
+    assert {ref: building.levels for ref, building in part.items()} == {ref: whole[ref].levels for ref in part}
 
 
 def test_more_people_build_higher() -> None:
@@ -262,7 +262,7 @@ def _features(path: Path) -> Features:
 
 
 def _with_tags(features: Features, hides: Callable[[str], bool]) -> Features:
-    """The features with the heights of some hidden."""
+    """The features without the heights of those for which `hides` is true."""
     areas = tuple(
         dataclasses.replace(area, tags=_without_heights(area.tags)) if hides(area.ref) else area
         for area in features.areas

@@ -1,4 +1,4 @@
-"""The one normalising pass: what comes out of each way in which real files are written."""
+"""Normalisation of maps: the result for each form of real files."""
 
 import bz2
 import gzip
@@ -66,11 +66,11 @@ def test_stated_parts_in_the_words_of_osmosis_and_of_overpass(tmp_path: Path) ->
         121.0, 31.0, 121.2, 31.1,
     )  # fmt: skip
     inside = HOUSE.replace('id="9">', f'id="9">{bounds(1.0, 2.0, 3.0, 4.0)}')
-    assert reading(tmp_path, NODES + inside).box is None  # what Overpass says of one way is not the file's
+    assert reading(tmp_path, NODES + inside).box is None  # Overpass's bounds of a way are not the file's
 
 
 @pytest.mark.parametrize("value", ["", "nan", "north", "999", "inf"])
-def test_a_stated_part_that_is_none_is_said_and_not_used(tmp_path: Path, value: str) -> None:
+def test_an_invalid_stated_part_is_ignored_with_a_note(tmp_path: Path, value: str) -> None:
     odd = bounds(31.0, 121.0, 31.1, 121.1).replace("31.1", value)
     data = reading(tmp_path, bounds(31.0, 121.0, 31.3, 121.3) + odd + NODES)
     assert data.box == (121.0, 31.0, 121.3, 31.3)
@@ -91,7 +91,7 @@ def test_deleted_objects_are_gone(tmp_path: Path, mark: str) -> None:
 
 
 def versions(*marks: str) -> str:
-    """A way in several versions: each with its attributes and a height that says which it is."""
+    """A way in several versions, each with its attributes and a height that identifies it."""
     return "".join(
         f'<way id="9" {mark}>{RING}<tag k="building" v="yes"/><tag k="height" v="{k}"/></way>'
         for k, mark in enumerate(marks, 1)
@@ -124,9 +124,9 @@ def test_a_house_moves_with_its_nodes_history(tmp_path: Path) -> None:
 def test_a_history_as_pbf_is_read_as_it_is_from_xml(tmp_path: Path) -> None:
     plain, binary = tmp_path / "history.osh", tmp_path / "history.osh.pbf"
     history = versions('version="1" visible="true"', 'version="2" visible="true"')
-    gone = f'<way id="10" version="1" visible="true">{RING}</way><way id="10" version="2" visible="false"/>'
+    deleted = f'<way id="10" version="1" visible="true">{RING}</way><way id="10" version="2" visible="false"/>'
     nodes = NODES.replace("<node", '<node version="1"')
-    plain.write_text(f'<osm version="0.6">{nodes}{history}{gone}</osm>')
+    plain.write_text(f'<osm version="0.6">{nodes}{history}{deleted}</osm>')
     source = osmium.io.File(str(plain), "osm")
     with osmium.SimpleWriter(osmium.io.File(str(binary), "osh.pbf")) as writer:
         for item in osmium.FileProcessor(source):
@@ -166,13 +166,13 @@ def test_a_street_with_a_negative_id_is_driven_in_both_directions(tmp_path: Path
     "name", ["MAP.OSM", "Map.Osm", "map.XML", "map", "interpreter", "MAP.OSM.GZ", "MAP.OSM.BZ2", "m.osm"]
 )
 @pytest.mark.parametrize("packed", [bytes, gzip.compress, bz2.compress])
-def test_the_content_counts_and_not_the_name(tmp_path: Path, name: str, packed) -> None:  # type: ignore[no-untyped-def]
+def test_the_content_decides_the_format_not_the_name(tmp_path: Path, name: str, packed) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / name).write_bytes(packed(f'<osm version="0.6">{NODES}{HOUSE}</osm>'.encode()))
     assert len(read(tmp_path / name).nodes) == 4
 
 
 @pytest.mark.parametrize("name", ["MAP.OSM.PBF", "map.PBF", "map.osm"])
-def test_pbf_is_known_whatever_it_is_called(tmp_path: Path, name: str) -> None:
+def test_pbf_is_recognised_under_any_name(tmp_path: Path, name: str) -> None:
     with osmium.SimpleWriter(str(tmp_path / "made.osm.pbf")) as writer:
         writer.add_node(osmium.osm.mutable.Node(id=1, location=(10.0, 50.0)))
     shutil.move(tmp_path / "made.osm.pbf", tmp_path / name)
@@ -211,7 +211,7 @@ def geometry(*refs: int, named: bool = False) -> str:
 
 
 @pytest.mark.parametrize("named", [True, False])
-def test_ways_that_bring_their_own_places(tmp_path: Path, named: bool) -> None:
+def test_ways_that_contain_their_own_places(tmp_path: Path, named: bool) -> None:
     ring = geometry(1, 2, 3, 4, 1, named=named)
     other = geometry(2, 3, named=named)
     data = reading(
@@ -259,7 +259,7 @@ def test_nodes_of_the_file_precede_places_in_ways(tmp_path: Path) -> None:
     assert reading(tmp_path, NODES + moved).nodes[1] == CORNERS[1]
 
 
-def test_ways_without_any_place_say_how_to_ask_for_them(tmp_path: Path) -> None:
+def test_the_error_for_ways_without_places_names_the_query(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="not one node with a position") as caught:
         reading(tmp_path, HOUSE)
     assert "out geom" in caught.value.hint
@@ -344,7 +344,7 @@ LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 4\n"
         (f"<osm>{NODES}<way id='1'><nd", "it stops in the middle, in line 1", "download the map again"),
     ],
 )
-def test_what_is_no_map_is_named_with_what_to_do(tmp_path: Path, content: str, message: str, hint: str) -> None:
+def test_other_formats_are_named_with_advice(tmp_path: Path, content: str, message: str, hint: str) -> None:
     for path, data in (
         (tmp_path / "map.osm", content.encode()),
         (tmp_path / "map.osm.gz", gzip.compress(content.encode())),
@@ -357,7 +357,7 @@ def test_what_is_no_map_is_named_with_what_to_do(tmp_path: Path, content: str, m
 
 
 @pytest.mark.parametrize("filling", [" ", "\n", "<!---->", "<!-- a -->\n", "<?xml?>", "<title>"])
-def test_what_stands_before_a_map_takes_no_time(tmp_path: Path, filling: str) -> None:
+def test_text_before_a_map_is_skipped_fast(tmp_path: Path, filling: str) -> None:
     head = '<?xml version="1.0"?>' + 9000 * filling
     if filling.startswith(("<?", "<t")):
         with pytest.raises(UsageError):
@@ -373,7 +373,7 @@ def test_a_map_of_streets_may_have_lanelets_too(tmp_path: Path) -> None:
         reading(tmp_path, LANELET + ROAD)
 
 
-def test_a_packed_download_that_was_cut_off_is_named(tmp_path: Path) -> None:
+def test_a_truncated_compressed_download_is_named(tmp_path: Path) -> None:
     (tmp_path / "cut.osm.gz").write_bytes(gzip.compress(f"<osm>{NODES}</osm>".encode())[:-12])
     with pytest.raises(UsageError, match=r"cannot be unpacked: .*end") as caught:
         read(tmp_path / "cut.osm.gz")
@@ -381,14 +381,14 @@ def test_a_packed_download_that_was_cut_off_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("inner", [gzip.compress, bz2.compress])
-def test_a_map_that_was_packed_twice_is_named(tmp_path: Path, inner: Callable[[bytes], bytes]) -> None:
+def test_a_twice_compressed_map_is_named(tmp_path: Path, inner: Callable[[bytes], bytes]) -> None:
     (tmp_path / "a.osm.gz").write_bytes(gzip.compress(inner(f"<osm>{NODES}</osm>".encode())))
     with pytest.raises(UsageError, match="was packed twice") as caught:
         read(tmp_path / "a.osm.gz")
     assert "unpack it once" in caught.value.hint
 
 
-def test_a_pbf_that_was_packed_again_is_named(tmp_path: Path) -> None:
+def test_a_compressed_pbf_is_named(tmp_path: Path) -> None:
     with osmium.SimpleWriter(str(tmp_path / "a.osm.pbf")) as writer:
         writer.add_node(osmium.osm.mutable.Node(id=1, location=(10.0, 50.0)))
     (tmp_path / "a.osm.pbf.gz").write_bytes(gzip.compress((tmp_path / "a.osm.pbf").read_bytes()))
@@ -409,7 +409,7 @@ def test_a_tag_of_two_megabytes_is_left_out_and_counted(tmp_path: Path, tag: str
     assert sum(len(tile.buildings) for tile in Tiles(built.city)) == 1
 
 
-def test_an_element_without_end_is_refused_before_it_is_held(tmp_path: Path) -> None:
+def test_an_endless_element_is_rejected_before_it_fills_the_memory(tmp_path: Path) -> None:
     path = tmp_path / "endless.osm.gz"
     begun = f'<osm version="0.6">{NODES}<tag k="a" v="'.encode()
     path.write_bytes(gzip.compress(begun + os.urandom(1 << 20).hex().encode() * (LONGEST_TOKEN // (1 << 20))))
@@ -417,12 +417,12 @@ def test_an_element_without_end_is_refused_before_it_is_held(tmp_path: Path) -> 
         read(path)
 
 
-def test_the_command_line_says_so_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_prints_a_one_line_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "answer.osm"
     path.write_text('{"elements": []}')
     assert main(["scene", "build", str(path)]) == 2
-    said = capsys.readouterr().err
-    assert "Overpass JSON" in said and "[out:xml]" in said and "Traceback" not in said
+    output = capsys.readouterr().err
+    assert "Overpass JSON" in output and "[out:xml]" in output and "Traceback" not in output
 
 
 @pytest.mark.parametrize("name", [b"\xff\xfe.osm", b"a\nb.osm", b"\x1b[31m.osm"])

@@ -1,4 +1,4 @@
-"""Lengths, storeys and inhabitants in the spellings that maps have."""
+"""Lengths, storeys and inhabitants in the notations of real maps."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The road map: ways along allowed turns, with their lengths, from the same file that the traffic engine loads."""
+"""The road map: routes along permitted turns, with their lengths, from the file that the traffic engine loads."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_every_step_of_a_way_is_a_connection(square: str):
     way = roads.way((200.0, 100.0), (200.0, 50.0))
     assert way is not None
     assert all(
-        after in roads.segments[one].following for one, after in zip(way.segments, way.segments[1:], strict=False)
+        after in roads.segments[before].following for before, after in zip(way.segments, way.segments[1:], strict=False)
     )
 
 
@@ -58,7 +58,7 @@ def test_a_file_that_is_no_network_is_refused(tmp_path):
 
 
 def test_the_way_to_a_place_far_from_every_road_is_the_shortest_too() -> None:
-    """What is left is counted to where the place is reached by road, and not to the place itself."""
+    """The remaining distance is measured to the nearest point of the road network, not to the place itself."""
 
     def segment(name: str, start: Vector2, end: Vector2, length_m: float, *following: str) -> RoadSegment:
         return RoadSegment(

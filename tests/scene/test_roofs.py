@@ -1,4 +1,4 @@
-"""Bounds on what stands at very many places at once, and radio that looks closely only where they say so."""
+"""Upper bounds on heights at many places, and radio links that are tested exactly only where the bounds require it."""
 
 import itertools
 import math
@@ -18,7 +18,7 @@ CLEAR = Weather(visibility_m=10_000.0)
 
 
 def house(number: int) -> Building:
-    """A skewed quadrangle somewhere in a kilometre, on the ground or on stilts."""
+    """A skewed quadrangle within a square kilometre, on the ground or on stilts."""
     chance = random.Random(number)
     x, y, half = chance.uniform(-500, 500), chance.uniform(-500, 500), chance.uniform(4, 30)
     turn = chance.uniform(0, math.pi)
@@ -86,7 +86,7 @@ def carriers(count: int, low: float, high: float) -> tuple[Entity, ...]:
 
 
 def covering(instance: Instance, range_m: float, terrain: Terrain) -> Coverage:
-    """The radio of one agent that commands everybody."""
+    """The radio of one agent that commands all bodies."""
     names = tuple(entity.id for entity in instance.entities)
     agent = AgentSpec(id="a", name="a", index=0, role="r", controls=names, commands=names, observes=())
     comms = CommsSpec(mode="broadcast", hub=None, range_m=range_m)
@@ -94,14 +94,14 @@ def covering(instance: Instance, range_m: float, terrain: Terrain) -> Coverage:
 
 
 def slowly(entities, heights, terrain, reach_m):
-    """The pairs that do not hear each other, with every place along every way looked at."""
-    found = []
-    for one, other in itertools.combinations(entities, 2):
-        first, second = ((*e.position[:2], e.position[2] + heights[e.id]) for e in (one, other))
+    """The pairs without a radio link, by an exact test at every place along every line."""
+    pairs = []
+    for sender, receiver in itertools.combinations(entities, 2):
+        first, second = ((*e.position[:2], e.position[2] + heights[e.id]) for e in (sender, receiver))
         length = math.dist(first, second)
         if length > reach_m or _is_cut(terrain, first, second, length, 20.0 * math.log10(reach_m / length)):
-            found.append((one.id, other.id))
-    return tuple(found)
+            pairs.append((sender.id, receiver.id))
+    return tuple(pairs)
 
 
 def _is_cut(terrain, first, second, length, bearable_db):
@@ -118,7 +118,7 @@ def _is_cut(terrain, first, second, length, bearable_db):
 
 
 @pytest.mark.parametrize(("low", "high", "range_m"), [(0.0, 2.0, 900.0), (20.0, 70.0, 1500.0), (90.0, 120.0, 5000.0)])
-def test_looking_only_where_something_can_be_high_enough_finds_the_same_silence(instance_of, low, high, range_m):
+def test_bounds_give_the_same_blocked_links_as_exact_tests(instance_of, low, high, range_m):
     entities = carriers(24, low, high)
     terrain = Terrain(CITY)
     coverage = covering(instance_of(entities, CLEAR), range_m, terrain)
@@ -127,7 +127,7 @@ def test_looking_only_where_something_can_be_high_enough_finds_the_same_silence(
     assert 0 < len(silent) < 276 or high > 80.0
 
 
-def test_who_flies_over_the_roofs_costs_no_close_looks(instance_of, monkeypatch):
+def test_bodies_above_the_roofs_need_no_exact_tests(instance_of, monkeypatch):
     entities = carriers(40, 90.0, 120.0)
     terrain, looked = Terrain(CITY), []
     coverage = covering(instance_of(entities, CLEAR), 5000.0, terrain)

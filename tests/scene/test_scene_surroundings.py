@@ -1,4 +1,4 @@
-"""A city as meshes: closed walls, roads as wide as they are, no more corners than asked for."""
+"""A city as meshes: closed walls, roads of the right width, and no more corners than the limit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_building_is_a_roof_with_its_yard_left_out_and_walls_all_around() -> N
     assert walls.colour[0] < roof.colour[0]
 
 
-def test_a_road_is_as_wide_as_it_is_around_a_bend_and_on_a_ramp() -> None:
+def test_a_road_keeps_its_width_around_a_bend_and_on_a_ramp() -> None:
     road = PlanShape("road", ((0.0, 0.0), (100.0, 0.0), (100.0, 50.0)), width_m=6.0, heights_m=(0.0, 5.0, 5.0))
     (mesh,) = city_meshes([road])
     flat = mesh.points.copy()

@@ -1,4 +1,4 @@
-"""What dogs can touch: convex parts of footprints, and what a city's pieces become."""
+"""Collision shapes: convex parts of footprints, and the shapes of a city's pieces."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_rectangles_become_boxes_however_they_stand():
     assert math.tan(box.yaw) == pytest.approx(4.0 / 3.0)
 
 
-def test_every_kind_of_piece_is_felt():
+def test_every_kind_of_piece_has_a_shape():
     tile = Tile(
         key=(0, 0),
         solids=(Solid(id="wall", polygon=ELL, base_m=0.0, top_m=2.0),),
@@ -87,7 +87,7 @@ def city(**pieces) -> City:
     return City(id="c", origin=(31.0, 121.5), bounds=(-1e3, -1e3, 1e3, 1e3), **pieces)
 
 
-def test_surroundings_hold_what_is_near_once_and_ask_for_more_in_time():
+def test_surroundings_hold_near_shapes_once_and_load_more_in_time():
     posts = tuple(
         Solid(id=f"p{k}", polygon=((x, 0.0), (x + 40.0, 0.0), (x + 40.0, 1.0), (x, 1.0)), base_m=0.0, top_m=1.0)
         for k, x in enumerate(range(-500, 500, 50))

@@ -1,4 +1,5 @@
-"""Bodies that begin in one place are kept apart; moves beyond a limit are errors, those beyond a length are told."""
+"""Bodies that begin at one place are separated. Moves beyond the limit are errors; moves beyond a length are
+reported."""
 
 import itertools
 import json
@@ -47,11 +48,11 @@ mission starts "Starts" {{
 """
 TOWN = "residential { extent = 400 m, blocks = 2 by 2 }"
 THERE = "position ~ subset([({}, {}, {})])"
-"""A place that is drawn: the text alone does not show that another body is there."""
+"""A drawn place: the text alone does not show that another body is there."""
 
 
 def text(*assets, scene=TOWN):
-    return HEAD.format(scene=scene, assets="\n".join(f"  asset {one}" for one in assets))
+    return HEAD.format(scene=scene, assets="\n".join(f"  asset {asset}" for asset in assets))
 
 
 def drawn(name, kind, x=0, y=0, z=None):
@@ -68,8 +69,10 @@ def begun(*assets, scene=TOWN, **how):
 
 
 def overlapping(instance):
-    rooms = [(one.id, footprint(one)) for one in instance.entities]
-    return [(one, other) for (one, a), (other, b) in itertools.combinations(rooms, 2) if a and b and a.overlaps(b)]
+    rooms = [(entity.id, footprint(entity)) for entity in instance.entities]
+    return [
+        (entity, other) for (entity, a), (other, b) in itertools.combinations(rooms, 2) if a and b and a.overlaps(b)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -106,10 +109,10 @@ def test_no_two_bodies_begin_in_one_place(assets, scene):
     assert anchor(placed, city) == placed, "what is apart stays"
     assert placed.entities[0].position[:2] == pytest.approx(declared.entities[0].position[:2], abs=9.0)
     terrain = Terrain(city)
-    for one, other in zip(declared.entities, placed.entities, strict=True):
-        if one.engine in ("multirotor", "plane"):
-            assert other.position[2] - terrain.support(*other.position) == pytest.approx(
-                one.position[2] - terrain.support(*one.position), abs=0.3
+    for before, after in zip(declared.entities, placed.entities, strict=True):
+        if before.engine in ("multirotor", "plane"):
+            assert after.position[2] - terrain.support(*after.position) == pytest.approx(
+                before.position[2] - terrain.support(*before.position), abs=0.3
             ), "it stands or hovers as it was declared to"
 
 
@@ -153,14 +156,14 @@ def test_a_boat_on_land_is_refused_at_the_place_that_was_declared():
 
 def test_bodies_that_pass_over_each_other_are_left_where_they_are():
     declared, placed, _ = begun(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=31))
-    assert [one.position for one in placed.entities] == [one.position for one in declared.entities]
+    assert [entity.position for entity in placed.entities] == [entity.position for entity in declared.entities]
 
 
 @pytest.mark.parametrize("apart", ["0 m", "0.5 m"])
 def test_a_text_that_shows_two_bodies_in_one_place_is_an_error(apart):
     assets = ("a : quadrotor { position = (0 m, 0 m, 30 m) }", f"b : quadrotor {{ position = (0 m, {apart}, 30.2 m) }}")
-    found = compile_source(SourceText(text(*assets), "starts.ljs")).diagnostics
-    assert [one.code for one in found] == ["LJ0212"]
+    diagnostics = compile_source(SourceText(text(*assets), "starts.ljs")).diagnostics
+    assert [diagnostic.code for diagnostic in diagnostics] == ["LJ0212"]
     apart_now = text(assets[0], "b : quadrotor { position = (0 m, 1 m, 30.2 m) }")
     assert not compile_source(SourceText(apart_now, "starts.ljs")).diagnostics
 
@@ -182,15 +185,16 @@ def test_a_body_that_would_be_moved_too_far_is_an_error(scene):
     assert moved.moved_m == pytest.approx(math.dist(moved.declared[:2], moved.placed[:2]), abs=1e-3)
 
 
-def test_what_is_moved_by_less_than_its_length_or_drawn_from_a_region_is_not_told():
+def test_short_moves_and_drawn_places_are_not_reported():
     declared, placed, _ = begun("a : quadrotor { position = (0 m, 0 m, 30 m) }", "c : car { position = (3 m, 17.6 m) }")
     moves = [
-        math.dist(one.position, other.position) for one, other in zip(declared.entities, placed.entities, strict=True)
+        math.dist(before.position, after.position)
+        for before, after in zip(declared.entities, placed.entities, strict=True)
     ]
     assert 1.0 < moves[1] < 4.5 and not moved_bodies(declared, placed)
     region = ((50.0, 50.0), (70.0, 50.0), (70.0, 70.0), (50.0, 70.0))
-    entities = tuple(msgspec.structs.replace(one, drawn_in=region) for one in declared.entities)
-    far = tuple(msgspec.structs.replace(one, position=(999.0, 0.0, 0.0)) for one in entities)
+    entities = tuple(msgspec.structs.replace(before, drawn_in=region) for before in declared.entities)
+    far = tuple(msgspec.structs.replace(before, position=(999.0, 0.0, 0.0)) for before in entities)
     assert not moved_bodies(*(msgspec.structs.replace(declared, entities=those) for those in (entities, far)))
 
 
@@ -216,7 +220,7 @@ def test_a_move_stands_in_the_report_and_in_the_trace(tmp_path):
     report = lingjing.run(file, policy=Idle, world="inline", overview=False, out=tmp_path / "out")
     assert report.success and not report.incidents
     trace = read_trace(report.folder / "trace.mcap")
-    assert [one.entity for one in trace.header.moved] == ["b"] and report.moved == trace.header.moved
+    assert [moved_body.entity for moved_body in trace.header.moved] == ["b"] and report.moved == trace.header.moved
     assert any("moved from their declared places" in line and "`b` 2.0 m" in line for line in report.warnings)
 
 
@@ -225,13 +229,13 @@ def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
     file.write_text(text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30)))
     command = [sys.executable, "-m", "lingjing.cli.main", "run", str(file), "--policy", "random", "--no-overview"]
     shown = subprocess.run([*command, "-o", str(tmp_path / "o"), "--json"], capture_output=True, text=True, check=False)
-    told = json.loads(shown.stdout)
-    assert [one["entity"] for one in told["moved"]] == ["b"]
-    assert "moved from their declared places" in " ".join(told["warnings"])
+    summary = json.loads(shown.stdout)
+    assert [moved_body["entity"] for moved_body in summary["moved"]] == ["b"]
+    assert "moved from their declared places" in " ".join(summary["warnings"])
 
 
 def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
-    """The document of another program is no text of ours: what it puts in one place is parted, and not refused."""
+    """Bodies of an imported document that share a place are moved apart; the document is not rejected."""
     document = json.loads(data_path("scenarios", "reset", "ssr-001.json").read_text(encoding="utf-8"))
     drones = document["scenario"]["equipmentList"]["droneEntityList"]
     for drone in drones:

@@ -1,4 +1,4 @@
-"""What stands in the way: buildings, courtyards, slopes, bridges, whether the city is held in memory or in a folder."""
+"""Terrain: buildings, courtyards, slopes and bridges, for a city in memory and for one in a folder."""
 
 import msgspec
 import pytest
@@ -101,7 +101,7 @@ def town(blocks):
 
 
 def compared(terrain, monkeypatch):
-    """How many solids are looked at for a thousand questions, most of them among houses."""
+    """Number of solids that are tested in a thousand queries, most of them among houses."""
     looked = 0
     base_at = Block.base_at
 
@@ -122,7 +122,7 @@ def test_a_lookup_does_not_grow_with_the_city(monkeypatch):
     assert 0 < compared(small, monkeypatch) == compared(large, monkeypatch) < 1000 * 9
 
 
-def test_a_stored_city_is_read_only_where_somebody_is(tmp_path, monkeypatch):
+def test_a_stored_city_is_read_only_around_bodies(tmp_path, monkeypatch):
     from lingjing.scene import tiles
 
     stored = write_store(tmp_path / "store", town(60), town(60))
@@ -135,7 +135,7 @@ def test_a_stored_city_is_read_only_where_somebody_is(tmp_path, monkeypatch):
     assert 1 <= len(set(read)) <= 9 < len(stored.tiles)
 
 
-def test_close_pairs_are_those_that_comparing_all_finds():
+def test_close_pairs_equal_those_of_an_exhaustive_search():
     import itertools
     import math
 
@@ -145,20 +145,20 @@ def test_close_pairs_are_those_that_comparing_all_finds():
     random = Stream(5, "pairs")
     places = [(random.uniform(0.0, 30.0), random.uniform(0.0, 30.0), random.uniform(0.0, 5.0)) for _ in range(120)]
     numbered = itertools.combinations(enumerate(places), 2)
-    wanted = [(i, j) for (i, one), (j, other) in numbered if math.dist(one, other) < 2.0]
+    wanted = [(i, j) for (i, first), (j, second) in numbered if math.dist(first, second) < 2.0]
     assert close_pairs(places, 2.0) == wanted
     assert len(wanted) > 20
 
 
-def test_ground_and_water_are_the_same_point_by_point_whatever_was_asked_before(city):
+def test_cached_ground_and_water_equal_exact_ones_at_every_point(city):
     slanting = Water(polygon=((300.0, -300.0), (420.0, -260.0), (330.0, -120.0)), level_m=2.0)
     hill = Land(polygon=((0.0, 0.0), (140.0, 30.0), (60.0, 150.0)), top_m=5.0)
     city = msgspec.structs.replace(city, waters=(*city.waters, slanting), lands=(*city.lands, hill), datum_m=-2.5)
     terrain = Terrain(city)
 
     def plainly(x, y):
-        wet = [one.level_m for one in city.waters if inside(one.polygon, x, y)
-               and not any(inside(hole, x, y) for hole in one.holes)]  # fmt: skip
+        wet = [water.level_m for water in city.waters if inside(water.polygon, x, y)
+               and not any(inside(hole, x, y) for hole in water.holes)]  # fmt: skip
         level = max(wet, default=None)
         lands = [land.top_m for land in city.lands if inside(land.polygon, x, y)]
         afloat = None if level is None or any(top > level for top in lands) else level
@@ -167,9 +167,9 @@ def test_ground_and_water_are_the_same_point_by_point_whatever_was_asked_before(
     places = [(x * 3.7 - 60.0, 190.0 + y * 1.3) for x in range(40) for y in range(90)]
     places += [(290.0 + x * 2.9, -310.0 + y * 4.1) for x in range(50) for y in range(50)]
     places += [(x * 7.3 - 520.0, -5.0 + y * 6.1) for x in range(90) for y in range(40)]
-    found = [plainly(x, y) for x, y in places]
-    assert set(found) == {(0.0, None), (-1.0, -1.0), (2.0, 2.0), (5.0, None), (-2.5, None)}
-    assert [(terrain.surface(x, y), terrain.water_level(x, y)) for x, y in places] == found
+    exact = [plainly(x, y) for x, y in places]
+    assert set(exact) == {(0.0, None), (-1.0, -1.0), (2.0, 2.0), (5.0, None), (-2.5, None)}
+    assert [(terrain.surface(x, y), terrain.water_level(x, y)) for x, y in places] == exact
 
 
 def test_an_outline_touches_squares_that_it_passes_or_runs_through():

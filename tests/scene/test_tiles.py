@@ -64,7 +64,7 @@ def test_near_misses_no_piece_and_reads_little_else(tmp_path: Path, radius: floa
         assert len(near) <= (2 * (radius + 20.0) / 250.0 + 2) ** 2
 
 
-def test_what_sticks_out_of_its_square_is_found_from_where_it_is(tmp_path: Path) -> None:
+def test_pieces_that_project_from_their_square_are_found(tmp_path: Path) -> None:
     hall = Building(id="hall", polygon=((10, 10), (700, 10), (700, 60), (10, 60)), base_m=0.0, top_m=12.0)
     for city in (
         msgspec.structs.replace(FRAME, buildings=(hall,)),
@@ -118,7 +118,7 @@ def area(ring: tuple[tuple[float, float], ...]) -> float:
     return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)) / 2.0
 
 
-def test_a_store_says_what_is_in_it_wherever_it_lies(tmp_path: Path) -> None:
+def test_a_store_has_the_same_hash_in_every_place(tmp_path: Path) -> None:
     network = tmp_path / "any.xml"
     network.write_text("<net/>")
     frame = msgspec.structs.replace(FRAME, network=str(network))
@@ -152,7 +152,7 @@ def test_an_older_city_is_replaced_and_nothing_else_is(tmp_path: Path) -> None:
     assert (tmp_path / "mine" / "notes.txt").read_text() == "keep me"
 
 
-def test_a_failure_leaves_nothing_and_a_dead_writers_rest_is_swept(tmp_path: Path) -> None:
+def test_a_failure_leaves_nothing_and_remainders_of_dead_writers_are_removed(tmp_path: Path) -> None:
     (tmp_path / ".city.999999999.part").mkdir()
     with pytest.raises(UsageError, match="cannot write"):
         write_store(tmp_path / "city", msgspec.structs.replace(FRAME, network=str(tmp_path / "gone.xml")), pieces())
@@ -162,7 +162,7 @@ def test_a_failure_leaves_nothing_and_a_dead_writers_rest_is_swept(tmp_path: Pat
     assert {path.name for path in tmp_path.iterdir()} == {"city", f".city.{os.getppid()}.part"}
 
 
-def test_folders_that_hold_no_city_say_so(tmp_path: Path) -> None:
+def test_folders_without_a_city_give_an_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="does not exist") as caught:
         read_store(tmp_path / "nowhere")
     assert "scene build" in caught.value.hint
@@ -188,12 +188,12 @@ def test_all_users_of_a_city_divide_and_read_it_once(tmp_path: Path) -> None:
     inline, stored = both(tmp_path)
     for city in (inline, stored):
         first, second = Tiles(city), Tiles(city)
-        assert all(one is other for one, other in zip(first, second, strict=True))
+        assert all(tile is other_tile for tile, other_tile in zip(first, second, strict=True))
     assert Tiles(stored, keep=2)._source._read.cache_info().currsize == 0  # type: ignore[attr-defined]
 
 
-def test_cities_share_nothing_with_those_that_look_alike_or_have_gone(tmp_path: Path) -> None:
-    for number in range(20):  # the objects of cities that are gone are used again
+def test_cities_share_nothing_with_equal_or_deleted_ones(tmp_path: Path) -> None:
+    for number in range(20):  # ids of deleted cities are reused
         house = Building(id=f"house-{number}", polygon=block(10, 10), base_m=0.0, top_m=9.0)
         city = msgspec.structs.replace(FRAME, buildings=(house,))
         assert Tiles(city).load((0, 0)).buildings == (house,)
@@ -201,7 +201,7 @@ def test_cities_share_nothing_with_those_that_look_alike_or_have_gone(tmp_path: 
         assert Tiles(stored).load((0, 0)).buildings == (house,)
 
 
-def test_nothing_is_kept_of_a_city_that_nobody_uses(tmp_path: Path) -> None:
+def test_an_unused_city_leaves_the_cache(tmp_path: Path) -> None:
     gc.collect()
     before = len(module._memories), len(module._folders)
     users = [Tiles(city) for city in both(tmp_path) for _ in range(5)]

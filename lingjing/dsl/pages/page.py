@@ -103,10 +103,10 @@ class _Page:
         yield from _table(("Agent", "Role", "Commands", "Sees", "When"), rows)
         for agent in self.mission.agents:
             if agent.prompt:
-                yield f"\n`{agent.name}` is told:\n"
+                yield f"\nPrompt of `{agent.name}`:\n"
                 yield from _quote(agent.prompt)
         if self.mission.authorities:
-            yield "\nCommand without embodiment:\n"
+            yield "\nAuthority without embodiment:\n"
         for authority in self.mission.authorities:
             also = self._when(authority.when)
             resource = self.printer.text(authority.resource)
@@ -146,10 +146,10 @@ class _Page:
             for reveal in self.mission.reveals:
                 yield f"- an {reveal.what} of `{self.printer.text(reveal.entity)}` is shown to {reveal.role}"
         elif any(prop.hidden for group in self.mission.groups for prop in group.properties):
-            yield "\nNothing of this is revealed to anybody."
+            yield "\nNo agent receives any of these values."
         noticed = list(self._noticed())
         if noticed:
-            yield "\nWhat follows from hidden values, or from reports that were right, and can be noticed:\n"
+            yield "\nConsequences of hidden values, or of correct reports, that agents can notice:\n"
             yield from noticed
 
     def _noticed(self) -> Iterator[str]:
@@ -159,7 +159,7 @@ class _Page:
         for permit in mission.permits:
             if reads(permit.condition, rules, secret):
                 what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
-                yield f"- the receipts of {what} tell whether it is permitted"
+                yield f"- the receipts of {what} show whether it is permitted"
         for constraint in mission.constraints:
             if constraint.kind == "hard" and (
                 constraint.domain in secret or reads(constraint.condition, rules, secret)
@@ -170,7 +170,7 @@ class _Page:
                 if stage.ticks is not None:
                     yield f"- the episode ends when stage **{stage.name}** is late"
                 for limit in stage.limits:
-                    yield f"- receipts tell that the limit **{limit.name}** counts while stage **{stage.name}** runs"
+                    yield f"- receipts show that the limit **{limit.name}** counts while stage **{stage.name}** runs"
 
     def rules(self) -> Iterator[str]:
         """Adjudication rules, in words and in code."""
@@ -231,7 +231,7 @@ class _Page:
     def picture(self) -> Iterator[str]:
         """The mission graph."""
         if self.graph_picture:
-            yield f"![Who plays, sees, says and judges what]({self.graph_picture})"
+            yield f"![Agents, observations, messages and rules]({self.graph_picture})"
             return
         yield from ("```mermaid", mermaid(graph(self.mission)).rstrip(), "```")
 
@@ -248,7 +248,7 @@ class _Page:
         if inherited:
             yield f"- from its type: {', '.join(f'`{line}`' for line in inherited)}"
         for interaction in group.interactions:
-            yield f"- can be done to it: `{interaction.name} {{ {', '.join(self.printer.interaction(interaction))} }}`"
+            yield f"- interaction: `{interaction.name} {{ {', '.join(self.printer.interaction(interaction))} }}`"
         for camera in group.cameras:
             yield f"- `{self.printer.camera(camera)}`"
         if group.verbs:
@@ -286,19 +286,19 @@ class _Page:
 
 _SECTIONS: tuple[tuple[str, Callable[[_Page], Iterator[str]]], ...] = (
     ("At a glance", _Page.glance),
-    ("What a run may set", _Page.parameters),
+    ("Parameters", _Page.parameters),
     ("Places", _Page.places),
-    ("What is commanded", _Page.assets),
-    ("What it is about", _Page.targets),
-    ("Who decides", _Page.agents),
-    ("Who may say what", _Page.messages),
-    ("What is hidden", _Page.hidden),
-    ("How it is judged", _Page.rules),
+    ("Assets", _Page.assets),
+    ("Targets", _Page.targets),
+    ("Agents", _Page.agents),
+    ("Messages", _Page.messages),
+    ("Hidden values", _Page.hidden),
+    ("Adjudication", _Page.rules),
     ("Stages", _Page.stages),
     ("Limits", _Page.limits),
-    ("How roles work together", _Page.relations),
-    ("What happens by itself", _Page.events),
-    ("How it ends", _Page.outcomes),
+    ("Relations between roles", _Page.relations),
+    ("Events", _Page.events),
+    ("Outcome", _Page.outcomes),
     ("The mission graph", _Page.picture),
 )
 """The sections in their order."""
