@@ -214,8 +214,8 @@ def test_a_state_of_a_document_is_a_number(value: ex.Expr) -> None:
     def spoilt(group: model.Group) -> model.Group:
         old = group.properties
         new = (
-            msgspec.structs.replace(property_, value=value) if property_.name == "people" else property_
-            for property_ in old
+            msgspec.structs.replace(declared, value=value) if declared.name == "people" else declared
+            for declared in old
         )
         return msgspec.structs.replace(group, properties=tuple(new))
 

@@ -62,10 +62,10 @@ def nine() -> dict[str, Mission]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_instances_of_five_seeds_in_every_mode(nine: dict[str, Mission], name: str) -> None:
-    mission_ = nine[name]
-    for mode in mission_.modes.allowed:
-        made = [instantiate(mission_, seed=seed, mode=mode) for seed in range(5)]
-        assert msgspec.json.encode(made[0]) == msgspec.json.encode(instantiate(mission_, seed=0, mode=mode))
+    compiled = nine[name]
+    for mode in compiled.modes.allowed:
+        made = [instantiate(compiled, seed=seed, mode=mode) for seed in range(5)]
+        assert msgspec.json.encode(made[0]) == msgspec.json.encode(instantiate(compiled, seed=0, mode=mode))
         assert len({msgspec.json.encode(instance) for instance in made}) == 5
         for instance in made:
             assert instance.agents and instance.entities
@@ -83,17 +83,17 @@ def test_mission_json_is_stable(nine: dict[str, Mission], name: str) -> None:
 def test_the_papers_tables(
     nine: dict[str, Mission], name: str, modes: set[str], engines: set[str], ticks: int, seconds: float
 ) -> None:
-    mission_ = nine[name]
-    instance = instantiate(mission_)
-    assert set(mission_.modes.allowed) == modes
+    compiled = nine[name]
+    instance = instantiate(compiled)
+    assert set(compiled.modes.allowed) == modes
     assert {entity.engine for entity in instance.entities if entity.role == "asset"} == engines
     assert (instance.budget.ticks, instance.clock.tick_s) == (ticks, seconds)
 
 
 @pytest.mark.parametrize(("name", "interaction", "radius"), RADII)
 def test_the_papers_radii(nine: dict[str, Mission], name: str, interaction: str, radius: float) -> None:
-    acts = [interaction_ for entity in instantiate(nine[name]).entities for interaction_ in entity.interactions]
-    assert {interaction_.within_m for interaction_ in acts if interaction_.name == interaction} == {float(radius)}
+    acts = [act for entity in instantiate(nine[name]).entities for act in entity.interactions]
+    assert {act.within_m for act in acts if act.name == interaction} == {float(radius)}
 
 
 @pytest.mark.parametrize(("name", "sweep", "param", "values"), SWEEPS)
@@ -127,8 +127,8 @@ def test_budgets_of_subtasks_and_counted_ones(nine: dict[str, Mission]) -> None:
 
 def test_hidden_groups(nine: dict[str, Mission]) -> None:
     hidden = {
-        name: sorted({e.group for e in instantiate(mission_).entities if "position" in e.hidden})
-        for name, mission_ in nine.items()
+        name: sorted({e.group for e in instantiate(compiled).entities if "position" in e.hidden})
+        for name, compiled in nine.items()
     }
     assert hidden == {
         "bi": ["fracture"], "cd": [], "cr": ["jam"], "idf": ["fire"], "ld": ["house", "jam"], "ssr": ["victim"],

@@ -46,7 +46,7 @@ def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
         if any(prop.hidden for prop in group.properties):
             assert f"- `{group.name}`: `" in section
     assert section.count("is shown to") == len(mission.reveals)
-    assert bool(mission.reveals) != ("Nothing of this is revealed" in section) or not section
+    assert bool(mission.reveals) != ("No agent receives any of these values" in section) or not section
 
 
 def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None:
@@ -58,10 +58,10 @@ def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None
   constraint hard apart { always distance_xy(boat, victim[1]) >= 1 m }
   constraint soft near { always distance_xy(boat, victim[1]) <= 900 m, penalty = 10 % }
   success"""
-    text_ = small.replace("  success", binding).replace(
+    bound = small.replace("  success", binding).replace(
         "{ done when rescued(v) }", "{ done when rescued(v), ticks <= 40\n limit calls <= 30 counts detection }"
     )
-    mission = compile_text(text_).mission
+    mission = compile_text(bound).mission
     assert mission is not None
     listed = page(mission).partition(heading)[2].partition("\n## ")[0].strip().splitlines()
     assert listed == [

@@ -12,8 +12,8 @@ SQUARE = ((10.0, 10.0), (20.0, 10.0), (20.0, 20.0), (10.0, 20.0))
 
 def clearance(x: float, y: float, **pieces: object) -> float:
     city = City(id="t", origin=(31.0, 121.0), bounds=(-100.0, -100.0, 100.0, 100.0), **pieces)
-    map_ = obstacle_map(city, (-30.0, -30.0, 30.0, 30.0), cell_m=0.5, far_m=1.5)
-    return float(map_.clearance_m[map_.cell(x, y)])
+    clearance_map = obstacle_map(city, (-30.0, -30.0, 30.0, 30.0), cell_m=0.5, far_m=1.5)
+    return float(clearance_map.clearance_m[clearance_map.cell(x, y)])
 
 
 @pytest.mark.parametrize("x, expected", [(15.0, 0.0), (9.25, 0.75), (8.25, 1.5), (0.0, 1.5)])

@@ -75,7 +75,7 @@ def choose(data: MapData, box: DegreeBox | None) -> MapFrame:
     """
     if box is not None:
         _check_data(data, box)
-        return frame_of(box, "asked for")
+        return frame_of(box, "requested")
     if data.box is None:
         return _around(data)
     fault = _fault(data, data.box)
