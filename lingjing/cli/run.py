@@ -346,7 +346,8 @@ def _played(
     places = ((seed, claim(seed)) for seed in seeds)
     with policy_server(options, args.fork_server) as server:
         if args.watch != "terminal":
-            yield from play_here(options, places, LiveProgress, mission, server, server)
+            fork_server = server if args.fork_server is not None else None
+            yield from play_here(options, places, LiveProgress, mission, fork_server, server)
             return
         from lingjing.cli.watch import EpisodeDisplays
         from lingjing.play.preparation import prepare
@@ -358,4 +359,4 @@ def _played(
         prepare(options, mission, PluginHost(), {}, errors, server)
         if displays is None:
             raise AssertionError("without displays there is an error")
-        yield from play_here(options, displays.follow(places), displays, mission, server, server)
+        yield from play_here(options, displays.follow(places), displays, mission, None, server)

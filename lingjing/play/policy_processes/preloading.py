@@ -14,8 +14,8 @@ from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.plugins.host import PluginHost
 
 PRELOAD = "lingjing.play.policy_processes.preloading:preload"
-SERVES = ("lingjing.play.policy_processes.host", "lingjing.plugins.options", "lingjing.kernel.world.worker")
-"""What the process imports that policies are forked from, and with them, in a single run, the engines' process."""
+SERVES = ("lingjing.play.policy_processes.host", "lingjing.plugins.options")
+"""What the process imports that policies are forked from."""
 
 _SHIPPED = ("lingjing_agents",)
 """Packages of this project that offer policies, found through their entry points."""
