@@ -59,13 +59,15 @@ def episode(tmp_path, descendants):
     )
     part = tmp_path / "out" / "trace.mcap.part"
     deadline = time.monotonic() + 600
-    while time.monotonic() < deadline and run.poll() is None:
-        if len(places(descendants(run.pid))) == 2 and part.is_file() and len(boundaries(part)) > 1:
-            break
-        time.sleep(0.2)
-    yield run, part
-    run.kill()
-    run.communicate()
+    try:
+        while time.monotonic() < deadline and run.poll() is None:
+            if len(places(descendants(run.pid))) == 2 and part.is_file() and len(boundaries(part)) > 1:
+                break
+            time.sleep(0.2)
+        yield run, part
+    finally:
+        run.kill()
+        run.communicate()
 
 
 @pytest.mark.slow
