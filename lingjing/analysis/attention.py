@@ -41,7 +41,8 @@ def read_attention(path: str | Path) -> dict[str, AttentionMap]:
     except OSError as error:
         raise UsageError(f"cannot read the attention maps {path}: {error.strerror or error}") from error
     except (ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
-        raise UsageError(f"{path} holds no attention maps: {error}", hint="give a .npz, an array a picture") from error
+        hint = "use a .npz with one array per picture"
+        raise UsageError(f"{path} holds no attention maps: {error}", hint=hint) from error
     return {name: _checked(path, name, array) for name, array in maps.items()}
 
 

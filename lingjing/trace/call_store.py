@@ -138,7 +138,9 @@ class CallReader:
             if application != _APPLICATION:
                 raise UsageError(f"`{path}` is no record of model calls")
             if version != _FORMAT:
-                raise UsageError(f"`{path}` is a record of model calls in format {version}; {_FORMAT} is due")
+                raise UsageError(
+                    f"`{path}` is a record of model calls in format {version}; this version reads {_FORMAT}"
+                )
             (about,) = self._file.execute("SELECT about FROM episode").fetchone()
             self.episode = msgspec.json.decode(about, type=CalledEpisode)
 

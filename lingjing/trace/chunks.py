@@ -124,7 +124,7 @@ def contents(
 def channel_of(body: bytes) -> mcap.records.Channel:
     """Parse a channel record. Raises `ChunkError` if it is longer than `CHANNEL_BYTES`."""
     if len(body) > CHANNEL_BYTES:
-        raise ChunkError(f"a channel of {len(body)} bytes")
+        raise ChunkError(f"a channel record has {len(body)} bytes, more than {CHANNEL_BYTES}")
     return mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(body)))
 
 
@@ -136,10 +136,10 @@ def unpacked(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:
     """
     size = chunk.uncompressed_size
     if size > LIMIT:
-        raise ChunkError(f"a chunk of {size} bytes")
+        raise ChunkError(f"a chunk has {size} bytes, more than {LIMIT}")
     data = _decompressed(chunk, size + 1)  # one byte more than declared reveals a longer content
     if len(data) != size:
-        raise ChunkError(f"a chunk of other than the {size} bytes that it declares")
+        raise ChunkError(f"a chunk does not have the {size} bytes that it declares")
     if checked and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ChunkError("a chunk is damaged")
     return data
@@ -150,6 +150,6 @@ def _decompressed(chunk: mcap.records.Chunk, most: int) -> bytes:
     if not chunk.compression:
         return bytes(chunk.data[:most])
     if chunk.compression != "zstd":
-        raise ChunkError(f"a chunk packed as {chunk.compression[:20]}")
+        raise ChunkError(f"a chunk has the unknown compression {chunk.compression[:20]}")
     with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
         return bytes(reader.read(most))

@@ -116,9 +116,9 @@ def _chain_fault(trace: Trace) -> str | None:
     digests = digest_chain(trace.boundaries, trace.header.digest_version)
     for place, (record, digest) in enumerate(zip(trace.boundaries, digests, strict=True)):
         if record.tick != place:
-            return f"boundary {place} says that it is boundary {record.tick}"
+            return f"boundary {place} has the number {record.tick}"
         if digest != record.digest:
-            return f"boundary {record.tick} does not follow from the one before: its digest is not that of its content"
+            return f"boundary {record.tick} does not match its digest, or the digest of the boundary before it"
     return None
 
 
@@ -157,5 +157,5 @@ def _pixel_fault(trace: Trace) -> str | None:
     for record in trace.boundaries:
         for frame in record.frames:
             if hashlib.sha256(trace.jpeg(frame.id)).hexdigest() != frame.sha256:
-                return f"the picture {frame.id} is not the one that was hashed"
+                return f"the picture {frame.id} does not match its hash"
     return None

@@ -22,7 +22,7 @@ from lingjing.trace import records
 from lingjing.trace.records import DigestVersion
 
 REQUIRED: Final = object()
-"""The default of a field that is always written."""
+"""Marks a field without a default, which is always written."""
 
 RecordForm = dict[str, object]
 """The form of one record: plain values under frozen names."""

@@ -51,7 +51,7 @@ def _plain(value: object) -> object:
         return int(value)
     if isinstance(value, numbers.Real):
         return float(value)
-    raise TypeError(f"a {type(value).__name__} cannot stand in a trace record")
+    raise TypeError(f"a trace record cannot contain a {type(value).__name__}")
 
 
 def _without_surrogates(value: Any) -> Any:

@@ -96,7 +96,7 @@ class Trace:
 
         message = self.stored(frame_id, "")
         if message is None:
-            raise UsageError(f"{self.path} has lost the picture {frame_id}")
+            raise UsageError(f"the picture {frame_id} is missing in {self.path}")
         return image_bytes(message)
 
     def picture(self, frame_id: str) -> StoredPicture:
@@ -176,7 +176,8 @@ class TraceBuilder:
         """Return the trace as far as it was read. Raises `UsageError` if there was no header."""
         if self.header is None:
             raise UsageError(
-                f"{self.path} holds no episode", hint="it was cut before its first record, or is another's file"
+                f"{self.path} holds no episode",
+                hint="it was cut before its first record, or it was written by another program",
             )
         cut_short = self.outcome is None or self.outcome.reason in CUT_SHORT
         return Trace(
@@ -223,13 +224,15 @@ class TraceBuilder:
             )
         header = self._decoded(stored, Header)
         if fault := _header_fault(header):
-            raise UsageError(f"{self.path} describes no episode: {fault}", hint="it was made by another program")
+            raise UsageError(f"{self.path} describes no episode: {fault}", hint="it was written by another program")
         return msgspec.structs.replace(header, digest_version=versions.digest_version)
 
     def _decoded(self, stored: Stored, kind: type[RecordT]) -> RecordT:
         self._taken += len(stored.data)
         if self._taken > self._most:
-            raise UsageError(f"{self.path} holds more records than a trace of its size", hint="it is another's file")
+            raise UsageError(
+                f"{self.path} holds more records than a trace of its size", hint="it was written by another program"
+            )
         try:
             return from_json(stored.data, kind)
         except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
@@ -261,5 +264,5 @@ def _read(path: Path, place: ChannelLocation) -> bytes:
             if (stored.channel, stored.time_ns) == (place.channel, place.time_ns):
                 return stored.data
     except BROKEN as error:
-        raise UsageError(f"{path} is damaged at byte {place.chunk_at}, where a picture lies: {error}") from error
+        raise UsageError(f"{path} is damaged: the picture at byte {place.chunk_at} cannot be read: {error}") from error
     raise UsageError(f"{path} has changed since it was read")

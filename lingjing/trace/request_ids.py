@@ -1,4 +1,4 @@
-"""Ids of requests. The id of a receipt's request tells the kind of the request.
+"""Ids of requests. The first letter of an id is the kind of the request.
 
 Examples for tick 5: `c5-2` is the second command of agents in the order of admission, `m5-1` the first message, `k5-1`
 the first command of the kernel itself. `p5-uav` is the substituted answer of the agent `uav`.

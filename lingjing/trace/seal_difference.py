@@ -69,7 +69,7 @@ def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int
     if "end" in fields:
         behind = _behind(data, end)
         return f"{place}: {behind}" if behind else ""
-    return f"{place}: the seal at byte {at} is not the one it was given"
+    return f"{place}: the seal at byte {at} was replaced"
 
 
 _LOST = "are missing, repeated or in another order"
@@ -85,8 +85,8 @@ def _changed(records: list[_Summed], sealed: list[int], index: int) -> str:
     ):
         return "is not as it was sealed"
     if here == after and here not in sealed[:index]:
-        return "comes too early: the record before it is missing"
-    return "was not there: it was added, repeated or moved"
+        return "is too early: the record before it is missing"
+    return "is not in the seal: it was added, repeated or moved"
 
 
 def _behind(data: mmap.mmap, end: int) -> str:
@@ -108,7 +108,7 @@ def _behind(data: mmap.mmap, end: int) -> str:
     added = len(data) - at - len(MAGIC)
     if added:
         return f"{added} bytes were added behind the end of the file, from byte {len(data) - added} on"
-    return f"the last seal, or the summary between bytes {end} and {at} by which viewers find records, is another"
+    return f"the last seal, or the summary for viewers between bytes {end} and {at}, was replaced"
 
 
 def _contents(data: mmap.mmap, begin: int, end: int) -> Iterator[_Summed]:

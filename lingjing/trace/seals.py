@@ -92,7 +92,7 @@ def read_key(path: str | Path) -> bytes:
             hint="make one with `openssl rand -hex 32 > trace.key`",
         )
     if len(key) > KEY_MOST:
-        raise UsageError(f"the key in {path} has more than {KEY_MOST} bytes", hint="is it a key file?")
+        raise UsageError(f"the key in {path} has more than {KEY_MOST} bytes", hint="check that it is a key file")
     return key
 
 

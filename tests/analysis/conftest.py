@@ -1,4 +1,4 @@
-"""The trace tests' synthetic sea rescue, loaded by path because test folders are no packages."""
+"""The synthetic sea rescue of the trace tests, loaded by path because test folders are no packages."""
 
 import importlib.util
 import sys

@@ -1,4 +1,4 @@
-"""An oracle with one fault, to lose episodes in the ways that failure families tell apart; played by labels' names.
+"""An oracle with one fault. Its lost episodes cover the failure families.
 
 `agents` is imported here as a user's file would import it: the file is loaded as `faulty_policies.py:FaultyOracle`.
 """
@@ -14,13 +14,17 @@ FAULTS = ("mute", "misname", "decoy", "shift", "unassigned", "late", "stalled", 
 
 
 class FaultyOracle:
-    """The oracle, of whose answers those after tick `since` have one fault.
+    """An oracle with one fault in its decisions after tick `since`.
 
-    `mute` drops reports of what its first report was of; `misname` gives reports another class; `decoy` reports
-    whatever else stands in a picture as the target, once a tick, and no target; `shift` moves reported places by 400 m;
-    `unassigned` drops assignments; `late` keeps them back for 15 ticks; `stalled` gives no command to what does not
-    fly; `astray` sends what does not fly back to where it began; `stubborn` asks for one impossible thing again and
-    again; `silent` says nothing at all.
+    - `mute` drops all reports at the place of its first report.
+    - `misname` reports another class.
+    - `decoy` reports another visible object as the target, once a tick, and no target.
+    - `shift` moves reported positions by 400 m.
+    - `unassigned` drops assignments; `late` delays them by 15 ticks.
+    - `stalled` sends no command to an entity that does not fly.
+    - `astray` sends an entity that does not fly back to its start.
+    - `stubborn` repeats one impossible command.
+    - `silent` sends no messages.
     """
 
     privileged = True
@@ -33,7 +37,7 @@ class FaultyOracle:
         self._first: object = None
 
     async def reset(self, brief: Brief) -> None:
-        """Remember who speaks."""
+        """Store the brief."""
         self._brief = brief
         self._kinds = {kind.kind: kind.category for kind in brief.messages}
         own = [resource for resource in brief.resources if resource.embodied]
@@ -45,41 +49,41 @@ class FaultyOracle:
         await self._oracle.reset(brief)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """The oracle's answer, spoilt."""
+        """Return the oracle's decision with the fault."""
         if not hasattr(self, "_home"):
-            self._home = {one.id: one.position for one in observation.entities}
+            self._home = {entity.id: entity.position for entity in observation.entities}
         good = await self._oracle.act(observation, inbox)
         if observation.tick < self._since:
             return good
-        messages = [said for one in good.messages for said in self._said(one, observation)]
+        messages = [sent for message in good.messages for sent in self._faulty(message, observation)]
         if self._fault == "decoy":
             messages += self._decoys(observation)
         if self._fault == "late":
-            messages += [one for tick, one in self._kept if tick == observation.tick]
+            messages += [message for tick, message in self._kept if tick == observation.tick]
         return replace(good, messages=tuple(messages), command=self._done(good.command))
 
-    def _said(self, one: Outgoing, observation: Observation) -> list[Outgoing]:
-        category = self._kinds.get(one.kind, "")
+    def _faulty(self, message: Outgoing, observation: Observation) -> list[Outgoing]:
+        category = self._kinds.get(message.kind, "")
         if self._fault == "silent" or (self._fault == "unassigned" and category == "assignment"):
             return []
         if self._fault == "late" and category == "assignment":
-            self._kept.append((observation.tick + 15, one))
+            self._kept.append((observation.tick + 15, message))
             return []
-        if category != "report" or "box" not in one.body:
-            return [one]
+        if category != "report" or "box" not in message.body:
+            return [message]
         if self._fault == "mute":
-            place = tuple(round(float(x), -2) for x in one.body["position"][:2])  # type: ignore[index, union-attr]
+            place = tuple(round(float(x), -2) for x in message.body["position"][:2])  # type: ignore[index, union-attr]
             self._first = self._first or place
-            return [] if place == self._first else [one]
+            return [] if place == self._first else [message]
         if self._fault == "decoy":
             return []
         if self._fault == "misname":
-            other = next((name for name in self._brief.classes if name != one.body.get("class")), "thing")
-            return [replace(one, body={**one.body, "class": other})]
+            other = next((name for name in self._brief.classes if name != message.body.get("class")), "thing")
+            return [replace(message, body={**message.body, "class": other})]
         if self._fault == "shift":
-            east, north, *rest = one.body["position"]  # type: ignore[misc]
-            return [replace(one, body={**one.body, "position": (east + 400.0, north, *rest)})]  # type: ignore[operator]
-        return [one]
+            east, north, *rest = message.body["position"]  # type: ignore[misc]
+            return [replace(message, body={**message.body, "position": (east + 400.0, north, *rest)})]  # type: ignore[operator]
+        return [message]
 
     def _decoys(self, observation: Observation) -> list[Outgoing]:
         known = observation.privileged
@@ -96,7 +100,7 @@ class FaultyOracle:
         return []
 
     def _done(self, command: Action | None) -> Action | None:
-        own = next((one.id for one in self._brief.resources if one.embodied), None)
+        own = next((resource.id for resource in self._brief.resources if resource.embodied), None)
         if self._fault == "stalled" and not self._flies:
             return None
         if self._fault == "stubborn" and not self._flies and self._moves is not None:

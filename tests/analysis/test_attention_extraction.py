@@ -1,4 +1,4 @@
-"""Maps out of attention as `transformers` returns it: arrays by token and layer of (batch, heads, queries, keys)."""
+"""Attention maps from arrays as `transformers` returns them, by token and layer: (batch, heads, queries, keys)."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ PROMPT = [1, 5, *[PICTURE] * 12, 6, 5, *[PICTURE] * 4, 6, 7]
 
 
 def attention(queries: list[list[float]], keys: np.ndarray) -> np.ndarray:
-    """Softmax attention of queries to keys, in one batch and two heads, of which the second looks evenly."""
+    """Return softmax attention of queries to keys, with one batch and two heads. The second head is uniform."""
     scores = np.exp(np.array(queries) @ keys.T)
     seen = scores / scores.sum(axis=1, keepdims=True)
     return np.stack([seen, np.full_like(seen, 1 / seen.shape[1])])[None]
@@ -25,23 +25,23 @@ def test_pictures_are_the_runs_of_their_placeholder() -> None:
     assert picture_runs([1, 2, 3], PICTURE) == []
 
 
-def test_an_answer_that_looks_at_one_place_gives_a_map_with_its_peak_there(tmp_path: Path) -> None:
-    """The keys are one-hot; the last token of the prompt and the next ask for row 1, column 2 of the first picture."""
+def test_attention_to_one_patch_is_a_peak_of_the_map(tmp_path: Path) -> None:
+    """The keys are one-hot. The last token of the prompt and the next one query row 1, column 2 of picture 1."""
     first, second = picture_runs(PROMPT, PICTURE)
     keys = np.eye(len(PROMPT) + 1)
-    asked = 6.0 * keys[first[1 * 4 + 2]]
-    prompt = attention([[0.0] * len(asked)] * (len(PROMPT) - 1) + [list(asked)], keys[: len(PROMPT)])
-    steps = [[prompt, prompt], [attention([list(asked)], keys)] * 2]
-    found = attention_map(steps, first, (3, 4))
-    assert found.shape == (3, 4)
-    assert np.unravel_index(found.argmax(), found.shape) == (1, 2)
-    assert box_iou(found, (2 / 4, 1 / 3, 3 / 4, 2 / 3)) == pytest.approx(1.0)
+    query = 6.0 * keys[first[1 * 4 + 2]]
+    prompt = attention([[0.0] * len(query)] * (len(PROMPT) - 1) + [list(query)], keys[: len(PROMPT)])
+    steps = [[prompt, prompt], [attention([list(query)], keys)] * 2]
+    peaked = attention_map(steps, first, (3, 4))
+    assert peaked.shape == (3, 4)
+    assert np.unravel_index(peaked.argmax(), peaked.shape) == (1, 2)
+    assert box_iou(peaked, (2 / 4, 1 / 3, 3 / 4, 2 / 3)) == pytest.approx(1.0)
     even = attention_map(steps, second, (2, 2))
     assert np.ptp(even) == pytest.approx(0.0, abs=1e-12)
-    write_attention(tmp_path / "maps.npz", {"frame-1": found, "file": even})
+    write_attention(tmp_path / "maps.npz", {"frame-1": peaked, "file": even})
     read = read_attention(tmp_path / "maps.npz")
     assert list(read) == ["frame-1", "file"]
-    assert read["frame-1"] == pytest.approx(found)
+    assert read["frame-1"] == pytest.approx(peaked)
 
 
 def test_the_mean_is_over_tokens_layers_and_heads_and_of_the_last_query() -> None:
@@ -67,6 +67,6 @@ def test_the_mean_is_over_tokens_layers_and_heads_and_of_the_last_query() -> Non
         ([[]], range(2, 8), (2, 3), "output_attentions=True"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(steps: list, picture: range, grid: tuple[int, int], words: str) -> None:
+def test_arrays_of_other_shapes_are_rejected(steps: list, picture: range, grid: tuple[int, int], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         attention_map(steps, picture, grid)

@@ -1,4 +1,4 @@
-"""Attention maps of what models of the `transformers` library return: the real classes, small, with random weights."""
+"""Attention maps from models of the `transformers` library: the real classes, small, with random weights."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PICTURE = 390
 
 @pytest.fixture(scope="module")
 def qwen() -> Any:
-    """Qwen2.5-VL with three layers of four heads, patches merged 2 by 2."""
+    """A Qwen2.5-VL with three layers of four heads. It merges patches 2 by 2."""
     torch.manual_seed(1)
     text = {
         "vocab_size": 400,
@@ -48,10 +48,10 @@ def qwen() -> Any:
 
 
 @pytest.mark.parametrize("use_cache", [True, False])
-def test_the_maps_of_two_pictures_are_the_mean_attention_of_what_each_token_was_made_of(
+def test_the_maps_of_two_pictures_are_the_mean_attention_of_the_last_query(
     qwen: Any, use_cache: bool, tmp_path: Path
 ) -> None:
-    """Pictures of 6 by 8 and 4 by 4 patches; compared with sums over torch's own arrays, one element at a time."""
+    """Pictures of 6 by 8 and 4 by 4 patches. The reference is computed from torch's arrays, element by element."""
     grid = torch.tensor([[1, 6, 8], [1, 4, 4]])
     tokens = torch.tensor([[1, 5, *[PICTURE] * 12, 6, *[PICTURE] * 4, 7]])
     generated = qwen.generate(
@@ -72,13 +72,13 @@ def test_the_maps_of_two_pictures_are_the_mean_attention_of_what_each_token_was_
     maps = {frame: attention_map(steps, run, size) for frame, run, size in zip(("a", "b"), runs, grids, strict=True)}
     write_attention(tmp_path / "attention.npz", maps)
     read = read_attention(tmp_path / "attention.npz")
-    assert {name: one.shape for name, one in read.items()} == {"a": (3, 4), "b": (2, 2)}
+    assert {name: array.shape for name, array in read.items()} == {"a": (3, 4), "b": (2, 2)}
     layers = [layer for step in generated.attentions for layer in step]
     looked = [[float(sum(layer[0, head, -1, 2 + k] for head in range(4))) / 4 for k in range(12)] for layer in layers]
     assert read["a"].ravel() == pytest.approx(np.mean(looked, axis=0), rel=1e-5)
 
 
-def test_a_model_that_keeps_no_attention_is_told_what_to_do() -> None:
+def test_the_error_for_a_model_without_attention_names_the_options() -> None:
     """LLaVA; with `sdpa` the library returns empty steps."""
     small = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 4}
     config = transformers.LlavaConfig(

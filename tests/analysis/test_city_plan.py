@@ -1,4 +1,4 @@
-"""The ground under the map: what is painted, in which order, what is too far away, and when there is none."""
+"""The ground of the map: shapes, their order of painting, their extent, and maps without a city."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def a_city(**pieces: object) -> City:
     return City(id="c", origin=(0.0, 0.0), bounds=(-6000.0, -6000.0, 6000.0, 6000.0), **pieces)  # type: ignore[arg-type]
 
 
-def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
+def test_shapes_have_layers_and_are_in_painting_order() -> None:
     lane = Lane(id="l", shape=((0.0, 0.0, 0.0), (10.0, 0.0, 1.0)), width_m=3.5)
     city = a_city(
         waters=(Water(polygon=SQUARE, level_m=0.0, holes=(SQUARE,)),),
@@ -78,7 +78,7 @@ def test_higher_buildings_are_darker_on_a_plan() -> None:
     assert PLAN.colour(PlanShape("building", SQUARE, top_m=-1.0)) is not None
 
 
-def test_only_a_map_of_somebody_is_credited() -> None:
+def test_only_a_map_with_an_attribution_has_a_credit() -> None:
     assert credit("procedural") == credit("") == ""
     assert credit("© OpenStreetMap contributors") == "map: © OpenStreetMap contributors"
 
@@ -103,19 +103,19 @@ def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Pat
     on, off = (
         np.asarray(Image.open(tmp_path / name).convert("RGB"), int)[90:740, 30:1070] for name in ("on.png", "off.png")
     )
-    assert (np.abs(on - off).max(axis=2) > 8).mean() > 0.5  # sea instead of blank paper
+    assert (np.abs(on - off).max(axis=2) > 8).mean() > 0.5  # the sea is drawn
     corner = off[-22:, -120:]
-    assert corner.min() < 120  # the credit stands there on blank ground too
+    assert corner.min() < 120  # the credit is drawn on blank ground too
 
 
 @pytest.mark.parametrize(("mission", "asked"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())])
-def test_what_success_asks_of(mission: str, asked: set[str]) -> None:
-    found = required_target_groups(instantiate(load_mission(find_mission(mission)), seed=0))
-    assert found >= asked
-    assert "jam" not in found and "depot" not in found
+def test_the_groups_that_success_requires(mission: str, expected: set[str]) -> None:
+    required = required_target_groups(instantiate(load_mission(find_mission(mission)), seed=0))
+    assert required >= expected
+    assert "jam" not in required and "depot" not in required
 
 
-def test_a_place_nothing_is_asked_of_is_not_missed(trace: Trace) -> None:
+def test_a_target_that_success_does_not_require_is_not_missed(trace: Trace) -> None:
     target = next(e for e in trace.header.instance.entities if e.role == "target")
     depot = replace(target, id="depot", group="depot")
     instance = replace(trace.header.instance, entities=(*trace.header.instance.entities, depot))

@@ -1,4 +1,4 @@
-"""`why` of an episode: what success lacked with its values, what ended it, and what had set that in motion."""
+"""The explanation of an episode's end: unmet parts of success with values, the cause, and earlier troubles."""
 
 import math
 from pathlib import Path
@@ -20,37 +20,37 @@ replace = msgspec.structs.replace
 
 @pytest.fixture(scope="module")
 def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Thirty ticks of the synthetic rescue: the boat has reached one of three."""
+    """Thirty ticks of the synthetic rescue, in which the boat has reached one of three targets."""
     path = tmp_path_factory.mktemp("lost") / "trace.mcap"
     synthetic.write_episode(path, ticks=30, width=32, height=18)
     return read_trace(path)
 
 
-def distances(trace: Trace, one: str, other: str) -> list[float]:
-    found = []
+def distances(trace: Trace, first: str, second: str) -> list[float]:
+    values = []
     for record in trace.boundaries:
         at = {state.id: state.position for state in record.snapshots[-1].states}
-        found.append(math.dist(at[one][:2], at[other][:2]))
-    return found
+        values.append(math.dist(at[first][:2], at[second][:2]))
+    return values
 
 
 def with_(trace: Trace, records: tuple[BoundaryRecord, ...] | None = None, outcome: Outcome | None = None) -> Trace:
     return Trace(trace.path, trace.header, records or trace.boundaries, outcome, False, trace.places)
 
 
-def test_the_clauses_that_failed_have_their_values_and_the_nearest_ones(lost: Trace) -> None:
-    told = why(lost)
-    assert told.episode == "ssr broadcast seed 7, heuristic: tick 30 of 60 (300 s), score 0.33, SCR 0.33"
+def test_unmet_clauses_have_their_values_and_the_nearest_ones(lost: Trace) -> None:
+    ending = why(lost)
+    assert ending.episode == "ssr broadcast seed 7, heuristic: tick 30 of 60 (300 s), score 0.33, SCR 0.33"
     apart = distances(lost, "boat", "victim[1]")
     least = min(apart)
     measured = f"{apart[-1]:.4g} (least {least:.4g} at tick {apart.index(least)})"
-    assert told.lacking[0] == "rescued(victim[1]): never came true"
-    assert told.lacking[1] == f"  distance_xy(boat, victim[1]) <= 50 m: distance_xy(boat, victim[1]) = {measured}"
-    assert told.lacking[2] == "rescued(victim[2]): never came true"
-    assert told.lacking[-1] == "1 other part of it held"
+    assert ending.lacking[0] == "rescued(victim[1]): never came true"
+    assert ending.lacking[1] == f"  distance_xy(boat, victim[1]) <= 50 m: distance_xy(boat, victim[1]) = {measured}"
+    assert ending.lacking[2] == "rescued(victim[2]): never came true"
+    assert ending.lacking[-1] == "1 other part of it held"
 
 
-def test_each_target_is_followed_to_where_it_stopped(lost: Trace) -> None:
+def test_each_target_has_its_progress(lost: Trace) -> None:
     first, _, done = why(lost).targets
     pictures = [frame for frame in lost.frames.values() if any(box.entity == "victim[1]" for box in frame.boxes)]
     assert first.startswith(f"victim[1]: in {len(pictures)} of {len(lost.frames)} pictures, first {pictures[0].id}, ")
@@ -58,19 +58,21 @@ def test_each_target_is_followed_to_where_it_stopped(lost: Trace) -> None:
     assert done == "completed: victim[3] at tick 29"
 
 
-def test_refusals_and_replaced_answers_are_counted_with_the_first(lost: Trace) -> None:
+def test_refusals_and_substitutions_are_counted_and_the_first_is_named(lost: Trace) -> None:
     troubles = why(lost).troubles
     assert troubles[0] == "scout[2]: 1 refused (conflict), first setDestination at tick 12"
     crash = DecisionRecord(agent="scout[1]", decision=Decision(), substituted="policy_error", detail="KeyError: 'x'")
     records = tuple(
         replace(
-            one,
-            decisions=tuple(crash if made.agent == "scout[1]" and one.tick > 20 else made for made in one.decisions),
+            record,
+            decisions=tuple(
+                crash if entry.agent == "scout[1]" and record.tick > 20 else entry for entry in record.decisions
+            ),
         )
-        for one in lost.boundaries
+        for record in lost.boundaries
     )
-    told = why(with_(lost, records, lost.outcome)).troubles
-    assert told[0] == "scout[1]: 10 of 30 answers replaced (policy_error), first at tick 20: KeyError: 'x'"
+    troubles = why(with_(lost, records, lost.outcome)).troubles
+    assert troubles[0] == "scout[1]: 10 of 30 answers replaced (policy_error), first at tick 20: KeyError: 'x'"
 
 
 @pytest.mark.parametrize(
@@ -83,28 +85,28 @@ def test_refusals_and_replaced_answers_are_counted_with_the_first(lost: Trace) -
         ({"reason": "error"}, "an error of a program"),
     ],
 )
-def test_what_ended_it_tells_a_stages_deadline_from_the_budget(
+def test_the_cause_distinguishes_a_stages_deadline_from_the_budget(
     lost: Trace, changes: dict[str, object], words: str
 ) -> None:
     assert lost.outcome is not None
-    told = why(with_(lost, outcome=replace(lost.outcome, **changes)))  # type: ignore[arg-type]
-    assert words in told.cause
+    ending = why(with_(lost, outcome=replace(lost.outcome, **changes)))  # type: ignore[arg-type]
+    assert words in ending.cause
 
 
-def test_a_killed_episode_and_one_without_a_boundary_are_told(lost: Trace) -> None:
-    told = why(with_(lost, lost.boundaries[:10]))
-    assert "no outcome" in told.cause and "tick 9 of 60" in told.episode and told.lacking
-    told = why(Trace(lost.path, lost.header, (), None, False))
-    assert "no boundary" in told.episode and told.lacking == told.targets == told.troubles == ()
+def test_a_killed_episode_and_one_without_a_boundary_are_explained(lost: Trace) -> None:
+    ending = why(with_(lost, lost.boundaries[:10]))
+    assert "no outcome" in ending.cause and "tick 9 of 60" in ending.episode and ending.lacking
+    ending = why(Trace(lost.path, lost.header, (), None, False))
+    assert "no boundary" in ending.episode and ending.lacking == ending.targets == ending.troubles == ()
 
 
-def test_success_lacks_nothing(lost: Trace) -> None:
+def test_a_won_episode_has_no_unmet_parts(lost: Trace) -> None:
     assert lost.outcome is not None
-    told = why(with_(lost, outcome=replace(lost.outcome, reason="success", success=True)))
-    assert told.lacking == () and "every part" in told.cause
+    ending = why(with_(lost, outcome=replace(lost.outcome, reason="success", success=True)))
+    assert ending.lacking == () and "every part" in ending.cause
 
 
-def test_an_exists_is_followed_to_the_candidate_that_came_closest(lost: Trace) -> None:
+def test_an_unmet_exists_descends_to_its_closest_candidate(lost: Trace) -> None:
     history = list(registries(lost))
     kind = lost.header.instance.messages[0].kind
     assert kind == "detection"
@@ -113,32 +115,32 @@ def test_an_exists_is_followed_to_the_candidate_that_came_closest(lost: Trace) -
     (nobody,) = unmet(condition, history)
     assert (nobody.text, nobody.had) == ("exists v: distance_xy(boat, v) <= 1 m", "none of 3")
     nothing = Quantified("exists", "r", "detection", near)
-    told = list(unmet(nothing, history[:1]))
-    assert [one.had for one in told] == ["there was no detection"]
-    victim = next(one for one in lost.header.instance.entities if one.id == "victim[2]")
+    parts = list(unmet(nothing, history[:1]))
+    assert [entity.had for entity in parts] == ["there was no detection"]
+    victim = next(entity for entity in lost.header.instance.entities if entity.id == "victim[2]")
     assert reading(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
 
 
-def test_names_are_put_in_at_once_and_for_variables_alone(lost: Trace) -> None:
-    """One variable's name may be in another's value, or be the name of a field."""
+def test_variables_alone_are_replaced_in_one_pass(lost: Trace) -> None:
+    """The value of a variable may contain the name of another one, and a field may have the name of a variable."""
     boat, victim = (
-        next(one for one in lost.header.instance.entities if one.id == name) for name in ("boat", "victim[2]")
+        next(entity for entity in lost.header.instance.entities if entity.id == name) for name in ("boat", "victim[2]")
     )
     same = Binary("==", Attr(Ref("v", "local"), "victim"), Ref("victim", "local"))
     assert reading(same, {"v": victim, "victim": boat}) == "victim[2].victim == boat"
 
 
 def test_the_closest_candidate_is_the_one_that_belongs_to_the_target(lost: Trace) -> None:
-    """The boat is at victim[3], which is not victim[1]: what victim[1] lacks is the boat, not to be victim[3]."""
+    """The boat is at victim[3]. The unmet part for victim[1] is the distance of the boat, not the identity."""
     joint = Binary("<=", Call("distance_xy", (Ref("v", "local"), Ref("w", "local"))), Number(1.0, "m"))
     near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(60.0, "m"))
     condition = Quantified("exists", "v", "victim", Binary("and", joint, near))
-    victim = next(one for one in lost.header.instance.entities if one.id == "victim[1]")
+    victim = next(entity for entity in lost.header.instance.entities if entity.id == "victim[1]")
     _, lack = unmet(condition, list(registries(lost)), {"w": victim})
     assert lack.text == "distance_xy(boat, victim[1]) <= 60 m"
 
 
-def test_what_a_policy_wrote_stays_in_one_line(lost: Trace) -> None:
+def test_the_text_of_a_policy_stays_on_one_line(lost: Trace) -> None:
     forged = DecisionRecord(agent="skipper", decision=Decision(), substituted="policy_error", detail="x\nended by: won")
     records = (*lost.boundaries[:-1], replace(lost.boundaries[-1], decisions=(forged,)))
     assert lost.outcome is not None

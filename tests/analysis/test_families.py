@@ -1,4 +1,4 @@
-"""Each rule of a failure family on a trace made for it, and how often they agree with a reader."""
+"""The rules of the failure families on synthetic traces, and their agreement with the labels of a reader."""
 
 import tomllib
 from collections import Counter
@@ -41,7 +41,7 @@ FAULTY = Path(__file__).with_name("faulty_policies.py")
 
 @pytest.fixture
 def lost(trace: Trace):  # type: ignore[no-untyped-def]
-    """A rescue of 60 ticks in which victim[1] alone is not rescued, with what `events` say by tick."""
+    """Return a rescue of 60 ticks in which only victim[1] is not rescued, with fields of boundaries by tick."""
     saved = [
         AdjudicatedEvent(id=f"e1-{n}", kind="rescued", tick=1, time_s=10.0, bindings=(f"victim[{n}]",)) for n in (2, 3)
     ]
@@ -59,10 +59,10 @@ def lost(trace: Trace):  # type: ignore[no-untyped-def]
     return build
 
 
-def told(trace: Trace) -> Attribution:
-    found = attribute(trace)
-    assert found is not None
-    return found
+def attributed(trace: Trace) -> Attribution:
+    attribution = attribute(trace)
+    assert attribution is not None
+    return attribution
 
 
 SEEN = {"frames": (frame("a", 5, "victim[1]"),)}
@@ -77,7 +77,7 @@ LOCATED = {
 
 
 def handed(tick: int) -> dict[str, object]:
-    """The boat is assigned to victim[1], by a message and by the mission's stage."""
+    """Return the fields of a boundary in which the boat is assigned to victim[1], with the mission's stage."""
     message = Envelope(
         id=f"m{tick}-9", tick=tick, sender="scout[1]", recipient="skipper", kind="assignment", category="assignment",
         body={"assignee": "skipper", "target": "victim[1]"}, bytes=9, deliver_at=tick + 1,
@@ -89,36 +89,36 @@ def handed(tick: int) -> dict[str, object]:
     }
 
 
-def test_a_target_in_a_picture_that_nobody_reports_is_a_miss_from_that_picture_on(lost) -> None:  # type: ignore[no-untyped-def]
-    found = told(lost({5: SEEN}))
-    assert (found.family, found.target, found.tick) == ("perception_miss", "victim[1]", 5)
-    assert [(link.kind, link.record) for link in found.chain] == [
+def test_an_unreported_target_in_a_picture_is_a_miss_at_that_picture(lost) -> None:  # type: ignore[no-untyped-def]
+    attribution = attributed(lost({5: SEEN}))
+    assert (attribution.family, attribution.target, attribution.tick) == ("perception_miss", "victim[1]", 5)
+    assert [(link.kind, link.record) for link in attribution.chain] == [
         ("picture", "a"),
         ("agent", "scout[1]"),
         ("event", ""),
     ]
     late = {20: {"messages": report(1, "a", 20), "events": (matched(20, "victim[1]", "m20-1"),)}}
-    assert told(lost({5: SEEN, **late})).chain[-1].text == "the first match came 15 ticks later"
+    assert attributed(lost({5: SEEN, **late})).chain[-1].text == "the first match came 15 ticks later"
 
 
-def test_a_target_in_no_picture_is_a_miss_when_the_ticks_run_out_and_else_unattributed(lost) -> None:  # type: ignore[no-untyped-def]
-    found = told(lost({}))
-    assert (found.family, found.tick) == ("perception_miss", 60)
-    assert told(lost({}, reason="constraint")) == Attribution(family="unattributed")
+def test_a_target_in_no_picture_is_a_miss_only_if_the_ticks_run_out(lost) -> None:  # type: ignore[no-untyped-def]
+    attribution = attributed(lost({}))
+    assert (attribution.family, attribution.tick) == ("perception_miss", 60)
+    assert attributed(lost({}, reason="constraint")) == Attribution(family="unattributed")
 
 
-def test_something_else_reported_first_is_a_confusion(lost) -> None:  # type: ignore[no-untyped-def]
+def test_an_earlier_report_of_another_object_is_a_confusion(lost) -> None:  # type: ignore[no-untyped-def]
     buoy = Box(entity="buoy[1]", cls="buoy", box=(0.4, 0.4, 0.5, 0.5), pixels=40)
-    found = told(
+    attribution = attributed(
         lost({2: {"frames": (replace(frame("b", 2), boxes=(buoy,)),)}, 3: {"messages": report(1, "b", 3)}, 5: SEEN})
     )
-    assert (found.family, found.tick) == ("object_confusion", 3)
-    assert [(link.kind, link.record) for link in found.chain] == [("picture", "b"), ("message", "m3-1")]
+    assert (attribution.family, attribution.tick) == ("object_confusion", 3)
+    assert [(link.kind, link.record) for link in attribution.chain] == [("picture", "b"), ("message", "m3-1")]
 
 
 @pytest.fixture
 def real_rules(trace: Trace):  # type: ignore[no-untyped-def]
-    """The synthetic trace with the rules, messages and stages of the shipped mission."""
+    """Return a synthetic trace with the rules, messages and stages of the shipped mission."""
     from lingjing.dsl.loading.load import load_mission
     from lingjing.mission.instantiate import instantiate
 
@@ -136,24 +136,24 @@ def real_rules(trace: Trace):  # type: ignore[no-untyped-def]
     return with_rules
 
 
-def test_matched_and_not_located_is_a_localisation_error(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
-    found = told(real_rules(lost({5: SEEN, 6: FOUND})))
-    assert (found.family, found.tick) == ("localisation_error", 6)
-    assert found.chain[0].record == "m6-1"
+def test_a_matched_target_without_location_is_a_localisation_error(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    attribution = attributed(real_rules(lost({5: SEEN, 6: FOUND})))
+    assert (attribution.family, attribution.tick) == ("localisation_error", 6)
+    assert attribution.chain[0].record == "m6-1"
 
 
-def test_a_target_that_no_report_names_is_located_wrongly_all_the_same(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
-    """A mission may match messages of another category than reports."""
-    told_so = tuple(replace(one, category="other") for one in FOUND["messages"])
-    found = told(real_rules(lost({5: SEEN, 6: {**FOUND, "messages": told_so}})))
-    assert (found.family, [link.kind for link in found.chain]) == ("localisation_error", ["event"])
+def test_a_target_matched_by_another_category_can_be_mislocated(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    """A mission may match messages of another category than `report`."""
+    told_so = tuple(replace(message, category="other") for message in FOUND["messages"])
+    attribution = attributed(real_rules(lost({5: SEEN, 6: {**FOUND, "messages": told_so}})))
+    assert (attribution.family, [link.kind for link in attribution.chain]) == ("localisation_error", ["event"])
 
 
-def test_located_and_never_or_late_assigned_is_a_handoff_break(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
-    found = told(real_rules(lost({5: SEEN, 6: LOCATED})))
-    assert (found.family, found.tick, found.chain[-1].text) == ("handoff_break", 6, "never assigned")
-    found = told(real_rules(lost({5: SEEN, 6: LOCATED, 30: handed(30)})))
-    assert (found.family, found.chain[-1].text) == ("handoff_break", "assigned 24 ticks later")
+def test_a_located_target_assigned_late_or_never_is_a_handoff_break(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED})))
+    assert (attribution.family, attribution.tick, attribution.chain[-1].text) == ("handoff_break", 6, "never assigned")
+    attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED, 30: handed(30)})))
+    assert (attribution.family, attribution.chain[-1].text) == ("handoff_break", "assigned 24 ticks later")
 
 
 def moves(tick: int, verb: str = "moveTo", reason: str = "", **arguments: object) -> dict[str, object]:
@@ -163,59 +163,59 @@ def moves(tick: int, verb: str = "moveTo", reason: str = "", **arguments: object
     return {"decisions": (made,), "receipts": (receipt,)}
 
 
-def test_an_assigned_body_that_is_refused_to_several_is_a_deadlock(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+def test_conflicts_over_an_assigned_body_are_a_deadlock(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
     events = {5: SEEN, 6: LOCATED, 8: handed(8), 9: moves(9, reason="conflict"), 10: moves(10, reason="conflict")}
-    found = told(real_rules(lost(events)))
-    assert (found.family, found.tick) == ("coordination_deadlock", 9)
-    assert [link.record for link in found.chain] == ["m8-9", "c9-1", "c10-1"]
+    attribution = attributed(real_rules(lost(events)))
+    assert (attribution.family, attribution.tick) == ("coordination_deadlock", 9)
+    assert [link.record for link in attribution.chain] == ["m8-9", "c9-1", "c10-1"]
 
 
 def test_of_several_assignments_of_a_boundary_the_target_s_own_is_named(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
-    given = handed(8)
-    other = replace(given["messages"][0], id="m8-8", body={"assignee": "skipper", "target": "victim[2]"})  # type: ignore[index]
-    both = {**given, "messages": (other, *given["messages"])}  # type: ignore[misc]
+    fields = handed(8)
+    other = replace(fields["messages"][0], id="m8-8", body={"assignee": "skipper", "target": "victim[2]"})  # type: ignore[index]
+    both = {**fields, "messages": (other, *fields["messages"])}  # type: ignore[misc]
     events = {5: SEEN, 6: LOCATED, 8: both, 9: moves(9, reason="conflict"), 10: moves(10, reason="conflict")}
-    assert [link.record for link in told(real_rules(lost(events))).chain] == ["m8-9", "c9-1", "c10-1"]
+    assert [link.record for link in attributed(real_rules(lost(events))).chain] == ["m8-9", "c9-1", "c10-1"]
 
 
-def test_what_the_kernel_asks_for_assigns_nothing(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
-    """A route that the kernel wants may end at a target; nobody was told to serve it."""
+def test_a_request_of_the_kernel_is_no_assignment(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
+    """A route that the kernel requests may end at a target, but it is no assignment."""
     own = Command(id="k8-1", tick=8, sender="kernel", resource="boat", verb="moveTo", arguments={"x": 0.0, "y": 0.0})
     there = {"snapshots": (at(8, v1=(0.0, 0.0), boat=(900.0, 0.0)),)}
     refused = {9: moves(9, reason="conflict"), 10: moves(10, reason="conflict")}
     for origin, family in (("agent", "coordination_deadlock"), ("kernel", "unattributed")):
-        asked = {**there, "commands": (replace(own, origin=origin),)}
-        found = told(real_rules(lost({5: SEEN, 6: LOCATED, 8: asked, 14: handed(14), **refused})))
-        assert found.family == family
+        fields = {**there, "commands": (replace(own, origin=origin),)}
+        attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED, 8: fields, 14: handed(14), **refused})))
+        assert attribution.family == family
 
 
 def test_an_assigned_body_sent_elsewhere_or_stubborn_is_drift(lost, real_rules) -> None:  # type: ignore[no-untyped-def]
     other = {**moves(9, x=0.0, y=0.0), "snapshots": (at(9, v1=(500.0, 0.0), v2=(0.0, 0.0), boat=(900.0, 0.0)),)}
-    found = told(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), 9: other})))
-    assert (found.family, found.tick) == ("context_drift", 9)
+    attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), 9: other})))
+    assert (attribution.family, attribution.tick) == ("context_drift", 9)
     again = {tick: moves(tick, "moveTo", "unreachable", x=5000.0, y=0.0) for tick in range(9, 14)}
-    found = told(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), **again})))
-    assert (found.family, found.tick) == ("context_drift", 10)
+    attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED, 8: handed(8), **again})))
+    assert (attribution.family, attribution.tick) == ("context_drift", 10)
 
 
 def test_won_and_aborted_episodes_have_no_family_and_shares_add_up(lost, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     aborted = lost({}, reason="infrastructure-abort")
     assert attribute(trace) is None and attribute(aborted) is None
     played = [lost({5: SEEN}), lost({}), lost({}, reason="constraint"), trace, aborted]
-    found = Played(tuple(report_of(one, "someone") for one in played)).families()
-    assert tuple(found) == FAMILIES and sum(found.values()) == pytest.approx(1.0)
-    assert found["perception_miss"] == 2 / 3 and found["unattributed"] == 1 / 3
+    shares = Played(tuple(report_of(trace_of_episode, "someone") for trace_of_episode in played)).families()
+    assert tuple(shares) == FAMILIES and sum(shares.values()) == pytest.approx(1.0)
+    assert shares["perception_miss"] == 2 / 3 and shares["unattributed"] == 1 / 3
     assert Played((report_of(trace, "someone"),)).families() == {}
 
 
-def test_why_tells_the_family_with_its_records(lost) -> None:  # type: ignore[no-untyped-def]
+def test_the_explanation_has_the_family_with_its_records(lost) -> None:  # type: ignore[no-untyped-def]
     expected = "failure family: perception_miss of victim[1] from tick 5: victim[1] is visible (tick 5, a); "
     assert expected in why(lost({5: SEEN})).text
 
 
 @pytest.mark.study
-def test_the_rules_agree_with_the_reader_as_often_as_the_page_says(tmp_path: Path) -> None:
-    """Plays every labelled episode. `docs/traces.md` has the numbers."""
+def test_the_agreement_of_rules_and_reader_is_as_documented(tmp_path: Path) -> None:
+    """All labelled episodes are played. `docs/traces.md` has the numbers."""
     labels = tomllib.loads(LABELS.read_text(encoding="utf-8"))
     missions = {path.stem: path for path in shipped()}
     pairs = []
@@ -236,23 +236,23 @@ def test_the_rules_agree_with_the_reader_as_often_as_the_page_says(tmp_path: Pat
                 overview=False,
                 **how,  # type: ignore[arg-type]
             )
-            found = attribute(read_trace(done.trace))
-            assert found is not None, (name, done.reason, done.detail)  # an abort is no matter of the rules
-            pairs.append((label["family"], found.family))
-    assert sum(one == other for one, other in pairs) >= AGREED
+            attribution = attribute(read_trace(done.trace))
+            assert attribution is not None, (name, done.reason, done.detail)  # the rules do not cover an abort
+            pairs.append((label["family"], attribution.family))
+    assert sum(first == second for first, second in pairs) >= AGREED
     assert kappa(pairs) >= KAPPA
 
 
 def kappa(pairs: list[tuple[str, str]]) -> float:
-    """Cohen's kappa of two raters: (observed - expected) / (1 - expected agreement)."""
-    observed = sum(one == other for one, other in pairs) / len(pairs)
+    """Return Cohen's kappa of two raters: (observed - expected) / (1 - expected agreement)."""
+    observed = sum(first == second for first, second in pairs) / len(pairs)
     ones, others = (Counter(pair[side] for pair in pairs) for side in (0, 1))
     expected = sum(ones[name] * others[name] for name in ones) / len(pairs) ** 2
     return (observed - expected) / (1.0 - expected)
 
 
-def test_kappa_takes_chance_away() -> None:
-    """Of ten, eight agree; both say a five times and b five times: (0.8 - 0.5) / 0.5."""
+def test_kappa_corrects_for_chance() -> None:
+    """Eight of ten pairs agree, and both raters use a five times and b five times: (0.8 - 0.5) / 0.5."""
     pairs = [("a", "a")] * 4 + [("b", "b")] * 4 + [("a", "b"), ("b", "a")]
     assert kappa(pairs) == pytest.approx(0.6)
 
@@ -264,8 +264,8 @@ AGREED, KAPPA = 55, 0.85
 @pytest.mark.parametrize(
     ("variable", "field", "locates"), [("r", "place", True), ("r", "position", False), ("v", "position", False)]
 )
-def test_a_rule_locates_by_any_position_that_a_message_tells(variable: str, field: str, locates: bool) -> None:
-    """The message's own field, however it is called; where the target itself is tells nothing of the report."""
+def test_a_rule_may_locate_by_any_position_field_of_a_message(variable: str, field: str, locates: bool) -> None:
+    """The position field of the message may have any name. The position of the target is no field of the report."""
     matched = Call(function="matched", arguments=(Ref("v", "local"), Ref("r", "local")), rule=True)
     inside = Binary("in", Attr(Ref(variable, "local"), field), Ref("search", "region"))
     rule = Rule(

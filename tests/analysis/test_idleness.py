@@ -1,4 +1,4 @@
-"""The idle fraction against counts by hand: who has a body, nothing under way and nothing assigned is idle."""
+"""The idle fraction, compared with counts by hand."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ AGENTS = {"hub": (), "pilot": ("uav",), "driver": ("truck",)}
 
 @pytest.fixture
 def header(trace: Trace):  # type: ignore[no-untyped-def]
-    """A hub, a UAV and a truck that puts fires out within 30 m; success asks for one fire."""
+    """A header with a hub, a UAV and a truck that extinguishes fires within 30 m. Success requires one fire."""
 
     def thing(name: str, role: str, engine: str, **properties: object) -> Entity:
         return Entity(
@@ -51,7 +51,7 @@ def header(trace: Trace):  # type: ignore[no-untyped-def]
 
 @pytest.fixture
 def idle(trace: Trace, header):  # type: ignore[no-untyped-def]
-    """The idle fraction of an episode with these steps."""
+    """A function that returns the idle fraction of an episode with the given boundaries."""
 
     def of(*records: BoundaryRecord) -> float | None:
         return idle_fraction(Trace(trace.path, header, records, trace.outcome, True))
@@ -60,7 +60,7 @@ def idle(trace: Trace, header):  # type: ignore[no-untyped-def]
 
 
 def step(tick: int, **fields: object) -> BoundaryRecord:
-    """A boundary at which all three were asked."""
+    """Return a boundary with a decision of all three agents."""
     names = [field.name for field in msgspec.structs.fields(BoundaryRecord) if field.required]
     empty: dict[str, object] = dict.fromkeys(names, ())
     made = tuple(DecisionRecord(agent=agent, decision=Decision()) for agent in AGENTS)
@@ -83,21 +83,21 @@ def order(tick: int, assignee: str, kind: str = "assignment", **body: object) ->
     )  # fmt: skip
 
 
-def test_nobody_does_anything_and_the_hub_has_no_step(idle) -> None:  # type: ignore[no-untyped-def]
+def test_without_actions_all_steps_are_idle_and_the_hub_has_none(idle) -> None:  # type: ignore[no-untyped-def]
     assert idle(step(1), step(2)) == 1.0
     only_hub = step(1, decisions=(DecisionRecord(agent="hub", decision=Decision()),))
     assert idle(only_hub) is None
 
 
-def test_a_command_is_at_work_until_it_ends(idle) -> None:  # type: ignore[no-untyped-def]
-    """The UAV flies in steps 1 to 3 and its flight ends in the third; the truck does nothing: 1 + 4 of 8 are idle."""
+def test_a_command_is_active_until_it_ends(idle) -> None:  # type: ignore[no-untyped-def]
+    """The UAV flies in steps 1 to 3. The truck does nothing. 1 + 4 of 8 steps are idle."""
     first = step(1, commands=(command(1, "uav"),), receipts=(answer(1, "uav", "accepted"), answer(1, "uav", "running")))
     third = step(3, receipts=(answer(1, "uav", "completed"),))
     assert idle(first, step(2), third, step(4)) == 5 / 8
 
 
-def test_what_is_done_within_a_step_is_done(idle) -> None:  # type: ignore[no-untyped-def]
-    """A picture is asked for and taken in one step: 1 + 2 of 4 are idle."""
+def test_a_command_that_ends_within_its_step_is_an_action(idle) -> None:  # type: ignore[no-untyped-def]
+    """A picture is requested and taken in one step: 1 + 2 of 4 steps are idle."""
     photo = step(
         1, commands=(command(1, "uav"),), receipts=(answer(1, "uav", "accepted"), answer(1, "uav", "completed"))
     )
@@ -105,12 +105,12 @@ def test_what_is_done_within_a_step_is_done(idle) -> None:  # type: ignore[no-un
 
 
 @pytest.mark.parametrize("status", ["rejected", "timed_out"])
-def test_what_an_engine_refuses_is_not_done(idle, status: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_rejected_command_is_no_action(idle, status: str) -> None:  # type: ignore[no-untyped-def]
     assert idle(step(1, commands=(command(1, "uav"),), receipts=(answer(1, "uav", status),))) == 1.0
 
 
 def test_a_target_is_assigned_until_it_is_completed(header) -> None:  # type: ignore[no-untyped-def]
-    """The truck is at the fire from step 1 until the stage of step 3: UAV 4 and truck 1 of 8 are idle."""
+    """The truck serves the fire from step 1 until the stage of step 3. The UAV is idle 4 times, the truck once."""
     out = Stage(name="out", condition=Flag(value=False), variable="f", domain="fire")
     success = Quantified("forall", "f", "fire", Flag(value=False))
     with_stage = replace(header, instance=replace(header.instance, stages=(out,), success=success))
@@ -121,8 +121,8 @@ def test_a_target_is_assigned_until_it_is_completed(header) -> None:  # type: ig
     assert idle_fraction(Trace(PATH, with_stage, again, None, True)) == 7 / 10, "it is out already"
 
 
-def test_an_errand_is_open_until_what_was_begun_for_it_ends(idle) -> None:  # type: ignore[no-untyped-def]
-    """Sent to a cell in step 1, off in step 2, there in step 3: 1 of 4 of the UAV's and 4 of the truck's are idle."""
+def test_an_errand_is_open_until_its_first_command_ends(idle) -> None:  # type: ignore[no-untyped-def]
+    """The UAV is sent to a cell in step 1, leaves in step 2, arrives in step 3: it is idle once, the truck 4 times."""
     steps = (
         step(1, messages=(order(1, "pilot", cell="cells-1-1"),)),
         step(2, commands=(command(2, "uav"),), receipts=(answer(2, "uav", "accepted"),)),
@@ -132,10 +132,10 @@ def test_an_errand_is_open_until_what_was_begun_for_it_ends(idle) -> None:  # ty
     assert idle(*steps) == 5 / 8
 
 
-def test_an_errand_ends_when_its_agent_says_that_it_is_done(idle) -> None:  # type: ignore[no-untyped-def]
-    said = replace(order(2, "hub", kind="target_status", state="done"), sender="pilot")
-    assert idle(step(1, messages=(order(1, "pilot", cell="x"),)), step(2, messages=(said,)), step(3)) == (1 + 3) / 6
+def test_an_errand_ends_when_its_agent_reports_it_as_done(idle) -> None:  # type: ignore[no-untyped-def]
+    message = replace(order(2, "hub", kind="target_status", state="done"), sender="pilot")
+    assert idle(step(1, messages=(order(1, "pilot", cell="x"),)), step(2, messages=(message,)), step(3)) == (1 + 3) / 6
 
 
-def test_an_event_about_nobody_known_changes_nothing(idle) -> None:  # type: ignore[no-untyped-def]
+def test_an_event_of_an_unknown_entity_changes_nothing(idle) -> None:  # type: ignore[no-untyped-def]
     assert idle(step(1, task_events=(TaskEvent(kind="arrived", entities=("uav",), time_s=1.0),))) == 1.0

@@ -1,4 +1,4 @@
-"""S1 to S5 of last-mile delivery, from typed reports of the route's ends and of the places that it passes."""
+"""The stages S1 to S5 of last-mile delivery, from reports of the route's ends and waypoints."""
 
 from functools import cache
 from pathlib import Path
@@ -63,32 +63,34 @@ def trace(
 
 
 def way(*shift: tuple[float, float]) -> list[tuple[str, dict]]:
-    """The junctions of the shortest way as reports, each moved by what is given for it."""
+    """Return reports of the junctions of the shortest way, each moved by its `shift`."""
     instance, city = placed()
     at = {entity.id: entity.position[:2] for entity in instance.entities}
-    found = read_road_map(city.network).way(at["van"], at["stop_node"])
-    assert found is not None
+    shortest = read_road_map(city.network).way(at["van"], at["stop_node"])
+    assert shortest is not None
     moves = [*shift, *[(0.0, 0.0)] * 20]
     return [
         ("passing", {"number": float(number), "position": (x + dx, y + dy, 0.0)})
-        for number, ((x, y), (dx, dy)) in enumerate(zip(found.points[1:-1], moves, strict=False), 1)
+        for number, ((x, y), (dx, dy)) in enumerate(zip(shortest.points[1:-1], moves, strict=False), 1)
     ]
 
 
 def stages(*messages: tuple[str, dict], **more: object) -> LastMile:
-    found = last_mile(trace(*messages, **more))  # type: ignore[arg-type]
-    assert found is not None
-    return found
+    result = last_mile(trace(*messages, **more))  # type: ignore[arg-type]
+    assert result is not None
+    return result
 
 
-def test_the_chain_is_cumulative():
+def test_the_stages_are_cumulative():
     assert stages().cumulative == 0
     assert stages(seen=True).cumulative == 1
     assert stages(("ends", GOOD), seen=True).cumulative == 2
     assert stages(("ends", GOOD), *way(), seen=True).cumulative == 3
     assert stages(("ends", GOOD), *way(), seen=True, arrived=True).cumulative == 4
     assert stages(("ends", GOOD), *way(), seen=True, arrived=True, won=True).cumulative == 5
-    assert stages(seen=True, arrived=True, won=True).cumulative == 1  # the engine's success hides no gap
+    assert (
+        stages(seen=True, arrived=True, won=True).cumulative == 1
+    )  # the success of the engine does not hide a missing stage
 
 
 def test_both_ends_must_be_near():
@@ -104,20 +106,20 @@ def test_both_ends_must_be_near():
         [("passing", {"number": 1.0, "position": (-120.0, -182.0)})],  # nothing between the ends
     ],
 )
-def test_places_that_make_no_way_are_not_the_third_stage(messages: list[tuple[str, dict]]):
+def test_waypoints_that_form_no_way_are_not_the_third_stage(messages: list[tuple[str, dict]]):
     assert "S3" not in stages(*messages).done
 
 
-def test_a_later_report_of_a_place_takes_the_earlier_ones_place():
+def test_a_later_report_of_a_waypoint_replaces_the_earlier_one():
     wrong = [("passing", {"number": 1.0, "position": (-300.0, 300.0)})]
     assert "S3" in stages(*wrong, *way()).done
     assert "S3" not in stages(*way(), *wrong).done
 
 
 @pytest.mark.parametrize(("name", "given", "count"), [("A0", (), 1), ("A1", ("S2",), 2), ("A2", ("S2", "S3"), 4)])
-def test_what_an_intervention_gives_counts(name: str, given: tuple[str, ...], count: int):
-    found = stages(intervention=name, seen=True, arrived=True)
-    assert (found.given, found.cumulative) == (given, count)
+def test_supplied_stages_count(name: str, supplied: tuple[str, ...], count: int):
+    result = stages(intervention=name, seen=True, arrived=True)
+    assert (result.given, result.cumulative) == (supplied, count)
 
 
 def test_other_missions_have_no_such_stages():
@@ -130,7 +132,7 @@ def test_other_missions_have_no_such_stages():
 def test_the_inspection_of_another_route_is_not_this_one_s() -> None:
     replace, played = msgspec.structs.replace, trace(seen=True)
     instance, other = played.header.instance, Call("inspected", (Symbol("other"),))
-    stages = tuple(replace(one, condition=other) for one in instance.stages if one.name == "inspect")
+    stages = tuple(replace(stage, condition=other) for stage in instance.stages if stage.name == "inspect")
     header = replace(played.header, instance=replace(instance, stages=stages))
-    found = last_mile(Trace(played.path, header, played.boundaries, played.outcome, complete=True))
-    assert "S1" in last_mile(played).done and "S1" not in found.done
+    result = last_mile(Trace(played.path, header, played.boundaries, played.outcome, complete=True))
+    assert "S1" in last_mile(played).done and "S1" not in result.done

@@ -1,4 +1,4 @@
-"""Every number of `metrics` against a count by hand."""
+"""All metrics, compared with counts by hand."""
 
 import dataclasses
 import math
@@ -40,7 +40,7 @@ BOX = (0.4, 0.4, 0.5, 0.5)
 
 
 def boundary(tick: int, **fields: object) -> BoundaryRecord:
-    """A boundary with nothing in it but `fields`."""
+    """Return a boundary that is empty except for `fields`."""
     names = [field.name for field in msgspec.structs.fields(BoundaryRecord) if field.required]
     empty: dict[str, object] = dict.fromkeys(names, ())
     empty.update(tick=tick, time_s=10.0 * tick, reward=0.0, done=False)
@@ -85,32 +85,49 @@ def of(trace: Trace):  # type: ignore[no-untyped-def]
 
 
 def test_the_synthetic_rescue(trace: Trace) -> None:
-    found = metrics(trace)
-    assert (found.success, found.scr, found.reason, found.ticks, found.sim_s) == (True, 1.0, "success", 48, 480.0)
-    assert (found.reports, found.detections, found.targets_found, found.false_positives) == (5, 4, 3, 1)
-    assert (found.messages, found.rounds, found.gap) == (24, 3, 0.0)
-    assert found.kilobytes == sum(edge.bytes for record in trace.boundaries for edge in record.messages) / 1000
-    assert (found.precision, found.first_discovery_tick, found.conflicts, found.rejections) == (0.8, 7, 1, 1)
-    assert (found.calls, found.tokens) == (4 * 48, 860 * 4 * 48)
-    assert found.cost_usd == pytest.approx(0.192)
-    assert found.localisation_error_m == pytest.approx(detect(trace).localisation_error_m)
-    assert [(stage.name, stage.done, stage.cumulative) for stage in found.stages] == [
+    measured = metrics(trace)
+    assert (measured.success, measured.scr, measured.reason, measured.ticks, measured.sim_s) == (
+        True,
+        1.0,
+        "success",
+        48,
+        480.0,
+    )
+    assert (measured.reports, measured.detections, measured.targets_found, measured.false_positives) == (5, 4, 3, 1)
+    assert (measured.messages, measured.rounds, measured.gap) == (24, 3, 0.0)
+    assert measured.kilobytes == sum(edge.bytes for record in trace.boundaries for edge in record.messages) / 1000
+    assert (measured.precision, measured.first_discovery_tick, measured.conflicts, measured.rejections) == (
+        0.8,
+        7,
+        1,
+        1,
+    )
+    assert (measured.calls, measured.tokens) == (4 * 48, 860 * 4 * 48)
+    assert measured.cost_usd == pytest.approx(0.192)
+    assert measured.localisation_error_m == pytest.approx(detect(trace).localisation_error_m)
+    assert [(stage.name, stage.done, stage.cumulative) for stage in measured.stages] == [
         (name, 3, True) for name in ("detect", "locate", "handoff", "execute")
     ]
-    assert found.coverage is not None and 0.5 < found.coverage <= 1.0
-    assert found.rep == 0.0
+    assert measured.coverage is not None and 0.5 < measured.coverage <= 1.0
+    assert measured.rep == 0.0
 
 
-def test_a_trace_with_nothing_in_it_has_no_rates(of) -> None:  # type: ignore[no-untyped-def]
-    found = metrics(of())
+def test_an_empty_trace_has_no_rates(of) -> None:  # type: ignore[no-untyped-def]
+    measured = metrics(of())
     for name in ("scr", "precision", "recall", "f1", "miss_rate", "localisation_error_m", "gap", "rep", "wall_s"):
-        assert getattr(found, name) is None, name
-    assert (found.success, found.ticks, found.messages, found.tokens, found.coverage) == (False, 0, 0, 0, 0.0)
+        assert getattr(measured, name) is None, name
+    assert (measured.success, measured.ticks, measured.messages, measured.tokens, measured.coverage) == (
+        False,
+        0,
+        0,
+        0,
+        0.0,
+    )
 
 
 def test_precision_recall_and_rates_over_aligned_frames(of) -> None:  # type: ignore[no-untyped-def]
-    """Five frames: a hit; a hit and a miss; a false report over a miss; nothing; a target without pixels."""
-    found = detect(
+    """Five frames: a hit; a hit and a miss; a false report and a miss; nothing; a target without pixels."""
+    detection = detect(
         of(
             boundary(0),
             boundary(1, frames=(frame("a", 1, "victim[1]"),)),
@@ -122,21 +139,21 @@ def test_precision_recall_and_rates_over_aligned_frames(of) -> None:  # type: ig
             boundary(5, frames=(frame("e", 5, "victim[1]", pixels=0),), messages=report(1, "nowhere", 5)),
         )
     )  # fmt: skip
-    assert (found.true_positives, found.false_positives, found.false_negatives) == (2, 2, 2)
-    assert (found.precision, found.recall, found.f1) == (0.5, 0.5, 0.5)
-    assert found.frames == 5
-    assert found.miss_rate == 2 / 5  # frames b and c; a boat is no target
-    assert found.hallucination_rate == 1 / 5  # the report of no stored frame has no frame to spoil
+    assert (detection.true_positives, detection.false_positives, detection.false_negatives) == (2, 2, 2)
+    assert (detection.precision, detection.recall, detection.f1) == (0.5, 0.5, 0.5)
+    assert detection.frames == 5
+    assert detection.miss_rate == 2 / 5  # frames b and c; a boat is no target
+    assert detection.hallucination_rate == 1 / 5  # the report of no stored frame has no frame to spoil
 
 
 def test_a_report_counts_once_but_its_edges_are_messages(of) -> None:  # type: ignore[no-untyped-def]
-    found = metrics(of(boundary(1, frames=(frame("a", 1),), messages=report(1, "a", 1, recipients=5))))
-    assert (found.reports, found.messages, found.kilobytes) == (1, 5, 0.75)
+    measured = metrics(of(boundary(1, frames=(frame("a", 1),), messages=report(1, "a", 1, recipients=5))))
+    assert (measured.reports, measured.messages, measured.kilobytes) == (1, 5, 0.75)
 
 
 def test_localisation_error_is_taken_at_the_capture(of) -> None:  # type: ignore[no-untyped-def]
-    """The target drifts on after the picture; the report names (3, 4)."""
-    found = metrics(
+    """The target drifts on after the picture. The report has the position (3, 4)."""
+    measured = metrics(
         of(
             boundary(0),
             boundary(1, snapshots=(at(1, v1=(0.0, 0.0)),), frames=(frame("a", 1, "victim[1]"),)),
@@ -144,7 +161,7 @@ def test_localisation_error_is_taken_at_the_capture(of) -> None:  # type: ignore
                      events=(matched(2, "victim[1]", "m2-1"),)),
         )
     )  # fmt: skip
-    assert found.localisation_error_m == 5.0
+    assert measured.localisation_error_m == 5.0
 
 
 @pytest.mark.parametrize("position", [None, "here", (1.0,), (float("nan"), 2.0), (None, 3.0)])
@@ -161,7 +178,7 @@ def test_a_report_without_a_position_has_no_error(of, position: object) -> None:
 
 
 def test_calibration_error_over_ten_bins(of) -> None:  # type: ignore[no-untyped-def]
-    """Bin 0.9..1: two of confidence 0.95, one hit: |0.5 - 0.95|, two samples; bin 0.2: one miss: 0.2."""
+    """Bin 0.9..1 has two samples of confidence 0.95 and one hit: |0.5 - 0.95|. Bin 0.2 has one miss: 0.2."""
     record = boundary(
         0,
         frames=(frame("a", 0, "victim[1]"),),
@@ -176,21 +193,21 @@ def test_calibration_error_over_ten_bins(of) -> None:  # type: ignore[no-untyped
 
 def test_rounds_count_ticks_and_categories(of) -> None:  # type: ignore[no-untyped-def]
     edge = report(1, "a", 1)[0]
-    found = metrics(
+    measured = metrics(
         of(
             boundary(1, messages=(replace(edge, category="assignment"), replace(edge, category="target_status"))),
             boundary(2, messages=(replace(edge, tick=2, category="target_status"),)),
             boundary(3, messages=(replace(edge, tick=3, category="other"), replace(edge, tick=3))),
         )
     )
-    assert found.rounds == 2 and found.messages == 5
+    assert measured.rounds == 2 and measured.messages == 5
 
 
 def test_decisions_receipts_and_absences(of) -> None:  # type: ignore[no-untyped-def]
     absent = Absent(entity="uav[1]", camera="nadir", tick=1, reason="late")
     idle = DecisionRecord(agent="a", decision=Decision(), substituted="policy_timeout")
     receipt = Receipt(request="c", tick=1, sender="a", resource="r", status="rejected", reason="conflict")
-    found = metrics(
+    measured = metrics(
         of(
             boundary(
                 1,
@@ -200,12 +217,12 @@ def test_decisions_receipts_and_absences(of) -> None:  # type: ignore[no-untyped
             )
         )
     )
-    assert (found.substitutions, found.idle_fraction, found.conflicts, found.rejections) == (1, None, 1, 2)
-    assert found.absent_frames == 1
+    assert (measured.substitutions, measured.idle_fraction, measured.conflicts, measured.rejections) == (1, None, 1, 2)
+    assert measured.absent_frames == 1
 
 
 def test_targets_too_faint_to_see_are_counted_and_not_missed(trace: Trace) -> None:
-    """One more target in every picture without any: missed where it can be seen, counted where it cannot."""
+    """One target is added to every picture without a target. A visible one is missed, a faint one is counted."""
     more = (Box(entity="victim[1]", cls="person_in_water", box=BOX, pixels=9, contrast=3.0),)
 
     def told(field: str) -> Metrics:
@@ -223,7 +240,7 @@ def test_targets_too_faint_to_see_are_counted_and_not_missed(trace: Trace) -> No
     assert faint.f1 == metrics(trace).f1
 
 
-def test_executors_and_their_reach_come_from_the_rules(trace: Trace) -> None:
+def test_executors_and_their_radii_follow_from_the_rules(trace: Trace) -> None:
     assert service_radii(trace.header.instance) == (ServiceRadius("boat", "victim", 50.0),)
 
 
@@ -256,7 +273,7 @@ def test_rep_counts_requests_and_entries(of) -> None:  # type: ignore[no-untyped
     assert repeated_target_rate(of(*steps[:4], done, *again)) == 2 / 4
 
 
-def test_rep_sees_commands_of_those_who_do_not_embody_the_executor(of) -> None:  # type: ignore[no-untyped-def]
+def test_rep_counts_commands_of_agents_that_do_not_control_the_executor(of) -> None:  # type: ignore[no-untyped-def]
     far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
 
     def go(tick: int, sender: str, x: float) -> Command:
@@ -271,11 +288,11 @@ def test_rep_sees_commands_of_those_who_do_not_embody_the_executor(of) -> None: 
     assert repeated_target_rate(of(own, first, other)) == 1 / 3
 
 
-def test_one_sender_says_and_commands_it_once(of) -> None:  # type: ignore[no-untyped-def]
+def test_a_message_and_a_command_of_one_sender_are_one_request(of) -> None:  # type: ignore[no-untyped-def]
     far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
     command = Command(id="c", tick=1, sender="scout[1]", resource="boat", verb="moveTo", arguments={"x": 0.0, "y": 0.0})
-    said = assignment(1, "scout[1]", "skipper", position=(0.0, 0.0, 0.0))
-    assert repeated_target_rate(of(boundary(1, snapshots=(far,), commands=(command,), messages=(said,)))) == 0.0
+    message = assignment(1, "scout[1]", "skipper", position=(0.0, 0.0, 0.0))
+    assert repeated_target_rate(of(boundary(1, snapshots=(far,), commands=(command,), messages=(message,)))) == 0.0
 
 
 def test_a_mission_without_targets_has_no_gap(of, trace: Trace, synthetic: ModuleType) -> None:  # type: ignore[no-untyped-def]
@@ -286,8 +303,8 @@ def test_a_mission_without_targets_has_no_gap(of, trace: Trace, synthetic: Modul
     assert metrics(Trace(trace.path, trace.header, (), trace.outcome, False)).gap == 0.0
 
 
-def test_a_grid_that_nobody_observes_has_no_coverage(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """As where a grid only names the quarters of a city: nobody could visit its cells."""
+def test_an_unobserved_grid_has_no_coverage(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """A grid may only name the quarters of a city. No agent can visit its cells."""
     instance = trace.header.instance
     blind = tuple(
         replace(agent, observes=tuple(channel for channel in agent.observes if channel.source != "grid"))
@@ -299,9 +316,9 @@ def test_a_grid_that_nobody_observes_has_no_coverage(of, trace: Trace) -> None: 
 
 
 def test_metrics_are_plain_data(trace: Trace) -> None:
-    found = metrics(trace)
-    assert msgspec.json.decode(msgspec.json.encode(found), type=Metrics) == found
-    assert all(math.isfinite(v) for v in msgspec.to_builtins(found).values() if isinstance(v, float))
+    measured = metrics(trace)
+    assert msgspec.json.decode(msgspec.json.encode(measured), type=Metrics) == measured
+    assert all(math.isfinite(v) for v in msgspec.to_builtins(measured).values() if isinstance(v, float))
 
 
 @pytest.mark.parametrize(
@@ -312,8 +329,8 @@ def test_numbers(value: object, count: int, expected: object) -> None:
     assert numbers(value, count) == expected
 
 
-def test_the_gap_of_a_delivery_is_the_mass_that_is_still_due(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """250 kg and 100 kg are ordered; 150 kg of the first are confirmed: 200 of 350 kg are due."""
+def test_the_gap_of_a_delivery_is_the_undelivered_mass(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """250 kg and 100 kg are ordered, and 150 kg are confirmed: 200 of 350 kg are incomplete."""
     demand = Attr(base=Ref(name="p", kind="local"), name="demand_kg")
     served = Rule(
         name="served",
@@ -327,50 +344,50 @@ def test_the_gap_of_a_delivery_is_the_mass_that_is_still_due(of, trace: Trace) -
         )
         for number, mass in ((1, 250.0), (2, 100.0))
     )  # fmt: skip
-    asked = Call(function="served", arguments=(Ref(name="p", kind="local"),), rule=True)
-    success = Quantified(quantifier="forall", variable="p", domain="point", body=asked)
+    call = Call(function="served", arguments=(Ref(name="p", kind="local"),), rule=True)
+    success = Quantified(quantifier="forall", variable="p", domain="point", body=call)
     instance = replace(trace.header.instance, entities=points, rules=(served,), success=success)
     states = (
         BodyState(id="point[1]", position=(0.0, 0.0, 0.0), resources={"demand": 100.0}),
         BodyState(id="point[2]", position=(0.0, 0.0, 0.0), resources={"demand": 100.0}),
     )
     played = boundary(1, snapshots=(Snapshot(time_s=10.0, states=states),))
-    found = metrics(of(boundary(0), played, header=replace(trace.header, instance=instance)))
-    assert found.gap == pytest.approx(100.0 * 200.0 / 350.0)
+    measured = metrics(of(boundary(0), played, header=replace(trace.header, instance=instance)))
+    assert measured.gap == pytest.approx(100.0 * 200.0 / 350.0)
 
 
 def lone_report(tick: int, status: str = "accepted") -> BoundaryRecord:
-    """Somebody on his own reports the target of the picture `a`, after a message that the bus refused."""
+    """Return a boundary in which a lone agent reports the target of picture `a` after a rejected message."""
     body = {"frame": "a", "class": "person_in_water", "box": BOX, "position": (3.0, 4.0, 0.0)}
-    said = (Outgoing(kind="hello", body={}), Outgoing(kind="detection", body=body))  # type: ignore[arg-type]
+    messages = (Outgoing(kind="hello", body={}), Outgoing(kind="detection", body=body))  # type: ignore[arg-type]
     answers = tuple(
         Receipt(
             request=f"m{tick}-{number}", tick=tick, sender="scout[1]", resource=kind, status=word, by="bus", time_s=0.0
         )
         for number, kind, word in ((1, "hello", "rejected"), (2, "detection", status))
     )  # fmt: skip
-    made = DecisionRecord(agent="scout[1]", decision=Decision(messages=said))
+    made = DecisionRecord(agent="scout[1]", decision=Decision(messages=messages))
     hits = (matched(tick, "victim[1]", f"m{tick}-2"),) if status == "accepted" else ()
     return boundary(tick, decisions=(made,), receipts=answers, events=hits)
 
 
-def test_a_report_that_nobody_could_hear_counts(of) -> None:  # type: ignore[no-untyped-def]
+def test_a_report_without_recipients_counts(of) -> None:  # type: ignore[no-untyped-def]
     seen = boundary(1, frames=(frame("a", 1, "victim[1]"),))
-    found = metrics(of(boundary(0), seen, lone_report(2)))
-    assert (found.reports, found.detections, found.recall, found.messages) == (1, 1, 1.0, 0)
+    measured = metrics(of(boundary(0), seen, lone_report(2)))
+    assert (measured.reports, measured.detections, measured.recall, measured.messages) == (1, 1, 1.0, 0)
     refused = metrics(of(boundary(0), seen, lone_report(2, "rejected")))
     assert (refused.reports, refused.detections, refused.recall) == (0, 0, 0.0)
 
 
 def test_reports_that_no_rule_judges_are_neither_true_nor_false(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     header = replace(trace.header, instance=replace(trace.header.instance, rules=()))
-    found = metrics(of(boundary(1, frames=(frame("a", 1, "victim[1]"),), messages=report(1, "a", 1)), header=header))
-    assert (found.reports, found.false_positives, found.misses) == (1, 0, 0)
-    assert (found.precision, found.recall, found.hallucination_rate) == (None, None, None)
+    measured = metrics(of(boundary(1, frames=(frame("a", 1, "victim[1]"),), messages=report(1, "a", 1)), header=header))
+    assert (measured.reports, measured.false_positives, measured.misses) == (1, 0, 0)
+    assert (measured.precision, measured.recall, measured.hallucination_rate) == (None, None, None)
 
 
 def courier_service(trace: Trace) -> object:
-    """The header of a delivery: two vans of 200 kg, stops of 250 kg and 100 kg that are served within 30 m, a depot."""
+    """A delivery: two vans with 200 kg, stops that need 250 kg and 100 kg within 30 m, and a depot."""
     deliver = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load")
     restock = InteractionSpec(name="restock", by="road", within_m=50.0, gives="load")
 
@@ -392,16 +409,16 @@ def courier_service(trace: Trace) -> object:
         for name, van in (("driver[1]", "van[1]"), ("driver[2]", "van[2]"))
     )
     unlock = Unlock(interaction="deliver", parameters=(), condition=Number(value=1.0))
-    asked = Call(function="served", arguments=(), rule=True)
+    served = Call(function="served", arguments=(), rule=True)
     instance = replace(
-        trace.header.instance, entities=entities, agents=agents, rules=(), unlocks=(unlock,), success=asked
+        trace.header.instance, entities=entities, agents=agents, rules=(), unlocks=(unlock,), success=served
     )
     return replace(trace.header, instance=instance)
 
 
-def vans(tick: int, one: float, two: float, mps: float = 0.0) -> Snapshot:
-    """The stops 1000 m apart and the vans so far east, the first one at a speed."""
-    places = {"depot": -1000.0, "point[1]": 0.0, "point[2]": 1000.0, "van[1]": one, "van[2]": two}
+def vans(tick: int, first: float, second: float, mps: float = 0.0) -> Snapshot:
+    """Return a snapshot with stops 1000 m apart and two vans at the given eastings; the first van has a speed."""
+    places = {"depot": -1000.0, "point[1]": 0.0, "point[2]": 1000.0, "van[1]": first, "van[2]": second}
     states = tuple(
         BodyState(id=name, position=(x, 0.0, 0.0), velocity=(mps if name == "van[1]" else 0.0, 0.0, 0.0))
         for name, x in places.items()
@@ -409,7 +426,7 @@ def vans(tick: int, one: float, two: float, mps: float = 0.0) -> Snapshot:
     return Snapshot(time_s=10.0 * tick, states=states)
 
 
-def test_executors_come_from_the_interactions_of_targets(trace: Trace) -> None:
+def test_executors_follow_from_the_interactions_of_targets(trace: Trace) -> None:
     header = courier_service(trace)
     assert service_radii(header.instance) == (
         ServiceRadius("van[1]", "point", 30.0),
@@ -418,7 +435,7 @@ def test_executors_come_from_the_interactions_of_targets(trace: Trace) -> None:
 
 
 def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """250 kg are for two vans; that a driver takes what the planner gives it is no request; the depot is no target."""
+    """250 kg need two vans. A driver's consent is no request, and the depot is no target."""
     header, away = courier_service(trace), vans(0, -500.0, 500.0)
 
     def tour(tick: int, driver: str, *stops: str) -> Envelope:
@@ -429,16 +446,16 @@ def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: 
 
     plan = boundary(1, snapshots=(away,), messages=(
         tour(1, "driver[1]", "point[1]"), tour(1, "driver[2]", "point[1]", "point[2]")))  # fmt: skip
-    taken = boundary(2, snapshots=(away,), messages=(
+    consent = boundary(2, snapshots=(away,), messages=(
         claim(2, "driver[1]", 3.0), claim(2, "driver[2]", 0.0), claim(2, "driver[2]", 990.0)))  # fmt: skip
     assert repeated_target_rate(of(plan, header=header)) == 0.0
-    assert repeated_target_rate(of(plan, taken, header=header)) == 0.0
+    assert repeated_target_rate(of(plan, consent, header=header)) == 0.0
     again = boundary(3, snapshots=(away,), messages=(claim(3, "driver[1]", 1000.0),))
-    assert repeated_target_rate(of(plan, taken, again, header=header)) == 1 / 3
+    assert repeated_target_rate(of(plan, consent, again, header=header)) == 1 / 3
 
 
 def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """Driving past is an entry: the paper's region asks for no stop. 31 m away is none."""
+    """Driving past is an entry, because the paper requires no stop. A pass at 31 m is none."""
     header = courier_service(trace)
     past = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0), vans(1, 29.0, 500.0, 9.0), vans(1, 31.0, 500.0, 9.0)))
     assert repeated_target_rate(of(past, header=header)) == 0.0
@@ -452,8 +469,8 @@ def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  
     )
 
 
-def test_rep_counts_acts_from_afar(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """Each is an entry by a van, which is outside again at once; who serves no stop has no region to leave."""
+def test_rep_counts_distant_acts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """Each act is an entry of a van, which is outside again at once. An asset without a region cannot leave it."""
     header = courier_service(trace)
     part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=9.0, values={"left_kg": 50.0})
     stranger = replace(part, entities=("point[1]", "depot"))
@@ -471,8 +488,8 @@ def test_rep_counts_acts_from_afar(of, trace: Trace) -> None:  # type: ignore[no
 
 
 def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-def]
-    """The boat lies still: one person drifts into its region, out of it and in again, with the end of a boundary in
-    between; the other one comes as near only in eastings."""
+    """The boat lies still. One person drifts into its region, out of it and in again across a boundary. The other one
+    is close in eastings only."""
     away, inside = (60.0, 0.0), (50.0, 0.0)
     drift = [
         at(tick, v1=place, v2=(10.0, 70.0), boat=(0.0, 0.0))
@@ -483,7 +500,7 @@ def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-d
     assert target_events(of(first, second)) == (0, 2)
 
 
-def test_rep_of_what_is_completed(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_rep_of_completed_targets(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     header = courier_service(trace)
     part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=10.0, values={"left_kg": 50.0})
     first = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),), task_events=(part,))

@@ -1,4 +1,4 @@
-"""The metrics of behaviour, search, confusion, attention and pools, each against a count by hand."""
+"""Metrics of behaviour, search, confusion and attention, and pooled metrics, compared with counts by hand."""
 
 import csv
 import io
@@ -43,7 +43,7 @@ replace = msgspec.structs.replace
 
 
 def played(*traces: Trace) -> Played:
-    """What the verb counts of them."""
+    """Return the traces as the input of pooled metrics."""
     return Played(tuple(filter(retained, (report_of(trace, "someone") for trace in traces))))
 
 
@@ -56,14 +56,16 @@ def of(trace: Trace):  # type: ignore[no-untyped-def]
 
 
 def step(tick: int, verb: str, reason: str = "", status: str = "accepted", **arguments: object) -> dict[str, object]:
-    """What a boundary holds of one command of scout[1]."""
+    """Return the fields of a boundary with one command of scout[1]."""
     made = DecisionRecord(agent="scout[1]", decision=Decision(command=Action(verb=verb, arguments=arguments)))  # type: ignore[arg-type]
-    told = Receipt(request=f"c{tick}-1", tick=tick, sender="scout[1]", resource="uav[1]", status=status, reason=reason)  # type: ignore[arg-type]
-    return {"decisions": (made,), "receipts": (told,)}
+    receipt = Receipt(
+        request=f"c{tick}-1", tick=tick, sender="scout[1]", resource="uav[1]", status=status, reason=reason
+    )  # type: ignore[arg-type]
+    return {"decisions": (made,), "receipts": (receipt,)}
 
 
 def test_adherence_repetition_and_bounds_are_counted_by_action(of) -> None:  # type: ignore[no-untyped-def]
-    """Six actions: good; the same again to the metre; clipped; refused as busy; refused for a height; good."""
+    """Six actions: good; the same within a metre; clipped; rejected as busy; rejected for its altitude; good."""
     there = of(
         boundary(0),
         boundary(1, **step(1, "forward", distance=10.2)),
@@ -73,14 +75,14 @@ def test_adherence_repetition_and_bounds_are_counted_by_action(of) -> None:  # t
         boundary(5, **step(5, "down", "altitude", "rejected", distance=5.0)),
         boundary(6, **step(6, "stop")),
     )
-    found = actions(there)
-    assert [one.adherent for one in found] == [True, True, False, False, False, True]
-    assert [one.out_of_bounds for one in found] == [False, False, True, False, True, False]
-    assert [one.repeated for one in found] == [None, True, False, False, False, False]
-    assert [one.third for one in found] == [0, 0, 1, 1, 2, 2]
-    rates = behaviour(found)
+    judged = actions(there)
+    assert [action.adherent for action in judged] == [True, True, False, False, False, True]
+    assert [action.out_of_bounds for action in judged] == [False, False, True, False, True, False]
+    assert [action.repeated for action in judged] == [None, True, False, False, False, False]
+    assert [action.third for action in judged] == [0, 0, 1, 1, 2, 2]
+    rates = behaviour(judged)
     assert (rates.actions, rates.adherence, rates.repetition, rates.out_of_bounds) == (6, 3 / 6, 1 / 5, 2 / 6)
-    thirds = {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(found), strict=True)}
+    thirds = {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(judged), strict=True)}
     assert [thirds[name].adherence for name in ("early", "mid", "late")] == [1.0, 0.0, 0.5]
     assert [thirds[name].out_of_bounds for name in ("early", "mid", "late")] == [0.0, 0.5, 0.5]
     assert behaviour(()).adherence is None
@@ -94,16 +96,16 @@ def test_a_broken_constraint_is_an_action_out_of_bounds(of, trace: Trace) -> Non
     broken = AdjudicatedEvent(id="e1", kind="fence", tick=1, time_s=10.0, bindings=("uav[1]",))
     other = replace(broken, bindings=("uav[2]",))
     for event, expected in ((broken, True), (other, False)):
-        (one,) = actions(of(boundary(0), boundary(1, events=(event,), **step(1, "stop")), header=header))
-        assert (one.out_of_bounds, one.adherent) == (expected, not expected)
+        (action,) = actions(of(boundary(0), boundary(1, events=(event,), **step(1, "stop")), header=header))
+        assert (action.out_of_bounds, action.adherent) == (expected, not expected)
 
 
-def test_a_constraint_is_broken_by_the_action_under_way_not_by_one_that_was_refused(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """The body leaves the fence two ticks after it was sent off, when another command was refused as busy."""
+def test_a_constraint_is_broken_by_the_running_action_and_not_by_a_rejected_one(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """The body leaves the fence two ticks after its command. Another command was rejected as busy in between."""
     fence = Constraint(name="fence", kind="hard", condition=Flag(True))
     header = replace(trace.header, instance=replace(trace.header.instance, constraints=(fence,)))
     event = AdjudicatedEvent(id="e3", kind="fence", tick=3, time_s=30.0, bindings=("uav[1]",))
-    found = actions(
+    judged = actions(
         of(
             boundary(0),
             boundary(1, **step(1, "forward", distance=40.0)),
@@ -112,33 +114,33 @@ def test_a_constraint_is_broken_by_the_action_under_way_not_by_one_that_was_refu
             header=header,
         )
     )
-    assert [(one.verb, one.out_of_bounds, one.adherent) for one in found] == [
+    assert [(action.verb, action.out_of_bounds, action.adherent) for action in judged] == [
         ("forward", True, False), ("takePhoto", False, False)
     ]  # fmt: skip
 
 
-def test_doing_nothing_and_substituted_answers_are_no_actions(of) -> None:  # type: ignore[no-untyped-def]
+def test_idle_ticks_and_substituted_decisions_are_no_actions(of) -> None:  # type: ignore[no-untyped-def]
     idle = DecisionRecord(agent="scout[1]", decision=Decision())
     lost = DecisionRecord(agent="scout[1]", decision=Decision(command=Action(verb="stop")), substituted="malformed")
     assert actions(of(boundary(0), boundary(1, decisions=(idle,)), boundary(2, decisions=(lost,)))) == ()
 
 
 def test_forgotten_subgoals_are_completed_targets_and_others_than_the_assigned_one(of) -> None:  # type: ignore[no-untyped-def]
-    """The boat goes to victim[1], is assigned victim[2], goes to victim[1], which is rescued, and goes there again."""
+    """The boat goes to victim[1], is assigned victim[2], goes to victim[1] until its rescue, and goes there again."""
     here = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(900.0, 0.0))
 
     def go(tick: int, east: float) -> dict[str, object]:
         command = Action(verb="moveTo", arguments={"x": east, "y": 0.0})
         made = DecisionRecord(agent="skipper", decision=Decision(command=command))
-        told = Receipt(request=f"c{tick}-1", tick=tick, sender="skipper", resource="boat", status="accepted")
-        return {"decisions": (made,), "receipts": (told,), "snapshots": (replace(here, time_s=10.0 * tick),)}
+        receipt = Receipt(request=f"c{tick}-1", tick=tick, sender="skipper", resource="boat", status="accepted")
+        return {"decisions": (made,), "receipts": (receipt,), "snapshots": (replace(here, time_s=10.0 * tick),)}
 
     assigned = Envelope(
         id="m2-1", tick=2, sender="scout[1]", recipient="skipper", kind="assignment", category="assignment",
         body={"assignee": "skipper", "position": (500.0, 0.0, 0.0)}, bytes=9, deliver_at=3,
     )  # fmt: skip
     rescued = AdjudicatedEvent(id="e4", kind="rescued", tick=4, time_s=40.0, bindings=("victim[1]",))
-    found = actions(
+    judged = actions(
         of(
             boundary(0, snapshots=(here,)),
             boundary(1, **go(1, 0.0)),
@@ -150,11 +152,11 @@ def test_forgotten_subgoals_are_completed_targets_and_others_than_the_assigned_o
             boundary(7, **go(7, 700.0)),
         )
     )
-    assert [one.forgotten for one in found] == [False, True, True, False, False]
+    assert [action.forgotten for action in judged] == [False, True, True, False, False]
 
 
 def test_redundant_revisits_count_entries_of_covered_cells(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """Over cell A, over A still, over B, over A again, and another's picture over B: four visits, two redundant."""
+    """Over A, still over A, over B, over A again, and over B by another UAV: four visits, two redundant."""
     cells = list(trace.header.instance.cells)
     first, second = (
         cells[0],
@@ -167,7 +169,7 @@ def test_redundant_revisits_count_entries_of_covered_cells(of, trace: Trace) -> 
 
     places = [(1, first), (2, first), (3, second), (4, first), (5, second)]
     frames = [over(number, cell, "uav[2]" if number == 5 else "uav[1]") for number, cell in places]
-    there = of(boundary(0), *(boundary(n, frames=(one,)) for n, one in enumerate(frames, 1)))
+    there = of(boundary(0), *(boundary(n, frames=(picture,)) for n, picture in enumerate(frames, 1)))
     assert redundant_revisit_rate(there) == 2 / 4
     front = replace(frames[0], pose=CameraPose(position=(0.0, 0.0, 10.0), heading_deg=0.0, tilt_deg=0.0))
     assert redundant_revisit_rate(of(boundary(0), boundary(1, frames=(front,)))) is None
@@ -185,8 +187,8 @@ def test_communication_at_discovery_counts_messages_of_the_tick_of_a_first_match
     assert communication_at_discovery(of(boundary(0))) is None
 
 
-def test_a_report_of_something_else_is_a_confusion_and_one_of_nothing_is_not(of) -> None:  # type: ignore[no-untyped-def]
-    """Four frames: a buoy taken for a person, a person found, water taken for a person, nothing said."""
+def test_a_report_of_another_object_is_a_confusion_and_one_of_nothing_is_not(of) -> None:  # type: ignore[no-untyped-def]
+    """Four frames: a buoy reported as a person, a person, water reported as a person, no report."""
     buoy = Box(entity="buoy[1]", cls="buoy", box=(0.4, 0.4, 0.5, 0.52), pixels=40)
     there = of(
         boundary(0),
@@ -195,14 +197,14 @@ def test_a_report_of_something_else_is_a_confusion_and_one_of_nothing_is_not(of)
         boundary(3, frames=(frame("c", 3),), messages=report(1, "b", 3), events=(matched(3, "victim[1]", "m3-1"),)),
         boundary(4, frames=(frame("d", 4),), messages=report(1, "c", 4)),
     )
-    found = detect(there)
+    detection = detect(there)
     assert iou((0.4, 0.4, 0.5, 0.5), buoy.box) == pytest.approx(0.1 * 0.1 / (0.1 * 0.12))
-    assert [confused_with(there, one) for one in found.reports] == ["buoy[1]", None, None]
-    assert (found.confusion_rate, found.hallucination_rate) == (1 / 4, 2 / 4)
+    assert [confused_with(there, report) for report in detection.reports] == ["buoy[1]", None, None]
+    assert (detection.confusion_rate, detection.hallucination_rate) == (1 / 4, 2 / 4)
 
 
 def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    """Of 5 by 5 cells one is attended: mean 0.04, deviation 0.196; its cell is (0.4, 0.4) to (0.6, 0.6)."""
+    """One of 5 by 5 cells has attention: mean 0.04, deviation 0.196. The cell is (0.4, 0.4) to (0.6, 0.6)."""
     cells = np.zeros((5, 5))
     cells[2, 2] = 1.0
     assert box_iou(cells, (0.4, 0.4, 0.6, 0.6)) == pytest.approx(1.0)
@@ -226,7 +228,7 @@ def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path)
         (np.array([[np.nan]]), "not finite"),
     ],
 )
-def test_attention_that_is_none_is_named(array: object, words: str, tmp_path: Path) -> None:
+def test_invalid_attention_is_named(array: object, words: str, tmp_path: Path) -> None:
     np.savez(tmp_path / "m.npz", f1=array)
     with pytest.raises(UsageError, match=words):
         read_attention(tmp_path / "m.npz")
@@ -235,7 +237,7 @@ def test_attention_that_is_none_is_named(array: object, words: str, tmp_path: Pa
         read_attention(tmp_path / "n.npz")
 
 
-def test_files_that_are_no_whole_archive_of_maps_are_named(tmp_path: Path) -> None:
+def test_invalid_archives_of_maps_are_named(tmp_path: Path) -> None:
     np.save(tmp_path / "one.npy", np.ones((3, 3)))
     (tmp_path / "empty.npz").touch()
     np.savez_compressed(tmp_path / "damaged.npz", f1=np.arange(900.0).reshape(30, 30))
@@ -253,7 +255,7 @@ def test_files_that_are_no_whole_archive_of_maps_are_named(tmp_path: Path) -> No
 
 
 def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """SSR won in star (1 of 1) and half the time in broadcast, BI lost: ((1 + 0.5) / 2 + 0) / 2."""
+    """SSR is won in star (1 of 1) and in half of the broadcast episodes, BI is lost: ((1 + 0.5) / 2 + 0) / 2."""
     assert trace.outcome is not None
 
     def episode(mission: str, mode: str, seed: int, won: bool, reason: str = "") -> Trace:
@@ -262,20 +264,20 @@ def test_pools_add_up_counts_and_balance_tasks(of, trace: Trace) -> None:  # typ
         outcome = replace(trace.outcome, success=won, reason=reason or ("success" if won else "budget"))
         return of(boundary(0), header=replace(trace.header, instance=instance), outcome=outcome)
 
-    told = together(played(
+    pooled = together(played(
         episode("ssr", "star", 1, True), episode("ssr", "broadcast", 1, True), episode("ssr", "broadcast", 2, False),
         episode("bi", "single", 1, False), episode("bi", "single", 2, False, "infrastructure-abort"),
     ))  # fmt: skip
-    assert told["retained"] == 4
-    assert told["tsr"] == 2 / 4 and told["macro_average"] == 0.375
+    assert pooled["retained"] == 4
+    assert pooled["tsr"] == 2 / 4 and pooled["macro_average"] == 0.375
     nothing = together(played())
     assert nothing["tsr"] is None and nothing["macro_average"] is None
 
 
 def test_perception_is_pooled_over_the_frames_of_retained_episodes(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
-    """One picture with a match 3 m east and 4 m north off, two with nothing found; what was cut short is left out."""
+    """One picture has a match with an error of (3, 4) m, two have none. An episode that was cut short is left out."""
     over = replace(trace.outcome, reason="budget", success=False)
-    found = of(
+    detected = of(
         boundary(0, snapshots=(at(0, v1=(0.0, 0.0), boat=(900.0, 0.0)),)),
         boundary(1, frames=(frame("a", 1, "victim[1]"),), snapshots=(at(1, v1=(0.0, 0.0), boat=(900.0, 0.0)),)),
         boundary(2, messages=report(1, "a", 2), events=(matched(2, "victim[1]", "m2-1"),)),
@@ -283,16 +285,21 @@ def test_perception_is_pooled_over_the_frames_of_retained_episodes(of, trace: Tr
     )
     blind = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"), frame("b", 1, "victim[2]"))), outcome=over)
     cut = of(boundary(0), boundary(1, frames=(frame("a", 1, "victim[1]"),)), outcome=replace(over, reason="error"))
-    told = together(played(found, blind, cut))["perception"]
-    assert (told["precision"], told["recall"], told["f1"], told["miss_rate"]) == (1.0, 1 / 3, 0.5, 2 / 3)
-    assert (told["hallucination_rate"], told["confusion_rate"]) == (0.0, 0.0)
-    assert (told["localisation_error_m"], told["calibration_error"]) == (5.0, None)
+    perception = together(played(detected, blind, cut))["perception"]
+    assert (perception["precision"], perception["recall"], perception["f1"], perception["miss_rate"]) == (
+        1.0,
+        1 / 3,
+        0.5,
+        2 / 3,
+    )
+    assert (perception["hallucination_rate"], perception["confusion_rate"]) == (0.0, 0.0)
+    assert (perception["localisation_error_m"], perception["calibration_error"]) == (5.0, None)
     assert together(played(cut))["perception"]["miss_rate"] is None
 
 
 def test_calibration_weighs_ten_bins_by_their_reports() -> None:
-    """0.95 and 0.91 in one bin with one hit: |1 - 1.86| = 0.86; 0.25 alone and false: 0.25; over three. What is outside
-    0..1 counts in the nearest bin."""
+    """0.95 and 0.91 are in one bin with one hit: |1 - 1.86| = 0.86. 0.25 is false: 0.25. The sum is divided by three.
+    A confidence outside 0..1 counts in the nearest bin."""
     assert calibration_error([(0.95, True), (0.91, False), (0.25, False)]) == pytest.approx((0.86 + 0.25) / 3)
     assert calibration_error([(1.0, True), (0.95, True)]) == pytest.approx(0.05 / 2)
     assert calibration_error([(1e308, False), (-0.5, False)]) is not None
@@ -300,16 +307,16 @@ def test_calibration_weighs_ten_bins_by_their_reports() -> None:
 
 
 def test_repeated_events_and_stages_are_pooled(trace: Trace) -> None:
-    """1 of 2 and 0 of 8 events: 0.1, where the mean of rates would be 0.25; two episodes, one to its first stage."""
-    (one,) = played(trace).episodes
+    """1 of 2 and 0 of 8 events are 0.1; the mean of rates would be 0.25. One of two episodes has its first stage."""
+    (template,) = played(trace).episodes
 
     def episode(rep: float, events: int, detected: bool) -> EpisodeReport:
         done = {"detect": detected, "locate": False}
         stages = tuple(StageMetric(name=name, done=0, required=1, cumulative=whole) for name, whole in done.items())
-        return replace(one, metrics=replace(one.metrics, rep=rep, target_events=events, stages=stages))
+        return replace(template, metrics=replace(template.metrics, rep=rep, target_events=events, stages=stages))
 
-    told = together(Played((episode(0.5, 2, True), episode(0.0, 8, False))))
-    assert told["repeated_target_rate"] == 0.1 and told["stages"] == {"ssr": {"detect": 0.5, "locate": 0.0}}
+    pooled = together(Played((episode(0.5, 2, True), episode(0.0, 8, False))))
+    assert pooled["repeated_target_rate"] == 0.1 and pooled["stages"] == {"ssr": {"detect": 0.5, "locate": 0.0}}
     assert together(Played(()))["repeated_target_rate"] is None
 
 
@@ -345,26 +352,28 @@ def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore
     assert math.isnan(played(cut).cost_factor(played(more)))
 
 
-def test_the_verb_gives_a_table_json_and_csv(trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_a_table_json_and_csv(
+    trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["metrics", str(trace.path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "mission: ssr" and "tsr: 1" in lines and "json_compliance: N/A" in lines
     copy = shutil.copy(trace.path, tmp_path / "copy.mcap")
     assert main(["metrics", "-j", "2", "--output-format", "json", str(trace.path), str(copy)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert len(told["episodes"]) == 2 and told["together"]["tsr"] == 1.0
-    assert set(told["together"]["terciles"]) == {"early", "mid", "late"}
+    document = json.loads(capsys.readouterr().out)
+    assert len(document["episodes"]) == 2 and document["together"]["tsr"] == 1.0
+    assert set(document["together"]["terciles"]) == {"early", "mid", "late"}
     assert main(["metrics", "--output-format", "csv", "-o", str(tmp_path / "m.csv"), str(trace.path)]) == 0
     (row,) = csv.DictReader((tmp_path / "m.csv").open(encoding="utf-8"))
     assert row["mission"] == "ssr" and row["stages"].startswith("detect 3/3; ") and row["json_compliance"] == ""
-    assert told["together"]["repeated_target_rate"] == told["episodes"][0]["rep"]
-    assert told["together"]["perception"]["f1"] == told["episodes"][0]["f1"]
-    assert told["together"]["stages"]["ssr"]["detect"] == 1.0
+    assert document["together"]["repeated_target_rate"] == document["episodes"][0]["rep"]
+    assert document["together"]["perception"]["f1"] == document["episodes"][0]["f1"]
+    assert document["together"]["stages"]["ssr"]["detect"] == 1.0
     assert main(["metrics", "--attention", "x.npz", str(trace.path), str(trace.path)]) == 2
     assert main(["metrics", str(trace.path), "--baseline", "none.mcap"]) == 2
 
 
-def test_a_formula_in_a_name_stays_a_text() -> None:
+def test_a_formula_in_a_name_remains_text() -> None:
     stages = [{"name": "=cmd|' /C calc'!A0", "done": 0, "required": 1}]
     (cells,) = list(csv.reader(io.StringIO(as_csv([{"policy": "=1+1", "stages": stages}]))))[1:]
     assert all(cell.startswith("'=") for cell in cells)

@@ -1,4 +1,4 @@
-"""The overview is drawn for whole, cut, empty and odd traces, and its labels keep out of each other's way."""
+"""The overview of whole, cut, empty and odd traces, and the placement of its labels."""
 
 import dataclasses
 import itertools
@@ -33,8 +33,8 @@ def drawn(trace: Trace, path: Path) -> np.ndarray:
     return np.asarray(Image.open(path).convert("RGB"))
 
 
-def test_a_title_is_written_as_it_is(trace: Trace, tmp_path: Path) -> None:
-    """A dollar sign begins no formula, least of all one that cannot be read."""
+def test_a_title_is_drawn_literally(trace: Trace, tmp_path: Path) -> None:
+    """A dollar sign begins no formula, valid or not."""
     header = replace(trace.header, instance=replace(trace.header.instance, title=r"$\frac{$ of $x_1$"))
     assert drawn(dataclasses.replace(trace, header=header), tmp_path / "overview.png").shape == (1200, 1800, 3)
 
@@ -45,28 +45,31 @@ def titled(trace: Trace, title: str) -> Trace:
 
 
 def test_a_title_in_chinese_is_written_in_a_font_that_has_it(trace: Trace, tmp_path: Path) -> None:
-    """However old matplotlib's list of fonts is: two titles that differ in their letters would be the same boxes."""
+    """matplotlib's list of fonts may be old. Without the font, two titles would be drawn as equal boxes."""
     if fonts.letters_without_a_font("海上搜救"):
         pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
     pages = [drawn(titled(trace, title), tmp_path / "overview.png") for title in ("海上", "搜救")]
     assert (pages[0][:60] != pages[1][:60]).any()
 
 
-def test_letters_that_no_font_has_are_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_letters_without_a_font_are_reported(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fonts, "_font_with", lambda letters: None)
     (note,) = draw_overview(titled(trace, "海上"), tmp_path / "overview.png")
     assert note.startswith("no font here has '") and "drawn as boxes" in note
     assert draw_overview(titled(trace, "Sea"), tmp_path / "overview.png") == ()
 
 
-def test_a_long_title_leaves_room_for_who_played(trace: Trace, tmp_path: Path) -> None:
+def test_a_long_title_leaves_room_for_the_policies(trace: Trace, tmp_path: Path) -> None:
     header = replace(trace.header, instance=replace(trace.header.instance, title="Sea rescue " * 12))
-    pages = [drawn(one, tmp_path / "overview.png") for one in (trace, dataclasses.replace(trace, header=header))]
+    pages = [
+        drawn(page_trace, tmp_path / "overview.png")
+        for page_trace in (trace, dataclasses.replace(trace, header=header))
+    ]
     right = [page[:50, 1450:1800] for page in pages]
     assert (right[0] == right[1]).all() and (pages[0] != pages[1]).any()
 
 
-def test_it_is_a_full_page_with_something_in_every_panel(trace: Trace, tmp_path: Path) -> None:
+def test_the_page_has_content_in_every_panel(trace: Trace, tmp_path: Path) -> None:
     page = drawn(trace, tmp_path / "overview.png")
     assert page.shape == (1200, 1800, 3)
     panels = {
@@ -82,7 +85,7 @@ def test_it_is_a_full_page_with_something_in_every_panel(trace: Trace, tmp_path:
         assert page[top:bottom, left:right].std() > 3.0, name
 
 
-def test_it_is_the_same_page_twice(trace: Trace, tmp_path: Path) -> None:
+def test_the_page_is_deterministic(trace: Trace, tmp_path: Path) -> None:
     draw_overview(trace, tmp_path / "a.png")
     draw_overview(trace, tmp_path / "b.png")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -108,7 +111,7 @@ def test_a_place_that_cannot_be_written_is_a_usage_error(trace: Trace, tmp_path:
         draw_overview(trace, tmp_path / "missing" / "o.png")
 
 
-def test_each_found_target_is_shown_before_anything_else(trace: Trace) -> None:
+def test_each_found_target_is_shown_first(trace: Trace) -> None:
     history = history_of(trace)
     views = best_views(history, 4)
     assert {view.entity for view in views[:3]} == {"victim[1]", "victim[2]", "victim[3]"}
@@ -125,7 +128,7 @@ def test_missed_targets_are_shown_when_nothing_was_reported(trace: Trace) -> Non
     assert len(views) == 3 and all("visible, not reported" in view.caption for view in views)
 
 
-def test_the_story_knows_every_fate(trace: Trace) -> None:
+def test_the_history_has_every_fate(trace: Trace) -> None:
     assert set(history_of(trace).fate.values()) == {"completed"}
     early = Trace(trace.path, trace.header, trace.boundaries[:10], None, False, trace.places)
     assert history_of(early).fate == {"victim[1]": "found", "victim[2]": "found", "victim[3]": "found"}
@@ -156,14 +159,14 @@ def test_colours_are_distinct_and_shades_end_at_white() -> None:
 
 
 def test_a_fleet_of_forty_can_be_read(trace: Trace) -> None:
-    """No name lies on another: lanes are named as far as there is room, batteries by the map's colours alone."""
+    """No name covers another. Lanes have names as far as there is room; batteries only have the map's colours."""
     history = history_of(trace)
-    agent, one = history.instance.agents[0], next(track for track in history.tracks_of("asset") if track.battery)
+    agent, track = history.instance.agents[0], next(track for track in history.tracks_of("asset") if track.battery)
     names = [f"uav[{place}]" for place in range(1, 41)]
     agents = tuple(replace(agent, id=name) for name in names)
-    body = next(entity for entity in history.instance.entities if entity.id == one.entity)
+    body = next(entity for entity in history.instance.entities if entity.id == track.entity)
     instance = replace(history.instance, agents=agents, entities=tuple(replace(body, id=name) for name in names))
-    tracks = {name: dataclasses.replace(one, entity=name) for name in names}
+    tracks = {name: dataclasses.replace(track, entity=name) for name in names}
     fleet = dataclasses.replace(history, instance=instance, tracks=tracks, messages=(), refusals=())
     figure = Figure(figsize=(18, 12))
     canvas = FigureCanvasAgg(figure)
@@ -186,7 +189,7 @@ def test_a_picture_that_cannot_be_decoded_is_not_called_missing(trace: Trace) ->
 
 
 def marks(history: History, *entities: str) -> list[str]:
-    """What stands in the dots of events about `entities`."""
+    """Return the texts in the dots of events of `entities`."""
     figure = Figure(figsize=(8, 2))
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
@@ -195,8 +198,8 @@ def marks(history: History, *entities: str) -> list[str]:
     return [text.get_text() for text in axes.texts]
 
 
-def test_a_dot_holds_its_targets_own_number(trace: Trace) -> None:
-    """A depot before twenty stops must not shift their numbers; two groups that share numbers are told apart."""
+def test_a_dot_contains_its_targets_index(trace: Trace) -> None:
+    """A depot before twenty stops must not shift their indices. Two groups with equal indices have letters."""
     history = history_of(trace)
     victims = [entity for entity in history.instance.entities if entity.group == "victim"]
     depot = replace(victims[0], id="depot", group="depot")
@@ -214,7 +217,7 @@ def test_a_dot_holds_its_targets_own_number(trace: Trace) -> None:
 
 
 def unjudged(trace: Trace, *, reporting: bool = True) -> Trace:
-    """The episode in a mission whose rules compare no report with the truth, or that knows no reports."""
+    """Return the episode with a mission that has no matching rule, or that has no reports."""
     instance = trace.header.instance
     messages = instance.messages if reporting else tuple(m for m in instance.messages if m.category != "report")
     header = replace(trace.header, instance=replace(instance, rules=(), messages=messages))
@@ -225,7 +228,7 @@ def unjudged(trace: Trace, *, reporting: bool = True) -> Trace:
 
 
 def with_reference(trace: Trace) -> Trace:
-    """The episode with a large reference picture of a target at its beginning."""
+    """Return the episode with a large reference picture of a target at its beginning."""
     frame = next(frame for frame in trace.frames.values() if frame.boxes)
     box = replace(frame.boxes[0], box=(0.0, 0.0, 1.0, 1.0), pixels=10**6)
     shown = replace(frame, id="r0", entity=box.entity, camera="reference", tick=0, time_s=0.0, boxes=(box,) * 9)
@@ -234,7 +237,7 @@ def with_reference(trace: Trace) -> Trace:
 
 
 def written(draw, *args: object, **options: object) -> list[str]:  # type: ignore[no-untyped-def]
-    """Every word that a panel draws, its legend's included."""
+    """Return all texts of a panel, with its legend."""
     figure = Figure(figsize=(9, 6))
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
@@ -254,13 +257,13 @@ def test_a_reference_picture_is_no_evidence(trace: Trace) -> None:
     assert metrics(shown).frames == metrics(trace).frames > 0
 
 
-def test_where_nobody_reports_the_last_picture_is_shown(trace: Trace) -> None:
+def test_without_reports_the_last_picture_is_shown(trace: Trace) -> None:
     silent = history_of(unjudged(trace, reporting=False))
     frame = whole_frame(silent)
     assert frame is not None and frame.tick == max(shot.tick for shot in silent.shots)
 
 
-def test_where_no_report_is_judged_nothing_is_called_missed_or_false(trace: Trace) -> None:
+def test_without_judged_reports_nothing_is_missed_or_false(trace: Trace) -> None:
     loose = unjudged(trace)
     history = history_of(loose)
     captions = [view.caption for view in best_views(history, 99)]
@@ -277,8 +280,8 @@ def test_where_no_report_is_judged_nothing_is_called_missed_or_false(trace: Trac
     assert "victim[1] missed" in written(draw_map, judged) and "false report" in written(draw_map, judged)
 
 
-def test_what_the_engine_recorded_looks_found(trace: Trace) -> None:
-    """A jam of which success asks nothing, over which somebody flew."""
+def test_a_target_that_the_engine_recorded_is_found(trace: Trace) -> None:
+    """Success does not require the jam, but an asset recorded it."""
     instance = trace.header.instance
     victim = next(entity for entity in instance.entities if entity.group == "victim")
     record = InteractionSpec(name="record", by="multirotor", within_m=25.0, status="recorded")
@@ -290,7 +293,7 @@ def test_what_the_engine_recorded_looks_found(trace: Trace) -> None:
     assert (history.fate["jam[1]"], history.fate["jam[2]"], history.deeds["jam[1]"]) == ("found", "aside", "recorded")
 
 
-def test_a_spent_budget_is_called_out_of_time(trace: Trace) -> None:
+def test_an_exhausted_budget_is_printed_as_out_of_time(trace: Trace) -> None:
     lost = replace(metrics(trace), success=False, reason="budget")
     assert "OUT OF TIME" in written(draw_score, lost, complete=True)
     assert "INFRASTRUCTURE ABORT" in written(draw_score, replace(lost, reason="infrastructure-abort"), complete=True)

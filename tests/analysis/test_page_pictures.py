@@ -1,4 +1,4 @@
-"""One picture of each camera, the best there is, and a map to go with it."""
+"""The best picture of each camera, and the map."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ def test_each_kind_of_camera_is_shown_once_with_a_target_in_view(trace: Trace) -
 
 
 def resized(trace: Trace, shares: dict[str, float]) -> Trace:
-    """The trace with its target boxes filling given shares of the picture, by frame; other frames show nothing."""
+    """Return the trace with target boxes of the given shares of the picture, by frame. Other frames have no boxes."""
     target = next(entity.id for entity in trace.header.instance.entities if entity.role == "target")
     boundaries = []
     for record in trace.boundaries:

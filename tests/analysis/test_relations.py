@@ -1,4 +1,4 @@
-"""The five coordination relations, as the boundaries of an episode show them."""
+"""Occurrences of the five coordination relations at boundaries."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ def found(relation: Relation, before: Registry, after: Registry, *edges: Envelop
 
 
 @pytest.mark.parametrize("place, handed_over", [((90.0, 1.0), True), ((90.5, 0.0), True), ((95.0, 0.0), False)])
-def test_a_hub_hands_over_what_it_was_told_when_it_names_the_same_place(place, handed_over):
+def test_a_hub_forwards_a_message_with_the_same_position(place, handed_over):
     relation = Relation(kind="information_handoff", source="searcher", target="rescuer", carries="detection")
-    told = Report("m2-1", "detection", "scout[2]", 2, {"position": (90.0, 0.0)})
+    report = Report("m2-1", "detection", "scout[2]", 2, {"position": (90.0, 0.0)})
     before = at(2)
-    before = before.with_reports((told,))
+    before = before.with_reports((report,))
     records = found(relation, before, at(3), edge("commander", "skipper", "order", position=place), mode="star")
     assert records == ([("information_handoff", "scout[2]", "skipper", "m3-1")] if handed_over else [])
 
 
-def test_what_no_hub_says_is_handed_over_by_nobody():
+def test_a_message_that_no_hub_forwards_is_no_handoff():
     relation = Relation(kind="information_handoff", source="searcher", target="rescuer", carries="detection")
     before = at(2).with_reports((Report("m2-1", "detection", "scout[2]", 2, {"position": (90.0, 0.0)}),))
     assert found(relation, before, at(3), edge("scout[1]", "skipper", "order", position=(90.0, 0.0))) == []
 
 
-def test_two_roles_cooperate_over_a_region_when_one_comes_in_while_the_other_is_there():
+def test_two_roles_cooperate_when_one_enters_a_region_with_the_other_inside():
     relation = Relation(kind="cooperation", source="searcher", target="rescuer", mutual=True, over="search")
     outside, inside = at(4, places={"boat": (0.0, -301.0)}), at(5)
     assert found(relation, outside, inside) == [
@@ -62,7 +62,7 @@ def test_two_roles_cooperate_over_a_region_when_one_comes_in_while_the_other_is_
 
 
 @pytest.mark.parametrize("north, competes", [(50.0, True), (50.1, False)])
-def test_who_is_at_a_target_that_another_gets_has_competed_for_it(north, competes):
+def test_an_agent_at_a_target_that_another_gets_has_competed_for_it(north, competes):
     relation = Relation(kind="competition", source="searcher", target="searcher", mutual=True, over="victim")
     before = at(4)
     after = at(5, places={"uav[2]": (100.0, north)}, emitted={("fetch", ("victim[1]", "uav[1]")): 50.0})
@@ -74,7 +74,7 @@ def test_who_is_at_a_target_that_another_gets_has_competed_for_it(north, compete
 FRAME = "f1-uav[1]-nadir"
 
 
-def test_relations_are_found_in_what_the_kernel_committed():
+def test_relations_are_detected_in_records_of_the_kernel():
     kernel = kit.make_kernel()
     followed = RelationTracker(kernel.instance)
     assert followed.take(kernel.reset().record) == ()
@@ -90,11 +90,11 @@ def test_relations_are_found_in_what_the_kernel_committed():
         ("information_handoff", "scout[1]", "skipper"),
         ("competition", "scout[2]", "boat"),  # the skipper is refused too, but competition is between searchers
     ]
-    later = [one for _ in range(3) for one in followed.take(kernel.step(kit.decisions()).record)]
+    later = [relation for _ in range(3) for relation in followed.take(kernel.step(kit.decisions()).record)]
     assert [(r.kind, r.by) for r in later] == [("dependency", "victim[1]")]
 
 
-def test_relations_are_silent_when_nothing_happens():
+def test_idle_boundaries_have_no_relations():
     kernel = kit.make_kernel()
     followed = RelationTracker(kernel.instance)
     records = [kernel.reset().record, kernel.step(kit.decisions()).record]

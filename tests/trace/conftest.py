@@ -1,4 +1,4 @@
-"""The synthetic sea rescue and the file it makes."""
+"""Fixtures: the synthetic sea rescue and its trace file."""
 
 from pathlib import Path
 from types import ModuleType

@@ -1,6 +1,6 @@
-"""A synthetic but realistic sea rescue: three scouts sweep a bay, find people, report them, and a boat goes there.
+"""A synthetic sea rescue: three scouts sweep a bay and report the people that they detect, and a boat rescues them.
 
-Motion, pictures, boxes, reports, events and digests agree with each other; nothing is random but a seeded sea.
+Motion, pictures, boxes, reports, events and digests are consistent. Only the waves are random, from a seed.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ def header(width: int = 640, height: int = 360) -> Header:
 
 
 def render(pose: CameraPose, people: dict[str, tuple[float, float]], seed: int) -> tuple[np.ndarray, tuple[Box, ...]]:
-    """A nadir view: a sea of seeded waves and an orange blob per person, with its exact box."""
+    """Return a nadir view of seeded waves with an orange rectangle per person, and the exact boxes."""
     rng = np.random.default_rng(seed)
     rows, columns = np.mgrid[0 : pose.height, 0 : pose.width].astype(np.float32)
     shade = 14 * np.sin(columns / 9 + 2 * np.sin(rows / 31)) * np.sin(rows / 7 - columns / 23)
@@ -223,7 +223,7 @@ def render(pose: CameraPose, people: dict[str, tuple[float, float]], seed: int) 
 
 
 def _boat_route(number: int, time_s: float) -> Route:
-    """A way for the boat, as an engine that plans would publish it."""
+    """Return a route of the boat, in the form in which a road engine publishes it."""
     way = ((12.4, -1351.8, DATUM), (*VICTIMS[0], DATUM))
     length = math.dist(*way)
     return Route(entity="boat", number=number, waypoints=way, length_m=length, duration_s=length / 3.0, time_s=time_s)
@@ -234,7 +234,7 @@ Step = tuple[BoundaryRecord, tuple[tuple[FrameInfo, bytes, np.ndarray | None, np
 
 @dataclass
 class World:
-    """Where everything is; moves by straight lines."""
+    """Positions and headings of all entities. Entities move along straight lines."""
 
     places: dict[str, list[float]]
     headings: dict[str, float]
@@ -255,14 +255,14 @@ class World:
 def episode(  # noqa: C901  one loop reads like the episode it makes
     ticks: int = 48, width: int = 640, height: int = 360, depth: bool = False
 ) -> Iterator[Step]:
-    """The boundaries of one episode with their pictures, digests chained."""
+    """Yield the boundaries of one episode with their pictures and chained digests."""
     spec = instance(width, height)
     world = World(
         {entity.id: list(entity.position) for entity in spec.entities},
         {entity.id: entity.heading_deg for entity in spec.entities},
     )
     lanes = _lanes(spec)
-    waiting: list[str] = []  # victims the boat knows of, in order
+    waiting: list[str] = []  # detected victims, in the order of their rescue
     rescued: set[str] = set()
     seen: set[str] = set()
     assigned: set[str] = set()
@@ -516,7 +516,7 @@ def outcome_of(records: list[BoundaryRecord]) -> Outcome:
 
 
 def write_episode(path: Path, **options: int | bool) -> list[BoundaryRecord]:
-    """Write a whole episode and return its boundaries."""
+    """Write a whole episode, and return its boundaries."""
     records = []
     width, height = int(options.get("width", 640)), int(options.get("height", 360))
     with TraceWriter(path, header(width, height)) as writer:

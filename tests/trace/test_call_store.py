@@ -1,4 +1,4 @@
-"""The record of model calls: what is kept once, what a killed process leaves, what is refused."""
+"""The record of model calls: single storage of contents, the file of a killed process, and rejected files."""
 
 import json
 import os
@@ -34,17 +34,23 @@ def question(tick: int, *texts: str, number: int = 0, pictures: tuple[bytes, ...
     )
 
 
-def test_what_is_kept_is_read_again(tmp_path: Path) -> None:
+def test_stored_calls_are_read_back(tmp_path: Path) -> None:
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
-    asked = question(1, "hello", pictures=(PICTURE,))
-    store.begin("scout", asked)
-    store.end("scout", asked, CallResult(text="hi", prompt_tokens=5, cost_usd=0.5))
+    request = question(1, "hello", pictures=(PICTURE,))
+    store.begin("scout", request)
+    store.end("scout", request, CallResult(text="hi", prompt_tokens=5, cost_usd=0.5))
     store.close()
     assert [path.name for path in tmp_path.iterdir()] == [CALLS_NAME]
     reader = CallReader(calls_of(tmp_path / "trace.mcap"))
     assert reader.episode == EPISODE
     (call,) = reader.calls()
-    assert (call.agent, call.tick, call.number, call.head, call.messages) == ("scout", 1, 0, asked.head, asked.messages)
+    assert (call.agent, call.tick, call.number, call.head, call.messages) == (
+        "scout",
+        1,
+        0,
+        request.head,
+        request.messages,
+    )
     assert call.result == CallResult(text="hi", prompt_tokens=5, cost_usd=0.5)
     assert [reader.content(bytes.fromhex(name)) for name in call.pictures] == [PICTURE]
     assert reader.find("scout", 1, 0) == call
@@ -52,25 +58,25 @@ def test_what_is_kept_is_read_again(tmp_path: Path) -> None:
     assert list(reader.calls(agent="boat")) == list(reader.calls(tick=2)) == []
 
 
-def test_each_content_is_kept_once(tmp_path: Path) -> None:
+def test_each_content_is_stored_once(tmp_path: Path) -> None:
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
     long = "the rules " * 10_000
     for tick in range(100):
         for agent in ("a", "b", "c"):
-            asked = question(tick, long, *(f"turn {one}" for one in range(tick)), pictures=(PICTURE,))
-            store.begin(agent, asked, CallResult(text="ok"))
+            request = question(tick, long, *(f"turn {turn}" for turn in range(tick)), pictures=(PICTURE,))
+            store.begin(agent, request, CallResult(text="ok"))
     store.close()
     assert (tmp_path / CALLS_NAME).stat().st_size < 4 * len(long) + 2_000_000
     with sqlite3.connect(tmp_path / CALLS_NAME) as file:
         assert file.execute("SELECT count(*) FROM content").fetchone() == (1 + 1 + 99 + 1 + 1,)
 
 
-def test_a_question_that_is_open_at_the_end_has_been_given_up(tmp_path: Path) -> None:
+def test_a_call_without_a_result_at_the_end_is_marked_as_abandoned(tmp_path: Path) -> None:
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
-    asked = question(0, "are you there")
-    store.begin("scout", asked)
+    request = question(0, "are you there")
+    store.begin("scout", request)
     store.close()
-    store.end("scout", asked, CallResult(text="too late"))
+    store.end("scout", request, CallResult(text="too late"))
     (call,) = CallReader(tmp_path / CALLS_NAME).calls()
     assert call.result is not None
     assert (call.result.fault, call.result.text) == ("abandoned", "")
@@ -115,7 +121,7 @@ def test_a_killed_process_leaves_whole_records(tmp_path: Path) -> None:
     assert all(call.result.text == str(call.tick) for call in answered if call.result)
 
 
-def test_many_threads_keep_theirs(tmp_path: Path) -> None:
+def test_many_threads_can_store_calls(tmp_path: Path) -> None:
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
 
     def ask(agent: str) -> None:
@@ -134,7 +140,7 @@ def test_many_threads_keep_theirs(tmp_path: Path) -> None:
     assert all(call.result and call.result.text == f"{call.agent}{call.tick}" for call in calls)
 
 
-def test_what_cannot_be_kept_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_that_cannot_be_stored_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InfrastructureError, match="cannot record a model call"):
         CallStore(tmp_path / "missing" / CALLS_NAME, EPISODE)
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
@@ -151,7 +157,7 @@ def test_what_cannot_be_kept_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert (call.tick, call.messages) == (0, question(0, "hello").messages)
 
 
-def test_a_full_disk_is_told_and_what_was_kept_stays(tmp_path: Path) -> None:
+def test_a_full_disk_is_an_error_and_stored_calls_remain(tmp_path: Path) -> None:
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
     store.begin("scout", question(0, "hello"), CallResult(text="hi"))
     store._file.execute("PRAGMA max_page_count = 64")  # SQLite then says what it says of a full disk
@@ -163,14 +169,14 @@ def test_a_full_disk_is_told_and_what_was_kept_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"no database", b"SQLite format 3\0" + bytes(84), bytes(4096)])
-def test_what_is_no_record_is_told(tmp_path: Path, data: bytes) -> None:
+def test_a_file_of_another_kind_is_an_error(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / CALLS_NAME
     path.write_bytes(data)
     with pytest.raises(UsageError, match="record of model calls"):
         CallReader(path)
 
 
-def test_a_foreign_database_another_format_and_changed_contents_are_told(tmp_path: Path) -> None:
+def test_a_foreign_database_another_format_and_changed_contents_are_errors(tmp_path: Path) -> None:
     path = tmp_path / CALLS_NAME
     with sqlite3.connect(path) as file:
         file.execute("CREATE TABLE episode (about)")
@@ -192,9 +198,9 @@ def test_a_foreign_database_another_format_and_changed_contents_are_told(tmp_pat
         CallReader(path)
 
 
-def test_only_pictures_of_a_content_count_as_shown(tmp_path: Path) -> None:
-    said = {"role": "user", "content": "{'type': 'picture'}", "type": "picture", "sha256": "00"}
-    request = CallRequest(tick=0, number=0, head=b"{}", messages=(json.dumps(said).encode(), b"[1]", b"null"))
+def test_only_pictures_within_the_content_of_a_message_count(tmp_path: Path) -> None:
+    message = {"role": "user", "content": "{'type': 'picture'}", "type": "picture", "sha256": "00"}
+    request = CallRequest(tick=0, number=0, head=b"{}", messages=(json.dumps(message).encode(), b"[1]", b"null"))
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
     store.begin("scout", request)
     store.close()

@@ -1,4 +1,4 @@
-"""A small file that unpacks to gigabytes is read as far as it is a trace, in little memory."""
+"""A small file that unpacks to gigabytes is read up to the harmful chunk, in little memory."""
 
 import json
 import struct
@@ -42,14 +42,14 @@ def text(value: str) -> bytes:
 
 
 def chunk(packed: bytes, size: int, *, crc: int = 0, compression: str = "zstd") -> bytes:
-    """A chunk record that declares `size` bytes."""
+    """Return a chunk record that declares `size` bytes."""
     return record(
         CHUNK, struct.pack("<QQQI", 0, 0, size, crc) + text(compression) + struct.pack("<Q", len(packed)) + packed
     )
 
 
 def pack(pieces: Iterator[bytes]) -> bytes:
-    """One zstandard frame, made piece by piece."""
+    """Return one zstandard frame, compressed piece by piece."""
     packer = zstandard.ZstdCompressor(level=3).compressobj()
     return b"".join([*map(packer.compress, pieces), packer.flush()])
 
@@ -115,7 +115,7 @@ def hostile() -> dict[str, bytes]:
 def test_a_bomb_after_good_boundaries_is_a_damaged_place(
     name: str, hostile: dict[str, bytes], trace: Trace, tmp_path: Path
 ) -> None:
-    """Without bounds each takes gigabytes or minutes, of which the suite's time limit is one."""
+    """Without limits, each file takes gigabytes or minutes; the suite's time limit would end the test."""
     path = tmp_path / "t.mcap"
     path.write_bytes(_before_the_summary(trace) + hostile[name] + MAGIC)
     if name == "deep JSON":
@@ -123,13 +123,13 @@ def test_a_bomb_after_good_boundaries_is_a_damaged_place(
             read_trace(path)
         return
     done = subprocess.run([sys.executable, "-c", READ, str(path)], capture_output=True, text=True, check=True)
-    found = json.loads(done.stdout)
-    assert found["boundaries"] == len(trace.boundaries)
-    assert found["grown"] < ROOM
+    result = json.loads(done.stdout)
+    assert result["boundaries"] == len(trace.boundaries)
+    assert result["grown"] < ROOM
 
 
 def _before_the_summary(trace: Trace) -> bytes:
-    """The file up to the end of its last chunk, without the outcome's."""
+    """Return the file up to the end of its last chunk before the outcome."""
     data = trace.path.read_bytes()
     last = max(stored.chunk_at for stored in scan(trace.path))
     return data[:last]
@@ -163,7 +163,7 @@ def test_an_unpacked_chunk_is_read(tmp_path: Path) -> None:
 
 
 def test_a_long_trace_of_nothing_stays_within_the_bounds(synthetic: ModuleType, tmp_path: Path) -> None:
-    """The most compressible file that the writer makes: black pictures, nothing moves."""
+    """The most compressible file that the writer produces has black pictures and no motion."""
     path = tmp_path / "t.mcap"
     synthetic.write_episode(path, ticks=40, depth=True)
     packed = path.stat().st_size
@@ -173,7 +173,7 @@ def test_a_long_trace_of_nothing_stays_within_the_bounds(synthetic: ModuleType, 
 
 
 def test_lengths_beyond_every_number_are_a_damaged_place(trace: Trace, tmp_path: Path) -> None:
-    """A packed length of 2**63 and more fits no index; the chunk before it is read all the same."""
+    """A length of 2**63 or more cannot be used as an index. The chunk before it is read all the same."""
     good = channel(1, "/x") + message(1, b"hi")
     whole = chunk(zstandard.compress(good), len(good))
     for length in (2**63, 2**64 - 1, 2**32):

@@ -1,4 +1,4 @@
-"""The hash chains: what they cover, what they leave out, and that a change anywhere is found."""
+"""The hash chains: covered values, excluded values, and the detection of changes."""
 
 import os
 import subprocess
@@ -44,7 +44,7 @@ replace = msgspec.structs.replace
 
 @pytest.fixture(scope="module")
 def rich(trace: Trace) -> BoundaryRecord:
-    """A boundary with everything in it."""
+    """A boundary with frames, events and decisions."""
     return next(record for record in trace.boundaries if record.frames and record.events and record.decisions)
 
 
@@ -62,7 +62,7 @@ def test_wall_clock_and_pixels_do_not_count(rich: BoundaryRecord) -> None:
 
 
 def test_free_text_does_not_count(rich: BoundaryRecord) -> None:
-    """A message that is worded better, a thought and a price change no digest."""
+    """A reworded message, a thought and a price change no digest."""
     other = replace(
         rich,
         receipts=(replace(RECEIPT, detail="another wording"),),
@@ -88,7 +88,7 @@ def test_free_text_does_not_count(rich: BoundaryRecord) -> None:
 
 
 def test_default_values_do_not_count(rich: BoundaryRecord) -> None:
-    """A field that is added with a default alters no digest: what equals its default is not written."""
+    """A new field with a default changes no digest, because values that equal their default are not written."""
     state = BodyState(id="a", position=(1.0, 2.0, 3.0))
     assert current_form(state) == {"id": "a", "position": (1.0, 2.0, 3.0)}
     assert current_form(replace(state, heading_deg=90.0))["heading_deg"] == 90.0
@@ -96,16 +96,16 @@ def test_default_values_do_not_count(rich: BoundaryRecord) -> None:
 
 
 def test_the_form_covers_every_field() -> None:
-    """A field that is added to a record needs a row: covered, or left out because it is derived."""
+    """A new field of a record needs a row: it is covered, or it is left out because it is derived."""
     reachable, frontier = set(), {BoundaryRecord}
     while frontier:
         kind = frontier.pop()
         reachable.add(kind)
         fields = msgspec.structs.fields(kind)
-        assert {one.name for one in FORMS[kind]} == {field.name for field in fields}, kind
-        derived = {one.name for one in FORMS[kind] if one.derived}
+        assert {row.name for row in FORMS[kind]} == {field.name for field in fields}, kind
+        derived = {row.name for row in FORMS[kind] if row.derived}
         nested = {part for field in fields if field.name not in derived for part in _structs(field.type)}
-        assert nested == {one.nested for one in FORMS[kind]} - {None}, kind
+        assert nested == {row.nested for row in FORMS[kind]} - {None}, kind
         frontier |= nested - reachable
     assert reachable == set(FORMS)
 
@@ -119,7 +119,7 @@ def test_the_deprecated_attribute_unheard_returns_the_unreachable_links(rich: Bo
 
 
 def test_the_defaults_of_the_form_are_those_of_the_records() -> None:
-    """The form's defaults are frozen. A record whose default becomes another one needs a new version of the digest."""
+    """The form's defaults are frozen. A changed default of a record needs a new version of the digest."""
     for kind, rows in FORMS.items():
         fields = {field.name: field for field in msgspec.structs.fields(kind)}
         for row, field in [(row, fields[row.name]) for row in rows]:
@@ -179,17 +179,17 @@ def test_coordination_relations_do_not_count(rich: BoundaryRecord) -> None:
     assert next_digest("p", replace(rich, relations=occurred)) == next_digest("p", rich)
 
 
-def test_whole_numbers_and_lists_do_not_change_it(rich: BoundaryRecord) -> None:
+def test_whole_numbers_and_lists_do_not_change_the_digest(rich: BoundaryRecord) -> None:
     state = rich.snapshots[0].states[0]
     loose = replace(state, heading_deg=90, position=[1, 2, 3])
     strict = replace(state, heading_deg=90.0, position=(1.0, 2.0, 3.0))
     digests = {
-        next_digest("", replace(rich, snapshots=(Snapshot(time_s=0, states=(one,)),))) for one in (loose, strict)
+        next_digest("", replace(rich, snapshots=(Snapshot(time_s=0, states=(state,)),))) for state in (loose, strict)
     }
     assert len(digests) == 1
 
 
-def test_key_order_does_not_change_it(rich: BoundaryRecord) -> None:
+def test_key_order_does_not_change_the_digest(rich: BoundaryRecord) -> None:
     first, second = {"a": 1.0, "b": 2.0}, {"b": 2.0, "a": 1.0}
     digests = {next_digest("", replace(rich, messages=(replace(ENVELOPE, body=body),))) for body in (first, second)}
     assert len(digests) == 1
@@ -201,11 +201,11 @@ def test_a_number_that_is_not_finite_is_an_engine_fault(rich: BoundaryRecord) ->
         next_digest("", replace(rich, snapshots=(bad,)))
 
 
-def test_what_policies_say_survives(rich: BoundaryRecord) -> None:
-    """Lone surrogates, numpy scalars and infinities come out of real policies."""
+def test_odd_values_of_policies_are_encoded(rich: BoundaryRecord) -> None:
+    """Real policies return lone surrogates, numpy scalars and infinities."""
     body = {"text": "\ud83d", "big": 2**70, "far": float("inf"), "x": np.float64(1.5), "n": np.int64(3)}
-    said = Decision(thought="\udc00 hm", messages=(Outgoing(kind="note", body=body),))
-    record = replace(rich, decisions=(DecisionRecord(agent="a", decision=said),))
+    decision = Decision(thought="\udc00 hm", messages=(Outgoing(kind="note", body=body),))
+    record = replace(rich, decisions=(DecisionRecord(agent="a", decision=decision),))
     back = from_json(to_json(record), BoundaryRecord).decisions[0].decision
     assert back.thought == "\ufffd hm"
     assert back.messages[0].body == {"text": "\ufffd", "big": 2**70, "far": None, "x": 1.5, "n": 3}
@@ -271,7 +271,7 @@ def test_the_chain_is_the_same_under_another_hash_seed(synthetic: ModuleType) ->
         "spec.loader.exec_module(module)\n"
         "print([record.digest for record, _ in module.episode(12)][-1])"
     )
-    said = {
+    digests = {
         subprocess.run(
             [sys.executable, "-c", code, synthetic.__file__],
             check=True,
@@ -281,7 +281,7 @@ def test_the_chain_is_the_same_under_another_hash_seed(synthetic: ModuleType) ->
         ).stdout
         for seed in ("1", "2")
     }
-    assert len(said) == 1
+    assert len(digests) == 1
 
 
 FIRST_VERSION = Path(__file__).parent / "data" / "digest-version-1.mcap"

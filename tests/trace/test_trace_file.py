@@ -1,4 +1,4 @@
-"""The file: whole, cut anywhere, killed, abandoned, read by the plain reader, refused when it is not one."""
+"""The trace file: whole, cut, of a killed process, abandoned, read by the plain MCAP reader, and invalid."""
 
 import contextlib
 import hashlib
@@ -33,10 +33,10 @@ WORDS = {
     "$schema", "$defs", "$ref", "title", "description", "type", "properties", "required", "additionalProperties",
     "anyOf", "enum", "items", "prefixItems", "minItems", "maxItems", "default", "minimum", "maximum",
 }  # fmt: skip
-"""What of JSON Schema our schemas use; a strict validator refuses every word that JSON Schema 2020-12 does not know."""
+"""The JSON Schema keywords in our schemas. A strict validator rejects keywords that JSON Schema 2020-12 lacks."""
 
 
-def test_everything_comes_back(synthetic: ModuleType, trace: Trace) -> None:
+def test_all_records_are_read_back(synthetic: ModuleType, trace: Trace) -> None:
     records = [record for record, _ in synthetic.episode(60, depth=True)]
     assert trace.header == synthetic.header()
     assert list(trace.boundaries) == records
@@ -46,7 +46,7 @@ def test_everything_comes_back(synthetic: ModuleType, trace: Trace) -> None:
     assert not part_path(trace.path).exists()
 
 
-def test_pictures_come_back_with_all_channels(synthetic: ModuleType, trace: Trace) -> None:
+def test_pictures_are_read_back_with_all_channels(synthetic: ModuleType, trace: Trace) -> None:
     pictures = [picture for _, some in synthetic.episode(60, depth=True) for picture in some]
     assert list(trace.frames) == [info.id for info, _, _, _ in pictures]
     for info, jpeg, depth, semantic in (pictures[0], pictures[-1]):
@@ -67,7 +67,7 @@ def test_an_unknown_picture_is_named(trace: Trace) -> None:
         trace.picture("f99")
 
 
-def test_cut_anywhere_it_reads_to_a_boundary(trace: Trace, tmp_path: Path) -> None:
+def test_a_cut_file_is_read_to_its_last_whole_boundary(trace: Trace, tmp_path: Path) -> None:
     data, part = trace.path.read_bytes(), tmp_path / "trace.mcap.part"
     lengths = set()
     for at in sorted(random.Random(3).sample(range(len(data)), 200)):
@@ -86,7 +86,7 @@ def test_cut_anywhere_it_reads_to_a_boundary(trace: Trace, tmp_path: Path) -> No
     assert len(lengths) > 20
 
 
-def test_damaged_anywhere_it_raises_nothing_else(trace: Trace, tmp_path: Path) -> None:
+def test_a_damaged_file_raises_only_declared_errors(trace: Trace, tmp_path: Path) -> None:
     data, path, chance = trace.path.read_bytes(), tmp_path / "t.mcap", random.Random(5)
     for _ in range(60):
         broken = bytearray(data)
@@ -116,7 +116,7 @@ for record, pictures in module.episode(60):
 """
 
 
-def test_killed_in_the_middle_it_reads_to_its_last_boundary(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_the_file_of_a_killed_process_is_read_to_its_last_boundary(synthetic: ModuleType, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     done = subprocess.run([sys.executable, "-c", KILLED, synthetic.__file__, str(path)], check=False)
     assert done.returncode == -signal.SIGKILL
@@ -128,7 +128,7 @@ def test_killed_in_the_middle_it_reads_to_its_last_boundary(synthetic: ModuleTyp
 
 
 def _plain_boundaries(path: Path) -> int:
-    """Boundaries that the plain reader gives before it meets the cut."""
+    """Return the boundaries that the plain reader returns before the cut."""
     count = 0
     with path.open("rb") as file, contextlib.suppress(mcap.exceptions.McapError):
         for _, channel, _ in mcap.reader.NonSeekingReader(file).iter_messages(log_time_order=False):
@@ -137,7 +137,9 @@ def _plain_boundaries(path: Path) -> int:
 
 
 @pytest.mark.parametrize("reason", CUT_SHORT)
-def test_an_abandoned_episode_keeps_part_and_reads_whole(synthetic: ModuleType, tmp_path: Path, reason: Reason) -> None:
+def test_an_abandoned_episode_keeps_the_suffix_and_is_read_whole(
+    synthetic: ModuleType, tmp_path: Path, reason: Reason
+) -> None:
     path = tmp_path / "trace.mcap"
     outcome = Outcome(success=False, reason=reason, scr=0.0, ticks=4, digest="", frames_digest="")
     with TraceWriter(path, synthetic.header()) as writer:
@@ -163,12 +165,12 @@ def test_an_exception_leaves_a_closed_part(synthetic: ModuleType, tmp_path: Path
 
 
 def test_nothing_is_overwritten(synthetic: ModuleType, tmp_path: Path) -> None:
-    for taken in (tmp_path / "trace.mcap", tmp_path / "trace.mcap.part"):
-        taken.write_text("mine")
+    for existing in (tmp_path / "trace.mcap", tmp_path / "trace.mcap.part"):
+        existing.write_text("mine")
         with pytest.raises(UsageError, match="exists already"):
             TraceWriter(tmp_path / "trace.mcap", synthetic.header())
-        assert taken.read_text() == "mine"
-        taken.unlink()
+        assert existing.read_text() == "mine"
+        existing.unlink()
 
 
 def test_an_unwritable_place_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> None:
@@ -188,7 +190,7 @@ def test_a_full_disk_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", b"\x89MCAP0\r\n", b"\x89PNG" * 100, b"\0" * 10_000])
-def test_what_is_no_trace_is_a_clear_error(content: bytes | None, tmp_path: Path) -> None:
+def test_a_file_that_is_no_trace_is_a_clear_error(content: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     if content is not None:
         path.write_bytes(content)
@@ -199,7 +201,7 @@ def test_what_is_no_trace_is_a_clear_error(content: bytes | None, tmp_path: Path
 
 def test_a_pipe_is_refused_before_it_is_opened(trace: Trace, tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)  # nobody writes: whoever opened it would wait for ever
+    os.mkfifo(pipe)  # without a writer, opening it would block for ever
     for read in (read_trace, verify_file):
         with pytest.raises(UsageError, match="it is a pipe or a device") as caught:
             read(pipe)
@@ -221,7 +223,7 @@ def test_a_folder_is_no_trace(tmp_path: Path) -> None:
 
 
 def words(schema: object) -> set[str]:
-    """The keywords of a schema; the names under `properties`, `$defs` and in defaults are none."""
+    """Yield the keywords of a schema. Names under `properties`, `$defs` and in defaults are no keywords."""
     if isinstance(schema, list):
         return set().union(*map(words, schema))
     if not isinstance(schema, dict):
@@ -295,18 +297,18 @@ def _message_class(name: str, data: bytes) -> type:
 
 
 def test_records_are_read_without_unpacking_pictures(trace: Trace) -> None:
-    """Pictures lie in chunks of their own; all but the first of each camera, which declares it, are passed over."""
+    """Pictures are in their own chunks, which are not unpacked, except for the first one of each camera."""
     passed = [stored for stored in scan(trace.path, passed_over=CAMERAS) if stored.topic.startswith(CAMERAS)]
     whole = [stored for stored in scan(trace.path) if stored.topic.startswith(CAMERAS)]
     key = [(stored.topic, stored.time_ns, stored.chunk_at) for stored in whole]
-    assert sorted((one.topic, one.time_ns, one.chunk_at) for one in passed) == sorted(key)
-    assert sum(not one.data for one in passed) > len(whole) / 2
+    assert sorted((stored.topic, stored.time_ns, stored.chunk_at) for stored in passed) == sorted(key)
+    assert sum(not stored.data for stored in passed) > len(whole) / 2
     records = [stored.data for stored in scan(trace.path) if not stored.topic.startswith(CAMERAS)]
     again = [stored.data for stored in scan(trace.path, passed_over=CAMERAS) if not stored.topic.startswith(CAMERAS)]
     assert records == again
 
 
-def test_a_damaged_picture_is_named_where_it_is_asked_for(trace: Trace, tmp_path: Path) -> None:
+def test_a_damaged_picture_is_named_when_it_is_read(trace: Trace, tmp_path: Path) -> None:
     last = list(trace.frames)[-1]
     place = next(iter(trace.places[last].values())).chunk_at
     broken = bytearray(trace.path.read_bytes())
@@ -315,5 +317,5 @@ def test_a_damaged_picture_is_named_where_it_is_asked_for(trace: Trace, tmp_path
     path.write_bytes(broken)
     back = read_trace(path)
     assert back.boundaries == trace.boundaries
-    with pytest.raises(UsageError, match="where a picture lies"):
+    with pytest.raises(UsageError, match="cannot be read"):
         back.jpeg(last)

@@ -1,4 +1,4 @@
-"""A trace that is still written is read as far as it goes, each boundary once."""
+"""A trace that is being written is read as far as possible, each boundary once."""
 
 from __future__ import annotations
 
@@ -30,28 +30,30 @@ def test_boundaries_come_one_by_one_and_the_outcome_at_the_end(trace: Trace, tmp
     assert follower.trace.boundaries == read_trace(path).boundaries
 
 
-def test_a_file_that_grows_byte_by_byte_gives_the_same(episode_path: Path, trace: Trace, tmp_path: Path) -> None:
+def test_a_file_that_grows_byte_by_byte_has_the_same_boundaries(
+    episode_path: Path, trace: Trace, tmp_path: Path
+) -> None:
     data = episode_path.read_bytes()
-    follower, found = TraceFollower(tmp_path / "trace.mcap"), []
+    follower, boundaries = TraceFollower(tmp_path / "trace.mcap"), []
     part = part_path(tmp_path / "trace.mcap")
     step = max(1, len(data) // 97)  # ends in the middle of chunks, indexes and seals
     for end in (*range(0, len(data), step), len(data)):
         part.write_bytes(data[:end])
-        found += follower.more()
-    assert found == list(trace.boundaries)
+        boundaries += follower.more()
+    assert boundaries == list(trace.boundaries)
     assert follower.trace is not None and follower.trace.outcome == trace.outcome
     assert follower.trace.places == trace.places
     name = next(iter(trace.frames))
     assert follower.trace.jpeg(name) == trace.jpeg(name)
 
 
-def test_what_is_no_trace_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_trace_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "trace.mcap.part").write_bytes(b"this is no trace at all")
     with pytest.raises(UsageError, match="not a trace"):
         TraceFollower(tmp_path / "trace.mcap").more()
 
 
-def test_boundaries_that_a_renaming_keeps_back_come_the_next_time(
+def test_boundaries_of_a_call_that_a_renaming_ended_are_returned_by_the_next_call(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "trace.mcap"

@@ -1,4 +1,4 @@
-"""What Foxglove is told: directions, projections and positions agree with the world frame."""
+"""Messages in Foxglove's schemas: directions, projections and positions agree with the world frame."""
 
 import math
 from pathlib import Path
@@ -39,7 +39,7 @@ def test_a_body_looks_where_its_heading_points(heading: int, tilt: tuple[int, in
 
 @pytest.mark.parametrize("body", [(30, 0, 0), (120, 20, -35), (275, -80, 100), (0, 5, 180)])
 @pytest.mark.parametrize("camera", [(30, 90, 0), (215, 5, 12), (0, 0, -170)])
-def test_a_camera_hangs_from_its_body(body: tuple[int, int, int], camera: tuple[int, int, int]) -> None:
+def test_the_parent_frame_of_a_camera_is_its_body(body: tuple[int, int, int], camera: tuple[int, int, int]) -> None:
     state = BodyState(id="uav[1]", position=(1.0, 2.0, 3.0), heading_deg=body[0], pitch_deg=body[1], roll_deg=body[2])
     pose = CameraPose(position=(1.3, 1.8, 2.9), heading_deg=camera[0], tilt_deg=camera[1], roll_deg=camera[2])
     _, _, data = foxglove.transforms(Snapshot(time_s=1.5, states=(state,)))
@@ -55,14 +55,14 @@ def test_a_camera_hangs_from_its_body(body: tuple[int, int, int], camera: tuple[
 
 
 def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_path: Path) -> None:
-    """What `mcap` alone reads: depth as ROS's `32FC1`, and every camera hung from the body that carries it."""
+    """The plain `mcap` reader finds depth as ROS's `32FC1`, and for each camera its body as parent frame."""
     parents: dict[str, str] = {}
     depths = 0
     with episode_path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
             if channel.topic == "/tf":
                 transforms = FrameTransforms.FromString(message.data).transforms
-                parents |= {one.child_frame_id: one.parent_frame_id for one in transforms}
+                parents |= {transform.child_frame_id: transform.parent_frame_id for transform in transforms}
             elif channel.topic.endswith("/depth"):
                 image = RawImage.FromString(message.data)
                 metres = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
@@ -76,7 +76,7 @@ def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_pa
     assert all(parents[parent] == foxglove.WORLD for parent in cameras.values())
 
 
-def test_a_camera_that_nobody_carries_stands_in_the_world() -> None:
+def test_the_parent_frame_of_a_camera_without_a_body_is_the_world() -> None:
     pose = CameraPose(position=(5.0, 6.0, 7.0), heading_deg=0.0, tilt_deg=10.0)
     _, _, data = foxglove.cameras([(None, "house/reference", pose)], 0.0)
     (transform,) = FrameTransforms.FromString(data).transforms
@@ -85,7 +85,7 @@ def test_a_camera_that_nobody_carries_stands_in_the_world() -> None:
 
 
 def test_the_truth_lies_on_the_projected_person(trace: Trace) -> None:
-    """Camera frame, focal length and boxes fit: a victim projects into its own ground-truth box."""
+    """Camera frame, focal length and boxes are consistent: a victim projects into its own true box."""
     checked = 0
     for frame in trace.frames.values():
         states = {state.id: state for state in trace.boundaries[frame.tick].snapshots[-1].states}
@@ -111,7 +111,7 @@ def test_boxes_are_drawn_in_pixels(trace: Trace) -> None:
 
 @pytest.mark.parametrize(("east", "north"), [(0, 0), (5000, 0), (0, -5000), (3500, 3500), (-3500, 3500)])
 def test_geodetic_agrees_with_the_transverse_mercator_frame(east: float, north: float) -> None:
-    """Projected forward again with the series of Snyder, Map Projections: A Working Manual, eq. 8-9, 8-10, 3-21."""
+    """The reference is the forward projection of Snyder, Map Projections: A Working Manual, eq. 8-9, 8-10, 3-21."""
     origin = (31.2, 121.5)
     latitude, longitude = foxglove.geodetic(origin, east, north)
     back = _transverse_mercator(origin, latitude, longitude)

@@ -1,4 +1,4 @@
-"""The picture codecs: what comes back, how exactly, and how small it is."""
+"""The picture codecs: fidelity, size and errors."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def sea_colour(height: int = 540, width: int = 960) -> np.ndarray:
     return np.clip(np.stack([shade + 30, shade + 80, shade + 110], -1), 0, 255).astype(np.uint8)
 
 
-def test_jpeg_comes_back_close_and_repeats_exactly() -> None:
+def test_a_jpeg_is_close_to_its_input_and_deterministic() -> None:
     rgb = sea_colour()
     data = images.encode_jpeg(rgb)
     back = images.decode_jpeg(data)
@@ -40,7 +40,9 @@ def test_depth_is_kept_to_half_a_centimetre_and_small() -> None:
     assert np.abs(back[near] - depth[near]).max() <= 0.00505
     assert np.isinf(back[~near]).all()
     assert np.array_equal(back, images.quantise_depth(depth))
-    assert len(zstandard.compress(data)) < 2_500_000  # every wave modelled; the drawn sea is flat and takes 1 kB
+    assert (
+        len(zstandard.compress(data)) < 2_500_000
+    )  # waves with full detail; the sea of the renderer is flat and takes 1 kB
 
 
 @pytest.mark.parametrize(
@@ -56,7 +58,7 @@ def test_random_depth_survives() -> None:
     assert np.array_equal(images.decode_depth(images.encode_depth(depth), 53, 37), images.quantise_depth(depth))
 
 
-def test_semantic_is_exact_and_a_picture_that_others_open() -> None:
+def test_class_ids_are_exact_and_other_programs_open_the_picture() -> None:
     ids = np.random.default_rng(2).integers(0, 256, (31, 47)).astype(np.uint8)
     data = images.encode_semantic(ids)
     assert data.startswith(b"\x89PNG")

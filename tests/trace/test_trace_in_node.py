@@ -1,4 +1,4 @@
-"""A trace read by the readers that Foxglove itself is made of (npm), with strict JSON Schema validation."""
+"""A trace read by Foxglove's own reader packages (npm), with strict JSON Schema validation."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def test_foxgloves_reader_finds_every_message_and_strict_validation_passes(trace
         for record in trace.boundaries:
             writer.boundary(record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames])
         writer.finish(episode.outcome_of(list(trace.boundaries)))
-    found = json.loads(node("read.mjs", path))
-    counts = found["counts"]
+    result = json.loads(node("read.mjs", path))
+    counts = result["counts"]
     assert counts["/lingjing/boundary"] == counts["/score"] == len(trace.boundaries)
     assert counts["/camera/uav_1/nadir/reported"] == counts["/camera/uav_1/nadir/truth"] > 0
     assert counts["/tf"] >= sum(len(record.snapshots) for record in trace.boundaries)
-    assert found["city"] == [{"id": "city/road/0", "points": 3, "indices": 3, "most": 2}]
-    assert found["score"]["done"] is trace.boundaries[-1].done
+    assert result["city"] == [{"id": "city/road/0", "points": 3, "indices": 3, "most": 2}]
+    assert result["score"]["done"] is trace.boundaries[-1].done
 
 
-def test_foxgloves_reader_refuses_what_its_schema_does_not_say(trace: Trace, tmp_path: Path) -> None:
-    """The validation is one: a record of ours with a word too many is told."""
+def test_foxgloves_reader_rejects_a_field_that_the_schema_lacks(trace: Trace, tmp_path: Path) -> None:
+    """The validation is effective: it rejects a record with an additional field."""
     from lingjing.trace.container import ContainerWriter
     from lingjing.trace.schemas import container_schema
 

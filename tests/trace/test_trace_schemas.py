@@ -1,4 +1,4 @@
-"""The schemas in the repository are those of the code, and records obey them."""
+"""The schemas in the repository are those of the code, and records match them."""
 
 import json
 import subprocess
@@ -16,17 +16,17 @@ from lingjing.trace.schemas import RECORDS, schema_text
 
 
 @pytest.mark.parametrize("name", RECORDS)
-def test_the_folder_is_what_the_code_says(name: str) -> None:
+def test_the_folder_holds_the_schemas_of_the_code(name: str) -> None:
     stored = data_path("schemas", "trace", f"{name}.schema.json").read_text(encoding="utf-8")
     assert stored == schema_text(name), "run `python -m lingjing.trace.schemas`"
 
 
-def test_the_module_writes_them(tmp_path: Path) -> None:
+def test_the_module_writes_the_schemas(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-m", "lingjing.trace.schemas", str(tmp_path / "out")], check=True)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {f"{name}.schema.json" for name in RECORDS}
 
 
-def test_records_obey_and_faults_do_not(trace: Trace) -> None:
+def test_records_match_the_schemas_and_invalid_ones_do_not(trace: Trace) -> None:
     rich = next(record for record in trace.boundaries if record.frames and record.events)
     samples = {"header": trace.header, "boundary": rich, "frame": rich.frames[0], "outcome": trace.outcome}
     for name, record in samples.items():

@@ -1,4 +1,4 @@
-"""Seals: whatever is done to a trace's bytes is found, and the first record that it was done to is named."""
+"""Seals: every change of a trace's bytes is detected, and the first changed record is named."""
 
 import io
 import struct
@@ -46,7 +46,7 @@ def signed(synthetic: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> P
 
 
 def raw_records(data: bytes) -> Iterator[bytes]:
-    """Every top-level record of a file."""
+    """Return the top-level records of a file."""
     at = len(MAGIC)
     while at + RECORD.size < len(data):
         end = at + RECORD.size + RECORD.unpack_from(data, at)[1]
@@ -55,13 +55,13 @@ def raw_records(data: bytes) -> Iterator[bytes]:
 
 
 def rewritten(data: bytes, change: Callable[[int, bytes], bytes | None]) -> bytes:
-    """The file with every top-level record changed by its number, or left out."""
+    """Return the file with each top-level record replaced by `change(number, record)`, or left out for None."""
     kept = (change(number, record) for number, record in enumerate(raw_records(data)))
     return MAGIC + b"".join(record for record in kept if record is not None) + MAGIC
 
 
 def repacked(chunk: bytes, change: Callable[[bytes], bytes]) -> bytes:
-    """A chunk whose unpacked bytes are changed, with a good sum of its own."""
+    """Return a chunk with changed content and a correct CRC-32."""
     import zstandard
 
     record = mcap.records.Chunk.read(ReadDataStream(io.BytesIO(chunk[RECORD.size :])))
@@ -74,7 +74,7 @@ def repacked(chunk: bytes, change: Callable[[bytes], bytes]) -> bytes:
 
 
 def in_chunks(data: bytes, old: bytes, new: bytes) -> bytes:
-    """The file with a text replaced inside of its chunks."""
+    """Return the file with a text replaced inside of its chunks."""
 
     def change(number: int, record: bytes) -> bytes:
         return repacked(record, lambda inside: inside.replace(old, new)) if record[0] == 6 else record
@@ -89,20 +89,20 @@ def verdict(path: Path, data: bytes, key: bytes | None = None) -> Verification:
 
 def test_a_whole_trace_is_ok(small: Path, signed: Path) -> None:
     assert verify_file(small).state == "ok" and "not signed" in verify_file(small).said
-    told = verify_file(signed)
-    assert (told.state, told.signature) == ("ok", "unchecked")
-    told = verify_file(signed, KEY)
-    assert (told.state, told.signature) == ("ok", "good")
+    result = verify_file(signed)
+    assert (result.state, result.signature) == ("ok", "unchecked")
+    result = verify_file(signed, KEY)
+    assert (result.state, result.signature) == ("ok", "good")
 
 
-def test_another_key_or_no_signature_is_told(small: Path, signed: Path) -> None:
-    told = verify_file(signed, b"another key of such a length")
-    assert (told.state, told.signature) == ("wrong", "bad") and "the header" in told.said
-    told = verify_file(small, KEY)
-    assert told.state == "wrong" and "not signed" in told.said
+def test_another_key_or_a_missing_signature_is_reported(small: Path, signed: Path) -> None:
+    result = verify_file(signed, b"another key of such a length")
+    assert (result.state, result.signature) == ("wrong", "bad") and "the header" in result.said
+    result = verify_file(small, KEY)
+    assert result.state == "wrong" and "not signed" in result.said
 
 
-def test_every_seal_stands_behind_what_it_covers(small: Path) -> None:
+def test_every_seal_follows_the_records_that_it_covers(small: Path) -> None:
     seals = [record for record in raw_records(small.read_bytes()) if is_seal(record)]
     assert len(seals) == 1 + len(read_trace(small).boundaries) + 1
     report = check_seals(small)
@@ -110,8 +110,8 @@ def test_every_seal_stands_behind_what_it_covers(small: Path) -> None:
 
 
 @pytest.mark.parametrize("step", [997, pytest.param(11, marks=pytest.mark.study)])
-def test_every_flipped_bit_is_found(small: Path, tmp_path: Path, step: int) -> None:
-    """Each byte of the file, or one of `step`, with one of its bits flipped."""
+def test_every_flipped_bit_is_detected(small: Path, tmp_path: Path, step: int) -> None:
+    """Flip one bit of each byte of the file, or of every n-th byte."""
     data, path = small.read_bytes(), tmp_path / "t.mcap"
     sealed = 0
     for at in range(0, len(data), step):
@@ -124,57 +124,57 @@ def test_every_flipped_bit_is_found(small: Path, tmp_path: Path, step: int) -> N
     assert sealed > 0
 
 
-def test_every_flipped_bit_of_a_signature_is_found(signed: Path, tmp_path: Path) -> None:
-    """The last hmac is the only thing that the chain cannot cover: it is found with the key."""
+def test_every_flipped_bit_of_a_signature_is_detected(signed: Path, tmp_path: Path) -> None:
+    """The chain covers everything but the last hmac, which the key verifies."""
     data, path = signed.read_bytes(), tmp_path / "t.mcap"
     last = data.rindex(b"\x04\0\0\0hmac") + 12
     for at in range(last, last + 64):
         broken = bytearray(data)
         broken[at] ^= 1 << (at % 7)
-        told = verdict(path, bytes(broken), KEY)
-        assert told.state == "wrong" and told.signature == "bad"
+        result = verdict(path, bytes(broken), KEY)
+        assert result.state == "wrong" and result.signature == "bad"
     first = data.index(b"\x04\0\0\0hmac") + 12
     broken = bytearray(data)
     broken[first] ^= 1
-    assert verdict(path, bytes(broken)).state == "wrong"  # an earlier one is under the next chain
+    assert verdict(path, bytes(broken)).state == "wrong"  # the next chain covers an earlier hmac
 
 
-def test_cut_anywhere_it_is_no_whole_trace(small: Path, tmp_path: Path) -> None:
+def test_a_cut_file_is_never_ok(small: Path, tmp_path: Path) -> None:
     data, path, states = small.read_bytes(), tmp_path / "t.mcap", set()
     for at in range(0, len(data), 1201):
         path.write_bytes(data[:at])
         try:
-            states.add(told := verify_file(path).state)
+            states.add(state := verify_file(path).state)
         except UsageError as error:
             assert at == 0 and "it is empty" in str(error)
             continue
-        assert told in ("cut", "unreadable", "wrong"), at
+        assert state in ("cut", "unreadable", "wrong"), at
     assert "cut" in states
 
 
-def test_what_is_cut_is_said_with_what_is_left(small: Path, tmp_path: Path) -> None:
+def test_the_report_on_a_cut_file_names_the_remaining_part(small: Path, tmp_path: Path) -> None:
     data = small.read_bytes()
     third = [at for at in range(len(data)) if data.startswith(b"\x0d\0\0\0" + SEAL.encode(), at)][2]
-    told = verdict(tmp_path / "t.mcap", data[: third + 400])
-    assert told.state == "cut" and told.said.startswith("2 boundaries") and "no outcome" in told.said
+    result = verdict(tmp_path / "t.mcap", data[: third + 400])
+    assert result.state == "cut" and result.said.startswith("2 boundaries") and "no outcome" in result.said
 
 
-def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_vouched_for(small: Path, tmp_path: Path) -> None:
+def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_covered(small: Path, tmp_path: Path) -> None:
     data = small.read_bytes()
     for end in (len(data) - 3000, len(data) - 9, len(data) - 1):
-        told = verdict(tmp_path / "t.mcap", data[:end])
-        assert told.state == "cut" and "no seal covers the outcome" in told.said, told.said
+        result = verdict(tmp_path / "t.mcap", data[:end])
+        assert result.state == "cut" and "no seal covers the outcome" in result.said, result.said
     changed = in_chunks(data, b'"score":0.0', b'"score":0.1')
     assert verdict(tmp_path / "t.mcap", changed[:-1]).state == "wrong"
 
 
-def test_pictures_that_are_none_are_named_though_they_are_sealed(
+def test_sealed_invalid_pictures_are_named(
     synthetic: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lingjing.trace.foxglove._image", lambda *_: b"\xff" * 50)
     synthetic.write_episode(tmp_path / "trace.mcap", ticks=3)
-    told = verify_file(tmp_path / "trace.mcap")
-    assert told.state == "wrong" and "is no foxglove.CompressedImage" in told.said
+    result = verify_file(tmp_path / "trace.mcap")
+    assert result.state == "wrong" and "is no foxglove.CompressedImage" in result.said
 
 
 EDITS = {
@@ -190,74 +190,76 @@ EDITS = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edit_is_found_where_it_was_made(name: str, small: Path, tmp_path: Path) -> None:
-    """By somebody who writes good chunks, but not the chain."""
+def test_an_edit_is_located(name: str, small: Path, tmp_path: Path) -> None:
+    """The editor writes valid chunks, but does not recompute the chain."""
     data, (old, new, words) = small.read_bytes(), EDITS[name]
     changed = in_chunks(data, old, new)
     assert changed != in_chunks(data, b"", b"")
-    told = verdict(tmp_path / "t.mcap", changed)
-    assert told.state == "wrong" and words in told.said, told.said
+    result = verdict(tmp_path / "t.mcap", changed)
+    assert result.state == "wrong" and words in result.said, result.said
 
 
-def test_pictures_swapped_dropped_repeated_or_moved_are_found(small: Path, tmp_path: Path) -> None:
+def test_swapped_dropped_and_repeated_pictures_are_detected(small: Path, tmp_path: Path) -> None:
     data, path = small.read_bytes(), tmp_path / "t.mcap"
     records = list(raw_records(data))
     chunks = [number for number, record in enumerate(records) if record[0] == 6]
-    one, other = chunks[3], chunks[4]
-    swapped = {one: records[other], other: records[one]}
+    first, second = chunks[3], chunks[4]
+    swapped = {first: records[second], second: records[first]}
     for change in (
         lambda number, record: swapped.get(number, record),
-        lambda number, record: None if number == one else record,
-        lambda number, record: record + record if number == one else record,
+        lambda number, record: None if number == first else record,
+        lambda number, record: record + record if number == first else record,
     ):
-        told = verdict(path, rewritten(data, change))
-        assert told.state == "wrong" and told.said.startswith("boundary 2"), told.said
-    gone = verdict(path, rewritten(data, lambda n, record: None if n >= one and n < other else record))
-    assert gone.state == "wrong" and "number 5 instead of 4: seals or sealed records are missing" in gone.said
+        result = verdict(path, rewritten(data, change))
+        assert result.state == "wrong" and result.said.startswith("boundary 2"), result.said
+    dropped = verdict(path, rewritten(data, lambda n, record: None if n >= first and n < second else record))
+    assert dropped.state == "wrong" and "number 5 instead of 4: seals or sealed records are missing" in dropped.said
 
 
 def test_a_message_changed_within_a_chunk_is_named(small: Path, tmp_path: Path) -> None:
     log = next(stored for stored in scan(small) if stored.topic == "/geo/uav_2" and stored.time_ns)
     changed = log.data[:-1] + bytes([log.data[-1] ^ 1])
-    told = verdict(tmp_path / "t.mcap", in_chunks(small.read_bytes(), log.data, changed))
-    assert told.state == "wrong"
-    assert told.said.startswith("boundary 1: the message on /geo/uav_2 at 10 s"), told.said
-    assert "is not as it was sealed" in told.said
+    result = verdict(tmp_path / "t.mcap", in_chunks(small.read_bytes(), log.data, changed))
+    assert result.state == "wrong"
+    assert result.said.startswith("boundary 1: the message on /geo/uav_2 at 10 s"), result.said
+    assert "is not as it was sealed" in result.said
 
 
-def test_a_dropped_message_is_told_from_a_changed_one(small: Path, tmp_path: Path) -> None:
+def test_a_dropped_message_and_an_added_one_are_distinguished(small: Path, tmp_path: Path) -> None:
     wanted = [stored for stored in scan(small) if stored.topic.startswith("/geo/") and stored.time_ns == 2 * 10**10]
     first = wanted[0]
     head = struct.pack("<HIQQ", first.channel, first.sequence, first.time_ns, first.time_ns) + first.data
     whole = RECORD.pack(5, len(head)) + head
-    told = verdict(tmp_path / "t.mcap", in_chunks(small.read_bytes(), whole, b""))
-    assert told.state == "wrong" and "the record before it is missing" in told.said, told.said
-    told = verdict(tmp_path / "t.mcap", in_chunks(small.read_bytes(), whole, whole + whole))
-    assert told.state == "wrong" and "it was added, repeated or moved" in told.said, told.said
+    result = verdict(tmp_path / "t.mcap", in_chunks(small.read_bytes(), whole, b""))
+    assert result.state == "wrong" and "the record before it is missing" in result.said, result.said
+    result = verdict(tmp_path / "t.mcap", in_chunks(small.read_bytes(), whole, whole + whole))
+    assert result.state == "wrong" and "it was added, repeated or moved" in result.said, result.said
 
 
-def test_bytes_added_anywhere_are_found(small: Path, tmp_path: Path) -> None:
+def test_added_bytes_are_detected(small: Path, tmp_path: Path) -> None:
     data, path = small.read_bytes(), tmp_path / "t.mcap"
-    told = verdict(path, data + b"more")
-    assert told.state == "wrong" and "4 bytes were added behind the end" in told.said
+    result = verdict(path, data + b"more")
+    assert result.state == "wrong" and "4 bytes were added behind the end" in result.said
     builder = RecordBuilder()
     mcap.records.Attachment(0, 0, "x", "text/plain", b"x").write(builder)
     extra = bytes(builder.end())
     for place in range(1, 40, 7):
-        told = verdict(path, rewritten(data, lambda n, record, at=place: extra + record if n == at else record))
-        assert told.state == "wrong", place
+        result = verdict(path, rewritten(data, lambda n, record, at=place: extra + record if n == at else record))
+        assert result.state == "wrong", place
 
 
-def test_an_edited_index_is_found(small: Path, tmp_path: Path) -> None:
+def test_an_edited_index_is_detected(small: Path, tmp_path: Path) -> None:
     data, path = small.read_bytes(), tmp_path / "t.mcap"
     for opcode in (0x07, 0x08, 0x0B, 0x0D, 0x0E, 0x02, 0x0F):
         number = max(n for n, record in enumerate(raw_records(data)) if record[0] == opcode)
-        told = verdict(path, rewritten(data, lambda n, record, at=number: record[:-1] + b"\x7f" if n == at else record))
-        assert told.state == "wrong", hex(opcode)
+        result = verdict(
+            path, rewritten(data, lambda n, record, at=number: record[:-1] + b"\x7f" if n == at else record)
+        )
+        assert result.state == "wrong", hex(opcode)
 
 
-def test_a_file_written_anew_by_another_program_is_told(small: Path, tmp_path: Path) -> None:
-    """Every message is the same, the file is not: it is read, and not called the one that was sealed."""
+def test_a_file_rewritten_by_another_program_lacks_its_seals(small: Path, tmp_path: Path) -> None:
+    """All messages are equal, but the file differs. It is read, and reported as not sealed."""
     path = tmp_path / "t.mcap"
     with small.open("rb") as file, path.open("wb") as out:
         writer = mcap.writer.Writer(out)
@@ -276,30 +278,32 @@ def test_a_file_written_anew_by_another_program_is_told(small: Path, tmp_path: P
                 channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
             )
         writer.finish()
-    told = verify_file(path)
-    assert told.state == "wrong" and "its seals are missing" in told.said
+    result = verify_file(path)
+    assert result.state == "wrong" and "its seals are missing" in result.said
     assert read_trace(path).boundaries == read_trace(small).boundaries
 
 
 @pytest.mark.parametrize("other", ["1", "7"])
-def test_a_trace_of_another_version_is_told_by_its_name(small: Path, tmp_path: Path, other: str) -> None:
-    """The first format: the same file without seals and the index of them."""
+def test_a_trace_of_another_version_is_unreadable_and_its_version_named(
+    small: Path, tmp_path: Path, other: str
+) -> None:
+    """The first format had no seals."""
     data = rewritten(small.read_bytes(), lambda n, record: None if is_seal(record) or record[0] == 0x0D else record)
     assert verdict(tmp_path / "t.mcap", data).state == "wrong"
-    told = verdict(tmp_path / "t.mcap", in_chunks(data, b"trace/2", f"trace/{other}".encode()))
-    assert told.state == "unreadable" and f"format `lingjing-trace/{other}`" in told.said
+    result = verdict(tmp_path / "t.mcap", in_chunks(data, b"trace/2", f"trace/{other}".encode()))
+    assert result.state == "unreadable" and f"format `lingjing-trace/{other}`" in result.said
     with pytest.raises(UsageError, match=f"format `lingjing-trace/{other}`"):
         read_trace(tmp_path / "t.mcap")
 
 
-def test_a_sealed_trace_of_tomorrow_is_unreadable_and_not_wrong(synthetic: ModuleType, tmp_path: Path) -> None:
-    """Nothing in it is wrong, as far as a version of today can tell."""
+def test_a_sealed_trace_of_a_later_version_is_unreadable_and_not_wrong(synthetic: ModuleType, tmp_path: Path) -> None:
+    """This version can detect no error in it."""
     records = [record for record, _ in synthetic.episode(2)]
     writer = TraceWriter(tmp_path / "t.mcap", msgspec.structs.replace(synthetic.header(), format="lingjing-trace/7"))
     for record in records:
         writer.boundary(msgspec.structs.replace(record, frames=()))
-    told = verify_file(writer.finish(synthetic.outcome_of(records)))
-    assert told.state == "unreadable" and "format `lingjing-trace/7`" in told.said
+    result = verify_file(writer.finish(synthetic.outcome_of(records)))
+    assert result.state == "unreadable" and "format `lingjing-trace/7`" in result.said
 
 
 def test_another_programs_file_is_unreadable(tmp_path: Path) -> None:
@@ -310,17 +314,18 @@ def test_another_programs_file_is_unreadable(tmp_path: Path) -> None:
         channel = writer.register_channel("/x", "json", writer.register_schema("x", "jsonschema", b"{}"))
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
-    told = verify_file(path)
-    assert told.state == "unreadable" and "holds no episode" in told.said
+    result = verify_file(path)
+    assert result.state == "unreadable" and "holds no episode" in result.said
 
 
-def test_who_computes_the_chain_anew_is_found_only_by_the_signature(
+def test_a_recomputed_chain_is_detected_only_by_the_signature(
     synthetic: ModuleType, signed: Path, tmp_path: Path
 ) -> None:
-    """The limit of a chain without a key: a forger writes a whole new trace."""
+    """A chain without a key cannot detect a forgery of the whole trace."""
     trace = read_trace(signed)
     forged = msgspec.structs.replace(
-        trace.header, bindings=tuple(msgspec.structs.replace(one, policy="mine") for one in trace.header.bindings)
+        trace.header,
+        bindings=tuple(msgspec.structs.replace(binding, policy="mine") for binding in trace.header.bindings),
     )
     path = tmp_path / "trace.mcap"
     with TraceWriter(path, forged, b"the forger's own key") as writer:
@@ -342,18 +347,18 @@ def test_who_computes_the_chain_anew_is_found_only_by_the_signature(
         ({"reason": "late"}, "the episode was not over"),
     ],
 )
-def test_an_outcome_that_does_not_follow_is_told_even_if_sealed(
+def test_a_sealed_outcome_that_contradicts_the_records_is_wrong(
     synthetic: ModuleType, tmp_path: Path, change: dict[str, object], words: str
 ) -> None:
     records = list(synthetic.episode(3, width=32, height=18))
-    outcome: Outcome = msgspec.structs.replace(synthetic.outcome_of([one for one, _ in records]), **change)
+    outcome: Outcome = msgspec.structs.replace(synthetic.outcome_of([record for record, _ in records]), **change)
     path = tmp_path / "trace.mcap"
     with TraceWriter(path, synthetic.header(32, 18)) as writer:
         for record, pictures in records:
             writer.boundary(record, pictures)
         writer.finish(outcome)
-    told = verify_file(path)
-    assert told.state == "wrong" and words in told.said
+    result = verify_file(path)
+    assert result.state == "wrong" and words in result.said
 
 
 def test_a_key_is_read_or_refused(tmp_path: Path) -> None:
@@ -373,7 +378,7 @@ def test_a_key_is_read_or_refused(tmp_path: Path) -> None:
     assert read_key(path) == KEY
 
 
-def test_what_passes_a_sealed_file_is_what_is_written() -> None:
+def test_a_sealed_file_writes_its_input_unchanged() -> None:
     out = io.BytesIO()
     out.close = lambda: None  # type: ignore[method-assign]
     file = SealedFile(out)

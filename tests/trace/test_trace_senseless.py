@@ -1,4 +1,4 @@
-"""A trace that is well formed and describes what no episode can be is refused, and names why."""
+"""A well-formed trace of an impossible episode is rejected with the reason."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def with_camera(**changes: float) -> Header:
 
 
 def written(folder: Path, header: Header) -> Path:
-    """A sealed trace of six ticks below this header."""
+    """Return a sealed trace of six ticks with this header."""
     with TraceWriter(folder / "trace.mcap", header) as writer:
         steps = list(synthetic.episode(6, 64, 36))
         for record, pictures in steps:
@@ -53,7 +53,7 @@ def written(folder: Path, header: Header) -> Path:
         (with_camera(hfov_deg=180.0), "the camera `nadir` of `uav[1]` is 640 x 360 pixels, 180 degrees wide"),
     ],
 )
-def test_a_header_of_no_episode_is_refused(tmp_path: Path, header: Header, fault: str) -> None:
+def test_an_impossible_header_is_rejected(tmp_path: Path, header: Header, fault: str) -> None:
     path = written(tmp_path, header)
     with pytest.raises(UsageError) as error:
         read_trace(path)
@@ -61,7 +61,7 @@ def test_a_header_of_no_episode_is_refused(tmp_path: Path, header: Header, fault
 
 
 @pytest.mark.parametrize("verb", ["metrics", "why", "view", "film", "replay", "report", "blame", "value"])
-def test_no_verb_ends_in_a_bug_for_a_zero_tick(
+def test_no_command_crashes_for_a_tick_of_length_zero(
     tmp_path: Path, verb: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Signals that come while a boundary is written wait until it is."""
+"""Signals that arrive while a boundary is written are deferred to its end."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from lingjing.trace.signals import deferring_signals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_waits_for_the_end(number):
+def test_a_signal_is_deferred_to_the_end_of_the_block(number):
     def interrupt(number, frame):
         raise KeyboardInterrupt
 
@@ -27,8 +27,8 @@ def test_a_signal_waits_for_the_end(number):
         signal.signal(number, before)
 
 
-def test_what_is_only_noted_does_not_take_the_place_of_what_interrupts():
-    """A handler that only notes a signal comes before one that raises."""
+def test_a_recording_handler_does_not_replace_a_raising_one():
+    """A handler that only records a signal does not prevent a later handler from raising."""
 
     def interrupt(number, frame):
         raise KeyboardInterrupt
@@ -47,14 +47,14 @@ def test_what_is_only_noted_does_not_take_the_place_of_what_interrupts():
 NOTED = dict.fromkeys((signal.SIGINT, signal.SIGTERM), lambda number, frame: None)
 
 
-def test_an_error_inside_goes_before_the_signal():
+def test_an_error_within_the_block_precedes_the_signal():
     with pytest.raises(OSError, match="full"), deferring_signals():
         os.kill(os.getpid(), signal.SIGINT)
         raise OSError("full")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_ignored_signals_and_other_threads_are_left_alone():
+def test_ignored_signals_and_other_threads_are_unaffected():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with deferring_signals():

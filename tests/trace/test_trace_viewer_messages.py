@@ -1,4 +1,4 @@
-"""What viewers are shown of an episode, read with `mcap` alone."""
+"""The messages for viewers of an episode, read with the plain `mcap` reader."""
 
 from __future__ import annotations
 
@@ -37,41 +37,45 @@ SQUARE = CityMesh(
 
 
 def messages_of(path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
-    found = defaultdict(list)
+    messages = defaultdict(list)
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
-            found[channel.topic].append((schema, channel, message))
-    return found
+            messages[channel.topic].append((schema, channel, message))
+    return messages
 
 
 def test_thoughts_commands_receipts_and_the_score_are_those_of_the_records(trace: Trace, episode_path: Path) -> None:
-    found = messages_of(episode_path)
-    told = {topic: [json.loads(one.data) for *_, one in found[topic]] for topic in found if topic.startswith("/agent/")}
+    messages_by_topic = messages_of(episode_path)
+    notes = {
+        topic: [json.loads(message.data) for *_, message in messages_by_topic[topic]]
+        for topic in messages_by_topic
+        if topic.startswith("/agent/")
+    }
     record = trace.boundaries[12]
     made = record.decisions[1]
-    (thought,) = [one for one in told[agent_topic(made.agent, "thought")] if one["tick"] == 12]
+    (thought,) = [message for message in notes[agent_topic(made.agent, "thought")] if message["tick"] == 12]
     assert (thought["text"], thought["tokens"], thought["agent"]) == (made.decision.thought, 860, made.agent)
-    (refused,) = [one for one in told[agent_topic(made.agent, "receipt")] if one["status"] == "rejected"]
+    (refused,) = [message for message in notes[agent_topic(made.agent, "receipt")] if message["status"] == "rejected"]
     assert refused == json.loads(msgspec.json.encode(next(r for r in record.receipts if r.status == "rejected")))
-    commands = sum(len(messages) for topic, messages in told.items() if topic.endswith("/command"))
-    assert commands == sum(len(one.commands) for one in trace.boundaries)
-    scores = [json.loads(one.data) for *_, one in found[SCORE]]
-    assert [one["score"] for one in scores] == [one.reward for one in trace.boundaries]
-    assert scores[-1]["subtasks"] == sum(len(one.stages) for one in trace.boundaries)
+    commands = sum(len(messages) for topic, messages in notes.items() if topic.endswith("/command"))
+    assert commands == sum(len(message.commands) for message in trace.boundaries)
+    scores = [json.loads(message.data) for *_, message in messages_by_topic[SCORE]]
+    assert [message["score"] for message in scores] == [message.reward for message in trace.boundaries]
+    assert scores[-1]["subtasks"] == sum(len(message.stages) for message in trace.boundaries)
 
 
-def test_reported_boxes_lie_at_the_time_of_their_picture(trace: Trace, episode_path: Path) -> None:
-    found = messages_of(episode_path)
+def test_reported_boxes_have_the_time_of_their_picture(trace: Trace, episode_path: Path) -> None:
+    messages = messages_of(episode_path)
     reports: dict[str, list[tuple[str, tuple[float, ...]]]] = defaultdict(list)
     for record in trace.boundaries:
-        for edge in {one.id: one for one in record.messages if "box" in one.body}.values():
+        for edge in {message.id: message for message in record.messages if "box" in message.body}.values():
             reports[str(edge.body["frame"])].append((edge.sender, edge.body["box"]))  # type: ignore[arg-type]
     assert sum(map(len, reports.values())) > 3
     for frame in trace.frames.values():
         (drawn,) = [
-            ImageAnnotations.FromString(one.data)
-            for *_, one in found[camera_topic(frame, "reported")]
-            if one.log_time == nanoseconds(frame.time_s)
+            ImageAnnotations.FromString(message.data)
+            for *_, message in messages[camera_topic(frame, "reported")]
+            if message.log_time == nanoseconds(frame.time_s)
         ]
         left = [points.points[0].x / frame.pose.width for points in drawn.points]
         bottom = [points.points[2].y / frame.pose.height for points in drawn.points]
@@ -80,35 +84,37 @@ def test_reported_boxes_lie_at_the_time_of_their_picture(trace: Trace, episode_p
         assert [text.text for text in drawn.texts] == [f"{who}: person_in_water" for who, _ in reports[frame.id]]
 
 
-def said(record: BoundaryRecord, **body: Any) -> Envelope:
+def report_message(record: BoundaryRecord, **body: Any) -> Envelope:
     return Envelope(
         id=f"m{record.tick}-99", tick=record.tick, sender="scout[1]", recipient="skipper", kind="detection",
         category="report", body=body, bytes=9, deliver_at=record.tick + 1,
     )  # fmt: skip
 
 
-def test_a_late_report_is_drawn_anew_and_nonsense_is_not(trace: Trace) -> None:
+def test_a_late_report_updates_a_picture_and_invalid_ones_do_not(trace: Trace) -> None:
     frame = next(iter(trace.frames.values()))
     later = trace.boundaries[frame.tick + 4]
     box = (0.1, 0.2, 0.3, 0.4)
     nonsense = (None, "x", (), (1, 2, 3), (0.1, 0.2, 0.3, float("nan")), (10**400, 0, 0, 0), ("a", 0, 0, 0))
-    extra = [said(later, frame=frame.id, box=one) for one in nonsense] + [said(later, frame="no such", box=box)]
-    extra = [msgspec.structs.replace(one, id=f"m{later.tick}-{90 + n}") for n, one in enumerate(extra)]
+    extra = [report_message(later, frame=frame.id, box=item) for item in nonsense] + [
+        report_message(later, frame="no such", box=box)
+    ]
+    extra = [msgspec.structs.replace(item, id=f"m{later.tick}-{90 + n}") for n, item in enumerate(extra)]
     shown = ViewerMessages(trace.header.instance, NO_SURROUNDINGS)
     drawn: list[tuple[int, ImageAnnotations]] = []
     for record in trace.boundaries[: later.tick + 1]:
         if record.tick == later.tick:
-            late = said(later, frame=frame.id, box=box)
+            late = report_message(later, frame=frame.id, box=box)
             record = msgspec.structs.replace(record, messages=(*record.messages, *extra, late))
         for time_s, (topic, _, data) in shown.boundary(record):
             if topic == camera_topic(frame, "reported") and time_s == frame.time_s:
                 drawn.append((record.tick, ImageAnnotations.FromString(data)))
     assert [tick for tick, _ in drawn] == [frame.tick + 1, later.tick]
-    before, after = (len(one.points) for _, one in drawn)
+    before, after = (len(item.points) for _, item in drawn)
     assert after == before + 1 and drawn[-1][1].texts[-1].text == "scout[1]"
 
 
-def test_cameras_hang_from_their_bodies_at_every_boundary(trace: Trace) -> None:
+def test_the_parent_frames_of_cameras_are_their_bodies_at_every_boundary(trace: Trace) -> None:
     def camera(state: BodyState, spec: Any, mounts: Any) -> CameraPose:
         east, north, up = state.position
         return CameraPose(position=(east, north, up - 1.0), heading_deg=state.heading_deg, tilt_deg=90.0)
@@ -117,11 +123,11 @@ def test_cameras_hang_from_their_bodies_at_every_boundary(trace: Trace) -> None:
     for record in trace.boundaries[:8]:
         hung = {}
         for time_s, (topic, _, data) in shown.boundary(record):
-            for one in FrameTransforms.FromString(data).transforms if topic == "/tf" else ():
-                if "/" in one.child_frame_id:
+            for transform in FrameTransforms.FromString(data).transforms if topic == "/tf" else ():
+                if "/" in transform.child_frame_id:
                     assert time_s == record.time_s
-                    hung[one.child_frame_id] = one
-        assert {name: one.parent_frame_id for name, one in hung.items()} == {
+                    hung[transform.child_frame_id] = transform
+        assert {name: transform.parent_frame_id for name, transform in hung.items()} == {
             f"uav[{n}]/nadir": f"uav[{n}]" for n in (1, 2, 3)
         }
         if not record.frames:
@@ -142,17 +148,19 @@ def test_the_city_is_in_the_file_once_as_meshes(trace: Trace, tmp_path: Path) ->
     assert (mesh.color.r, mesh.color.g, mesh.color.b, mesh.color.a) == (0.5, 0.25, 0.75, 1.0)
 
 
-def test_a_copy_shows_the_surroundings_it_is_given(trace: Trace, tmp_path: Path) -> None:
+def test_a_copy_contains_the_given_surroundings(trace: Trace, tmp_path: Path) -> None:
     copied = copy_trace(trace, trace.header, tmp_path / "copy.mcap", Surroundings(meshes=(SQUARE,)))
     assert copied.boundaries == trace.boundaries and copied.outcome == trace.outcome
     ((_, _, message),) = messages_of(copied.path)[CITY]
-    assert [one.id for one in SceneUpdate.FromString(message.data).entities] == ["city/building/0"]
+    assert [entity.id for entity in SceneUpdate.FromString(message.data).entities] == ["city/building/0"]
 
 
-def test_what_is_hidden_from_policies_stands_apart(trace: Trace, episode_path: Path) -> None:
-    found = messages_of(episode_path)
+def test_hidden_entities_have_a_topic_of_their_own(trace: Trace, episode_path: Path) -> None:
+    messages = messages_of(episode_path)
     shown = {
-        topic: {entity.id for *_, one in found[topic] for entity in SceneUpdate.FromString(one.data).entities}
+        topic: {
+            entity.id for *_, message in messages[topic] for entity in SceneUpdate.FromString(message.data).entities
+        }
         for topic in (SCENE, HIDDEN)
     }
     assert shown[HIDDEN] == {"entity/victim[1]", "entity/victim[2]", "entity/victim[3]"}
@@ -160,7 +168,7 @@ def test_what_is_hidden_from_policies_stands_apart(trace: Trace, episode_path: P
 
 
 def test_a_trace_without_these_channels_is_read_the_same(trace: Trace, episode_path: Path, tmp_path: Path) -> None:
-    """Those of before had neither notes nor a city nor reported boxes."""
+    """Older traces have neither notes nor a city nor reported boxes."""
     older = tmp_path / "older.mcap"
     new = ("/agent/", "/scene", SCORE)
     with episode_path.open("rb") as source, older.open("wb") as target:
@@ -182,17 +190,17 @@ def test_a_trace_without_these_channels_is_read_the_same(trace: Trace, episode_p
     assert read.jpeg(next(iter(trace.frames))) == trace.jpeg(next(iter(trace.frames)))
 
 
-def test_the_rest_is_told_when_an_episode_ends_early(
+def test_the_remaining_boxes_are_written_when_an_episode_ends_early(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The last pictures get their boxes at the end, and what is written then can fail as all writing can."""
+    """The boxes of the last pictures are written at the end, and this write can fail too."""
     until = next(record.tick for record in trace.boundaries if record.frames)
     with TraceWriter(tmp_path / "trace.mcap", trace.header) as writer:
         for record in trace.boundaries[: until + 1]:
             writer.boundary(record)
-    found = messages_of(tmp_path / "trace.mcap.part")
+    messages = messages_of(tmp_path / "trace.mcap.part")
     frame = trace.boundaries[until].frames[0]
-    assert len(found[camera_topic(frame, "reported")]) == 1
+    assert len(messages[camera_topic(frame, "reported")]) == 1
     monkeypatch.setattr(ContainerWriter, "add", _full)
     (tmp_path / "full").mkdir()
     with pytest.raises(UsageError, match="No space left"):

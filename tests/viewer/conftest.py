@@ -1,4 +1,4 @@
-"""The trace tests' synthetic sea rescue, and traces of its records as one likes."""
+"""Fixtures: the synthetic sea rescue of the trace tests, and traces of chosen records."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 @pytest.fixture
 def written(tmp_path: Path) -> Callable[..., Trace]:
-    """Writes records as a trace of their own, without pictures, and reads it."""
+    """A function that writes records as a trace without pictures, and reads it."""
 
     def write(records: list[BoundaryRecord], header: Header, *, finish: bool = True) -> Trace:
         target = tmp_path / "made" / "trace.mcap"

@@ -1,4 +1,4 @@
-"""A trace for Foxglove over HTTP: by ranges, with the token, for Foxglove's page alone."""
+"""A trace for Foxglove over HTTP: ranges, the token, and the allowed origins."""
 
 from __future__ import annotations
 
@@ -32,17 +32,22 @@ def ask(
     connection = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=300)
     connection.request(method, path or f"{url.path}?{url.query}", headers=headers)
     answer = connection.getresponse()
-    found = answer.status, dict(answer.getheaders()), answer.read()
+    response = answer.status, dict(answer.getheaders()), answer.read()
     connection.close()
-    return found
+    return response
 
 
-def test_the_file_is_had_whole_and_by_ranges(server: TraceFileServer) -> None:
+def test_the_file_is_served_whole_and_by_ranges(server: TraceFileServer) -> None:
     status, headers, body = ask(server)
     assert (status, body) == (200, DATA) and headers["Access-Control-Allow-Origin"] == ORIGIN
     assert ask(server, "HEAD")[1]["Content-Length"] == str(len(DATA))
-    for asked, first, last in (("5-9", 5, 9), ("10200-", 10200, 10239), ("10200-99999", 10200, 10239), ("0-0", 0, 0)):
-        status, headers, body = ask(server, Range=f"bytes={asked}")
+    for requested, first, last in (
+        ("5-9", 5, 9),
+        ("10200-", 10200, 10239),
+        ("10200-99999", 10200, 10239),
+        ("0-0", 0, 0),
+    ):
+        status, headers, body = ask(server, Range=f"bytes={requested}")
         assert (status, body) == (206, DATA[first : last + 1])
         assert headers["Content-Range"] == f"bytes {first}-{last}/{len(DATA)}"
     assert ask(server, Range=f"bytes={len(DATA)}-")[0] == 416
@@ -50,7 +55,7 @@ def test_the_file_is_had_whole_and_by_ranges(server: TraceFileServer) -> None:
     assert ask(server, "OPTIONS")[1]["Access-Control-Allow-Private-Network"] == "true"
 
 
-def test_nobody_without_the_token_gets_a_byte(server: TraceFileServer) -> None:
+def test_a_request_without_the_token_gets_no_content(server: TraceFileServer) -> None:
     for path in ("/trace.mcap", "/trace.mcap?token=x", "/", "/../etc/passwd", f"/other?token={server.token}"):
         status, _, body = ask(server, path=path)
         assert status in (403, 404) and body == b""
@@ -61,21 +66,21 @@ def test_nobody_without_the_token_gets_a_byte(server: TraceFileServer) -> None:
     assert parse_qs(urlsplit(server.url).query)["ds.url"] == [server.file_url] and server.url.startswith(ORIGIN)
 
 
-def test_nonsense_and_readers_that_go_away_write_nothing(
+def test_invalid_requests_and_closed_connections_print_nothing(
     server: TraceFileServer, capfd: pytest.CaptureFixture[str]
 ) -> None:
     url = urlsplit(server.file_url)
     fields = "&".join(f"field{number}=1" for number in range(20))
     assert ask(server, path=f"{url.path}?{url.query}&{fields}")[0] == 403
-    with socket.create_connection(("127.0.0.1", url.port or 0), timeout=300) as gone:
-        gone.sendall(b"GET ")
-        gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets the connection
+    with socket.create_connection(("127.0.0.1", url.port or 0), timeout=300) as client:
+        client.sendall(b"GET ")
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets the connection
     assert ask(server)[0] == 200
     server.close()
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_file_that_has_gone_and_a_taken_port_are_told(server: TraceFileServer, tmp_path: Path) -> None:
+def test_a_removed_file_and_an_occupied_port_are_errors(server: TraceFileServer, tmp_path: Path) -> None:
     (tmp_path / "trace.mcap").unlink()
     assert ask(server)[0] == 410
     port = urlsplit(server.file_url).port or 0

@@ -1,4 +1,4 @@
-"""A film: the moments it stands still at, its frames whatever an episode says, and the files."""
+"""A film: its moments, its frames for odd episodes, and the files."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from lingjing.viewer.page_content import PageContent
 
 def test_moments_are_those_of_the_events_in_order_of_time(trace: Trace) -> None:
     steps = PageContent(trace, truth=False).steps
-    found = moments(steps, trace, truth=False)
-    assert 0 < len(found) <= MOST and list(found) == sorted(found, key=lambda one: one.place)
-    for one in found:
-        assert any(event.kind != "plain" and event.text in one.text for event in steps[one.place].events)
+    chosen = moments(steps, trace, truth=False)
+    assert 0 < len(chosen) <= MOST and list(chosen) == sorted(chosen, key=lambda moment: moment.place)
+    for moment in chosen:
+        assert any(event.kind != "plain" and event.text in moment.text for event in steps[moment.place].events)
     gains = [n for n, step in enumerate(steps) if n and step.score > steps[n - 1].score]
-    assert set(gains) <= {one.place for one in found}
-    assert [one.place for one in moments(steps, trace, truth=False, most=1)] == gains[:1]
+    assert set(gains) <= {moment.place for moment in chosen}
+    assert [moment.place for moment in moments(steps, trace, truth=False, most=1)] == gains[:1]
 
 
-def test_a_film_stands_still_at_its_moments_and_shows_every_boundary() -> None:
-    told = (Moment(3, "good", "a"), Moment(9, "bad", "b"))
-    places = schedule(11, told, 10.0, 24)
+def test_a_film_stops_at_its_moments_and_shows_every_boundary() -> None:
+    stops = (Moment(3, "good", "a"), Moment(9, "bad", "b"))
+    places = schedule(11, stops, 10.0, 24)
     assert len(places) == 240 and places[0] == 0.0 and places[-1] == 10.0
     assert places == sorted(places)
-    for one in told:
-        assert 27 <= sum(place == one.place for place in places) <= 31  # 1.2 s
+    for moment in stops:
+        assert 27 <= sum(place == moment.place for place in places) <= 31  # 1.2 s
     crowd = tuple(Moment(n, "good", "x") for n in range(100))
     assert schedule(100, crowd, 10.0, 24)[-1] == 99.0
     assert set(schedule(1, (), 5.0, 8)) == {0.0}
 
 
 def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
-    told = PageContent(trace, truth=True)
-    drawn = FilmFrames(trace, told.head, told.steps, PageGround(known=False))
-    first, last = drawn.played(0.0, None), drawn.played(len(told.steps) - 1.0, Moment(0, "good", "won"))
+    content = PageContent(trace, truth=True)
+    drawn = FilmFrames(trace, content.head, content.steps, PageGround(known=False))
+    first, last = drawn.played(0.0, None), drawn.played(len(content.steps) - 1.0, Moment(0, "good", "won"))
     assert first.size == last.size == (WIDTH, HEIGHT)
     before, after = np.asarray(first), np.asarray(last)
     for left, top, right, bottom in (SHOT, MAP):
@@ -57,14 +57,16 @@ def test_a_frame_shows_the_picture_and_the_score(trace: Trace) -> None:
     assert after[top:bottom, left:right].reshape(-1, 3).std(axis=0).min() > 1.0
 
 
-def test_an_episode_without_pictures_has_its_stages_where_they_would_be(trace: Trace) -> None:
-    told = PageContent(trace, truth=True)
-    assert told.steps[-1].stages
-    with_pictures = FilmFrames(trace, told.head, told.steps, PageGround(known=False)).played(0.0, None)
-    blind = [msgspec.structs.replace(step, pictures=[]) for step in told.steps]
-    without = FilmFrames(trace, told.head, blind, PageGround(known=False)).played(0.0, None)
+def test_an_episode_without_pictures_has_its_stages_in_their_place(trace: Trace) -> None:
+    content = PageContent(trace, truth=True)
+    assert content.steps[-1].stages
+    with_pictures = FilmFrames(trace, content.head, content.steps, PageGround(known=False)).played(0.0, None)
+    blind = [msgspec.structs.replace(step, pictures=[]) for step in content.steps]
+    without = FilmFrames(trace, content.head, blind, PageGround(known=False)).played(0.0, None)
     (left, top), (right, bottom) = SHOT[:2], SHOT[2:]
-    paper = [bool((np.asarray(one)[bottom - 8, left:right] == (14, 18, 23)).all()) for one in (with_pictures, without)]
+    paper = [
+        bool((np.asarray(frame)[bottom - 8, left:right] == (14, 18, 23)).all()) for frame in (with_pictures, without)
+    ]
     assert paper == [True, False]
     assert len(np.unique(np.asarray(without)[top : top + 30, left:right].reshape(-1, 3), axis=0)) > 3
 
@@ -75,9 +77,9 @@ def test_hostile_texts_and_lost_pictures_make_frames(trace: Trace, written: Call
     header = msgspec.structs.replace(trace.header, instance=instance, attribution=evil)
     for records in ([], list(trace.boundaries[:1]), list(trace.boundaries[:3])):
         lost = Trace(trace.path, header, tuple(records), None, False, {})
-        told = PageContent(lost, truth=True)
-        drawn = FilmFrames(lost, told.head, told.steps, PageGround(known=False))
-        frames = [drawn.title(), drawn.ended(told.ending())]
+        content = PageContent(lost, truth=True)
+        drawn = FilmFrames(lost, content.head, content.steps, PageGround(known=False))
+        frames = [drawn.title(), drawn.ended(content.ending())]
         frames += [drawn.played(0.0, Moment(0, "bad", evil))] if records else []
         assert {frame.size for frame in frames} == {(WIDTH, HEIGHT)}
 
@@ -93,7 +95,7 @@ def test_a_gif_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
 
 
-def test_films_made_of_one_name_at_once_share_no_file(
+def test_films_with_one_name_made_at_once_share_no_file(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parts: list[Path] = []
@@ -119,7 +121,7 @@ def test_an_mp4_is_h264_and_takes_twenty_seconds(trace: Trace, tmp_path: Path) -
         assert sum(1 for _ in made.decode(video=0)) == round(SECONDS * 24)
 
 
-def test_what_cannot_be_made_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_film_that_cannot_be_made_is_an_error(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match="a film is an"):
         make_film(trace, tmp_path / "episode.avi", truth=False)
     short = Trace(trace.path, trace.header, trace.boundaries[:1], None, False, {})
@@ -140,7 +142,7 @@ def test_title_and_ending_frame_the_film(trace: Trace) -> None:
 CHINESE = "海上搜救任务：找到落水者"
 
 
-def test_letters_that_the_own_font_lacks_are_written_in_one_that_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_letters_that_the_default_font_lacks_are_drawn_in_another_font(monkeypatch: pytest.MonkeyPatch) -> None:
     assert fonts.lacking("Sea → ° ü") == "" and set(fonts.lacking(f"a{CHINESE}a")) == set(CHINESE)
     if fonts.letters_without_a_font(CHINESE):
         pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
@@ -149,13 +151,13 @@ def test_letters_that_the_own_font_lacks_are_written_in_one_that_has_them(monkey
         image = Image.new("L", (40, 40))
         ImageDraw.Draw(image).text((2, 2), letter, font=font_of(letter, 24), fill=255)
         pictures.add(image.tobytes())
-    assert len(pictures) == 3  # boxes would be alike
+    assert len(pictures) == 3  # boxes would be equal
     rows = _wrapped("Find 海上搜救任务找到落水者 all", 24, 120.0)
     assert len(rows) > 2 and "".join(rows).replace(" ", "") == "Find海上搜救任务找到落水者all"
     assert all(font_of(row, 24).getlength(row) <= 120.0 for row in rows)
 
 
-def test_one_letter_that_no_font_has_turns_no_others_into_boxes() -> None:
+def test_one_letter_without_a_font_does_not_turn_others_into_boxes() -> None:
     if fonts.letters_without_a_font(CHINESE):
         pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
     nobodys = "\N{EGYPTIAN HIEROGLYPH A001}"
@@ -167,7 +169,7 @@ def test_one_letter_that_no_font_has_turns_no_others_into_boxes() -> None:
     assert fonts.font(24, letters).getname() == fonts.font(24, fonts.lacking(CHINESE)).getname()
 
 
-def test_letters_that_no_font_has_are_told_once(trace: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_letters_without_a_font_are_reported_once(trace: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fonts, "_font_with", lambda letters: None)
     instance = msgspec.structs.replace(trace.header.instance, title=CHINESE)
     header = msgspec.structs.replace(trace.header, instance=instance)

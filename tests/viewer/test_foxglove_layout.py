@@ -1,4 +1,4 @@
-"""The layout for Foxglove names topics that the trace has, and shows the truth only where it is asked for."""
+"""The layout for Foxglove: its topics exist in the trace, and it shows the truth only on request."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def panels_of(layout: Any) -> list[str]:
     return [layout] if isinstance(layout, str) else [*panels_of(layout["first"]), *panels_of(layout["second"])]
 
 
-def test_every_panel_is_placed_once_and_shows_what_the_file_holds(trace: Trace) -> None:
+def test_every_panel_is_placed_once_and_shows_a_topic_of_the_file(trace: Trace) -> None:
     made = json.loads(foxglove_layout(trace.header.instance, truth=True))
     placed = panels_of(made["layout"])
     tabs = [tab["layout"] for name in placed if name.startswith("Tab!") for tab in made["configById"][name]["tabs"]]
@@ -29,12 +29,12 @@ def test_every_panel_is_placed_once_and_shows_what_the_file_holds(trace: Trace) 
     assert len(pictures) == 3
     for image in pictures.values():
         assert {image["imageTopic"], image["calibrationTopic"], *image["annotations"]} <= topics
-    paths = [one["value"] for panel in made["configById"].values() for one in panel.get("paths", ())]
+    paths = [path["value"] for panel in made["configById"].values() for path in panel.get("paths", ())]
     assert {path.rpartition(".")[0] for path in paths} <= topics | {"/agent/skipper/receipt"}
     assert {panel["topicPath"] for panel in made["configById"].values() if "topicPath" in panel} <= topics
 
 
-def test_hidden_things_are_switched_off_without_the_truth(trace: Trace) -> None:
+def test_hidden_entities_are_switched_off_without_the_truth(trace: Trace) -> None:
     for truth in (False, True):
         panels = json.loads(foxglove_layout(trace.header.instance, truth=truth))["configById"]
         world = panels["3D!world"]
@@ -44,22 +44,23 @@ def test_hidden_things_are_switched_off_without_the_truth(trace: Trace) -> None:
         for name, panel in panels.items():
             if name.startswith("Image!"):
                 shown = {
-                    topic.rpartition("/")[2]: one["visible"] for topic, one in panel["imageMode"]["annotations"].items()
+                    topic.rpartition("/")[2]: options["visible"]
+                    for topic, options in panel["imageMode"]["annotations"].items()
                 }
                 assert shown == {"truth": truth, "reported": True}
 
 
-def test_a_crowd_and_nobody_make_a_layout(trace: Trace) -> None:
+def test_many_agents_and_no_agents_have_a_layout(trace: Trace) -> None:
     instance = trace.header.instance
     crowd = tuple(msgspec.structs.replace(instance.agents[0], id=f"scout[{n}]") for n in range(100))
-    asset = next(one for one in instance.entities if one.cameras)
+    asset = next(item for item in instance.entities if item.cameras)
     many = msgspec.structs.replace(
         instance,
         agents=crowd,
         entities=tuple(msgspec.structs.replace(asset, id=f"uav[{n}]") for n in range(100)),
     )
     many = msgspec.structs.replace(
-        many, agents=tuple(msgspec.structs.replace(one, controls=(f"uav[{n}]",)) for n, one in enumerate(crowd))
+        many, agents=tuple(msgspec.structs.replace(item, controls=(f"uav[{n}]",)) for n, item in enumerate(crowd))
     )
     made = json.loads(foxglove_layout(many, truth=False))
     assert len([name for name in made["configById"] if name.startswith("Image!")]) == MOST_CAMERAS

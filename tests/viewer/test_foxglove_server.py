@@ -1,4 +1,4 @@
-"""The live server: Foxglove's protocol, for this machine with the token, with nothing hidden unless it is asked for."""
+"""The live server: Foxglove's protocol, the token, and hidden targets only on request."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ PATIENCE_S = 300
 
 
 def hidden(trace: Trace) -> set[str]:
-    return {one.id for one in trace.header.instance.entities if "position" in one.hidden}
+    return {entity.id for entity in trace.header.instance.entities if "position" in entity.hidden}
 
 
 class Follower:
-    """A client that subscribes to everything and keeps what comes, by topic."""
+    """A client that subscribes to all channels and stores the messages by topic."""
 
     def __init__(self, server: FoxgloveServer) -> None:
         self.open = contextlib.ExitStack()
-        asked = connect(server.address, subprotocols=["foxglove.websocket.v1"], open_timeout=PATIENCE_S, max_size=None)
-        self.socket = self.open.enter_context(asked)
+        client = connect(server.address, subprotocols=["foxglove.websocket.v1"], open_timeout=PATIENCE_S, max_size=None)
+        self.socket = self.open.enter_context(client)
         self.info = json.loads(self.socket.recv(timeout=PATIENCE_S))
         self.channels: dict[int, dict[str, Any]] = {}
         self.found: list[tuple[str, int, bytes]] = []
 
     def until(self, topic: str, times: int) -> Counter[str]:
-        """Read until a topic has come so often."""
+        """Read until a topic has this number of messages."""
         while Counter(name for name, *_ in self.found)[topic] < times:
             got = self.socket.recv(timeout=PATIENCE_S)
             if isinstance(got, str):
                 new = json.loads(got)["channels"]
-                self.channels |= {one["id"]: one for one in new}
-                wanted = [{"id": 1000 + one["id"], "channelId": one["id"]} for one in new]
+                self.channels |= {channel["id"]: channel for channel in new}
+                wanted = [{"id": 1000 + channel["id"], "channelId": channel["id"]} for channel in new]
                 self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
             elif got[0] == 1:
                 _, subscription, time_ns = struct.unpack_from("<BIQ", got)
@@ -66,7 +66,7 @@ class Follower:
 
 @pytest.fixture
 def play(trace: Trace, tmp_path: Path) -> Iterator[Callable[..., FoxgloveServer]]:
-    """Serves a trace that has so many boundaries; the writer is at hand."""
+    """Serve a trace with a number of boundaries. Yield the server and the writer."""
     made: list[Any] = []
 
     def begin(boundaries: int, *, truth: bool = False) -> FoxgloveServer:
@@ -83,9 +83,7 @@ def play(trace: Trace, tmp_path: Path) -> Iterator[Callable[..., FoxgloveServer]
     made[1](None, None, None)
 
 
-def test_a_client_is_told_channels_and_gets_boundaries_as_they_are_written(
-    trace: Trace, play: Callable[..., FoxgloveServer]
-) -> None:
+def test_a_client_receives_channels_and_new_boundaries(trace: Trace, play: Callable[..., FoxgloveServer]) -> None:
     server = play(3)
     client = Follower(server)
     assert client.info["op"] == "serverInfo" and client.socket.subprotocol == "foxglove.websocket.v1"
@@ -95,10 +93,10 @@ def test_a_client_is_told_channels_and_gets_boundaries_as_they_are_written(
             record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames]
         )
     client.until("/score", 6)
-    assert [json.loads(one)["tick"] for one in client.of("/score")] == [2, 3, 4, 5, 6, 7]
-    schema = next(one for one in client.channels.values() if one["topic"] == "/tf")
+    assert [json.loads(item)["tick"] for item in client.of("/score")] == [2, 3, 4, 5, 6, 7]
+    schema = next(item for item in client.channels.values() if item["topic"] == "/tf")
     assert schema["encoding"] == schema["schemaEncoding"] == "protobuf" and base64.b64decode(schema["schema"])
-    score = next(one for one in client.channels.values() if one["topic"] == "/score")
+    score = next(item for item in client.channels.values() if item["topic"] == "/score")
     assert json.loads(score["schema"])["title"] == "lingjing.Score" and score["encoding"] == "json"
     client.until("/camera/uav_1/nadir", 1)
     pictures = [frame for record in trace.boundaries[3:8] for frame in record.frames if frame.entity == "uav[1]"]
@@ -108,7 +106,7 @@ def test_a_client_is_told_channels_and_gets_boundaries_as_they_are_written(
 
 
 @pytest.mark.parametrize("truth", [False, True])
-def test_what_is_hidden_and_not_found_is_not_sent(
+def test_undiscovered_hidden_targets_are_not_sent(
     trace: Trace, play: Callable[..., FoxgloveServer], truth: bool
 ) -> None:
     first = min(record.tick for record in trace.boundaries if record.events)
@@ -121,8 +119,12 @@ def test_what_is_hidden_and_not_found_is_not_sent(
     topics = {topic for topic, *_ in client.found}
     assert any(topic.endswith("/truth") for topic in topics) is truth and "/lingjing/boundary" not in topics
     events = [event for record in trace.boundaries[first : first + 2] for event in record.events]
-    found = {name for event in events for name in event.bindings} & hidden(trace)
-    moved = {one.child_frame_id for data in client.of("/tf") for one in FrameTransforms.FromString(data).transforms}
+    revealed = {name for event in events for name in event.bindings} & hidden(trace)
+    moved = {
+        transform.child_frame_id
+        for data in client.of("/tf")
+        for transform in FrameTransforms.FromString(data).transforms
+    }
     marked = {
         entity.id
         for topic in ("/scene", "/scene/hidden")
@@ -130,8 +132,8 @@ def test_what_is_hidden_and_not_found_is_not_sent(
         for entity in SceneUpdate.FromString(data).entities
     }
     client.open.close()
-    shown = hidden(trace) if truth else found
-    assert found and found < hidden(trace)
+    shown = hidden(trace) if truth else revealed
+    assert revealed and revealed < hidden(trace)
     assert moved & hidden(trace) == shown
     assert {name for name in hidden(trace) if f"entity/{name}" in marked} == shown
 
@@ -148,7 +150,7 @@ def test_what_is_hidden_and_not_found_is_not_sent(
         ("/?token={token}", {"Origin": "null"}, 403),
     ],
 )
-def test_nobody_without_the_token_or_under_another_name_is_let_in(
+def test_requests_without_the_token_or_for_another_host_are_refused(
     play: Callable[..., FoxgloveServer], path: str, headers: dict[str, str], status: int
 ) -> None:
     from websockets.exceptions import InvalidStatus
@@ -166,13 +168,13 @@ def test_nobody_without_the_token_or_under_another_name_is_let_in(
 
 
 @pytest.mark.parametrize("origin", ["https://app.foxglove.dev", "file://"])
-def test_foxgloves_own_pages_are_let_in(play: Callable[..., FoxgloveServer], origin: str) -> None:
+def test_foxgloves_own_pages_are_admitted(play: Callable[..., FoxgloveServer], origin: str) -> None:
     protocols = [*foxglove_server.PROTOCOLS]
     with connect(play(1).address, origin=origin, subprotocols=protocols, open_timeout=PATIENCE_S) as connection:
         assert json.loads(connection.recv(timeout=PATIENCE_S))["op"] == "serverInfo"
 
 
-def test_connections_without_a_request_are_dropped_and_keep_no_client_out(
+def test_connections_without_a_request_are_dropped_and_block_no_client(
     play: Callable[..., FoxgloveServer],
 ) -> None:
     server = play(1)
@@ -184,22 +186,22 @@ def test_connections_without_a_request_are_dropped_and_keep_no_client_out(
         client = Follower(server)
         client.until("/score", 1)
         client.open.close()
-        assert all(one.recv(1) == b"" for one in silent)
+        assert all(connection.recv(1) == b"" for connection in silent)
 
 
-def test_nonsense_does_no_harm(play: Callable[..., FoxgloveServer]) -> None:
+def test_invalid_requests_do_no_harm(play: Callable[..., FoxgloveServer]) -> None:
     server = play(1)
     client = Follower(server)
-    for said in (
+    for message in (
         "[]", "{", "null", b"\x01abc", '{"op": "subscribe"}', '{"op": "unsubscribe", "subscriptionIds": [{}]}',
         '{"op": "subscribe", "subscriptions": [1, {"id": -1, "channelId": 1}, {"id": 1, "channelId": 10000}]}',
     ):  # fmt: skip
-        client.socket.send(said)
+        client.socket.send(message)
     client.until("/score", 1)
     client.open.close()
 
 
-def test_a_client_that_reads_nothing_loses_messages_and_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_reads_nothing_loses_messages_and_delays_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(foxglove_server, "WAITING_BYTES", 100)
     client = LiveClient()
     client.put('{"op": "advertise"}')
@@ -219,13 +221,13 @@ def test_a_server_ends_though_a_client_reads_nothing(
         server = FoxgloveServer(tmp_path / "trace.mcap", truth=False)
         host, path = server.address.removeprefix("ws://").split("/", 1)
         name, port = host.split(":")
-        asked = (
+        request = (
             f"GET /{path} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
             "Sec-WebSocket-Protocol: foxglove.websocket.v1\r\n\r\n"
         )
         with socket.create_connection((name, int(port)), timeout=PATIENCE_S) as deaf:
-            deaf.sendall(asked.encode())
+            deaf.sendall(request.encode())
             assert deaf.recv(12) == b"HTTP/1.1 101"
             while not server._clients:
                 time.sleep(0.01)
@@ -237,7 +239,7 @@ def test_a_server_ends_though_a_client_reads_nothing(
     assert not server._clients
 
 
-def test_a_taken_port_a_missing_package_and_what_is_no_trace_are_told(
+def test_an_occupied_port_a_missing_package_and_an_invalid_file_are_errors(
     play: Callable[..., FoxgloveServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     server = play(1)
@@ -265,7 +267,7 @@ def test_foxgloves_own_client_decodes_all_of_an_episode(trace: Trace, tmp_path: 
         for record in trace.boundaries:
             writer.boundary(record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames])
         writer.finish(synthetic.outcome_of(list(trace.boundaries)))
-    told = json.loads(listener.communicate(timeout=600)[0])
+    result = json.loads(listener.communicate(timeout=600)[0])
     server.close()
-    assert told["server"] == "Lingjing" and told["counts"]["/score"] >= 1
-    assert {"uav[1]", "boat"} <= set(told["last"]["/tf"]["named"])
+    assert result["server"] == "Lingjing" and result["counts"]["/score"] >= 1
+    assert {"uav[1]", "boat"} <= set(result["last"]["/tf"]["named"])

@@ -1,4 +1,4 @@
-"""The player in a real browser: what is seen, keys, a phone, hostile episodes, broken pictures."""
+"""The player in a real browser: content, keys, a phone, hostile episodes, broken pictures."""
 
 from __future__ import annotations
 
@@ -101,7 +101,9 @@ def test_without_the_truth_no_hidden_name_is_in_the_page(
 
 
 @pytest.mark.parametrize("width", [320, 360, 768])
-def test_nothing_sticks_out_of_a_phone(chromium: Any, trace: Trace, file_of: Callable[..., str], width: int) -> None:
+def test_the_page_fits_the_width_of_a_phone(
+    chromium: Any, trace: Trace, file_of: Callable[..., str], width: int
+) -> None:
     header = msgspec.structs.replace(trace.header, attribution="© OpenStreetMap contributors, ODbL 1.0")
     named = Trace(trace.path, header, trace.boundaries, trace.outcome, True, trace.places)
     with opened(chromium, file_of(named), viewport={"width": width, "height": 700}, has_touch=True) as page:
@@ -111,7 +113,7 @@ def test_nothing_sticks_out_of_a_phone(chromium: Any, trace: Trace, file_of: Cal
         for pane in ("agent", "log", "relations", "goal"):
             page.locator(f"#tab-{pane}").click()
             assert page.evaluate("document.documentElement.scrollWidth") <= width
-        for hidden in ("true", "false"):  # as while a page is laid out anew
+        for hidden in ("true", "false"):  # as during a new layout of the page
             page.evaluate(f"document.getElementById('line').hidden = {hidden}; player.size(); player.draw()")
         box = page.locator("#play").bounding_box()
         assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["height"] >= 34
@@ -200,7 +202,7 @@ def test_a_crowd_of_agents_a_single_tick_and_no_picture(
         assert page.locator("#graph circle").count() >= 1
 
 
-def test_an_episode_without_a_boundary_says_so(
+def test_an_episode_without_a_boundary_has_a_note(
     chromium: Any, trace: Trace, written: Callable[..., Trace], file_of: Callable[..., str]
 ) -> None:
     with opened(chromium, file_of(written([], trace.header, finish=False))) as page:
@@ -208,23 +210,23 @@ def test_an_episode_without_a_boundary_says_so(
         assert page.locator("#city").is_hidden()  # it would be black
 
 
-def test_a_server_gives_pictures_when_they_are_looked_at_and_a_lost_one_is_told(chromium: Any, trace: Trace) -> None:
+def test_pictures_are_requested_when_shown_and_a_lost_one_has_a_note(chromium: Any, trace: Trace) -> None:
     agent = next(
-        one
-        for one in trace.header.instance.agents
-        if any(one.controls[:1]) and any(frame.entity in one.controls for frame in trace.frames.values())
+        item
+        for item in trace.header.instance.agents
+        if any(item.controls[:1]) and any(frame.entity in item.controls for frame in trace.frames.values())
     )
     own = [frame for frame in trace.frames.values() if frame.entity in agent.controls]
     broken = Trace(trace.path, trace.header, trace.boundaries, trace.outcome, True, {**trace.places, own[0].id: {}})
     server = ViewServer(ServedTrace(broken, truth=False))
-    asked: list[str] = []
+    requested: list[str] = []
     context = chromium.new_context(viewport={"width": 1280, "height": 800})
     context.set_default_timeout(300_000)
     page = context.new_page()
-    page.on("request", lambda one: asked.append(one.url) if "/picture" in one.url else None)
+    page.on("request", lambda item: requested.append(item.url) if "/picture" in item.url else None)
     page.goto(server.url)
     page.wait_for_selector(READY)
-    assert asked == []
+    assert requested == []
     page.select_option("#agent", agent.id)
     number = next(place for place, record in enumerate(trace.boundaries) if own[0] in record.frames)
     page.locator("#seek").fill(str(number))
@@ -233,6 +235,6 @@ def test_a_server_gives_pictures_when_they_are_looked_at_and_a_lost_one_is_told(
     page.locator("#seek").fill(str(later))
     page.wait_for_selector("#photo:not([hidden])")
     assert page.evaluate("document.getElementById('photo').naturalWidth") == own[1].pose.width
-    assert len(asked) == 2
+    assert len(requested) == 2
     context.close()
     server.close()

@@ -1,4 +1,4 @@
-"""A run that is killed in the middle is over for those who look on."""
+"""A killed run ends for its viewers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ with TraceWriter(Path(sys.argv[1]), synthetic.header()) as writer:
 """
 
 
-def test_the_page_is_told_the_end_of_a_run_that_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_receives_the_end_of_a_killed_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "LEFT_S", 0.5)
     path = tmp_path / "trace.mcap"
     root = Path(__file__).parents[2]
@@ -43,8 +43,8 @@ def test_the_page_is_told_the_end_of_a_run_that_was_killed(tmp_path: Path, monke
     )  # fmt: skip
     assert run.stdout is not None and run.stdout.readline() == b"written\n"
     served = ServedRun(path, truth=False)
-    found: list[tuple[str, bytes]] = []
-    reader = threading.Thread(target=lambda: found.extend(one for one in served.follow(0) if one[0]))
+    events: list[tuple[str, bytes]] = []
+    reader = threading.Thread(target=lambda: events.extend(item for item in served.follow(0) if item[0]))
     reader.start()
     reader.join(3 * live.LEFT_S)
     assert reader.is_alive() and is_being_written(part_path(path))  # it stands still, and its writer is there
@@ -52,14 +52,14 @@ def test_the_page_is_told_the_end_of_a_run_that_was_killed(tmp_path: Path, monke
     run.send_signal(signal.SIGKILL)
     run.communicate()
     reader.join(600)
-    assert found[-1][0] == "ending" and json.loads(found[-1][1])["state"] == "open"
-    assert "killed" in json.loads(found[-1][1])["line"] and json.loads(served.page_start())["live"] is False
+    assert events[-1][0] == "ending" and json.loads(events[-1][1])["state"] == "open"
+    assert "killed" in json.loads(events[-1][1])["line"] and json.loads(served.page_start())["live"] is False
     served.close()
 
 
-def test_a_file_that_is_written_is_held_until_it_is_closed(trace: Trace, tmp_path: Path) -> None:
+def test_a_trace_is_locked_until_it_is_closed(trace: Trace, tmp_path: Path) -> None:
     writer = TraceWriter(tmp_path / "trace.mcap", trace.header)
     assert is_being_written(part_path(tmp_path / "trace.mcap"))
     writer.abandon()
     assert not is_being_written(part_path(tmp_path / "trace.mcap"))
-    assert is_being_written(tmp_path / "none.mcap")  # nobody knows
+    assert is_being_written(tmp_path / "none.mcap")  # unknown counts as being written

@@ -1,4 +1,4 @@
-"""An episode is followed while its trace grows; whoever looks on keeps nobody waiting."""
+"""Content from a growing trace. A viewer delays neither the run nor other viewers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lingjing.viewer.live import ServedRun
 from tests.trace import synthetic
 
 
-def test_steps_come_as_they_are_written_and_the_ending_after_them(trace: Trace, tmp_path: Path) -> None:
+def test_steps_are_yielded_when_they_are_written_and_then_the_ending(trace: Trace, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     served = ServedRun(part_path(path), truth=False)
     assert json.loads(served.page_start()) == {"waiting": True}
@@ -23,15 +23,15 @@ def test_steps_come_as_they_are_written_and_the_ending_after_them(trace: Trace, 
         served.ground()
     writer = TraceWriter(path, trace.header)
     writer.boundary(trace.boundaries[0])
-    found: list[tuple[str, bytes]] = []
-    reader = threading.Thread(target=lambda: found.extend(one for one in served.follow(0) if one[0]))
+    events: list[tuple[str, bytes]] = []
+    reader = threading.Thread(target=lambda: events.extend(item for item in served.follow(0) if item[0]))
     reader.start()
     for record in trace.boundaries[1:]:
         writer.boundary(record)
     writer.finish(synthetic.outcome_of(list(trace.boundaries)))
     reader.join(600)
-    assert [event for event, _ in found][-1] == "ending" and json.loads(found[-1][1])["state"] == "won"
-    ticks = [step["tick"] for event, data in found if event == "steps" for step in json.loads(data)["steps"]]
+    assert [event for event, _ in events][-1] == "ending" and json.loads(events[-1][1])["state"] == "won"
+    ticks = [step["tick"] for event, data in events if event == "steps" for step in json.loads(data)["steps"]]
     assert ticks == [record.tick for record in trace.boundaries]
     assert json.loads(served.page_start())["live"] is False
     assert [event for event, _ in served.follow(len(ticks)) if event] == ["ending"]
@@ -39,7 +39,7 @@ def test_steps_come_as_they_are_written_and_the_ending_after_them(trace: Trace, 
     served.close()
 
 
-def test_who_waits_for_news_is_let_go_at_the_end(trace: Trace, tmp_path: Path) -> None:
+def test_a_waiting_reader_is_released_at_the_end(trace: Trace, tmp_path: Path) -> None:
     writer = TraceWriter(tmp_path / "trace.mcap", trace.header)
     served = ServedRun(tmp_path / "trace.mcap", truth=False)
     reader = threading.Thread(target=lambda: list(served.follow(0)))
@@ -50,7 +50,7 @@ def test_who_waits_for_news_is_let_go_at_the_end(trace: Trace, tmp_path: Path) -
     writer.abandon()
 
 
-def test_what_is_no_trace_is_told_at_once(tmp_path: Path) -> None:
+def test_a_file_that_is_no_trace_is_an_error_at_once(tmp_path: Path) -> None:
     (tmp_path / "trace.mcap").write_text("no trace")
     with pytest.raises(UsageError, match="not a trace"):
         ServedRun(tmp_path / "trace.mcap", truth=False)

@@ -1,4 +1,4 @@
-"""The page: one script and one style, named by the policy; nothing that an episode says gets out of its data."""
+"""The page: one script and one style with hashes in the policy; texts of an episode stay within its data."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EMPTY_ICON = {"rel": "icon", "href": "data:,"}
 
 
 class Parts(HTMLParser):
-    """Scripts and styles of a page, its elements' ids, and every attribute that would run code or load something."""
+    """Scripts and styles of a page, the ids of its elements, and all attributes that would run code or load data."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -37,21 +37,21 @@ class Parts(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        found = dict(attrs)
-        if found == EMPTY_ICON:
+        attributes = dict(attrs)
+        if attributes == EMPTY_ICON:
             return
-        self.risky += [(tag, name) for name in found if name.startswith("on") or name in ("src", "href", "style")]
+        self.risky += [(tag, name) for name in attributes if name.startswith("on") or name in ("src", "href", "style")]
         if tag in ("script", "style"):
-            self._open = (tag, found)
+            self._open = (tag, attributes)
 
     def handle_data(self, data: str) -> None:
         if self._open is None:
             return
-        tag, found = self._open
+        tag, attributes = self._open
         if tag == "style":
             self.styles.append(data)
-        elif found.get("type") == "text/plain":
-            self.data[str(found["id"])] = data
+        elif attributes.get("type") == "text/plain":
+            self.data[str(attributes["id"])] = data
         else:
             self.scripts.append(data)
 
@@ -63,24 +63,24 @@ def unpacked(parts: Parts, name: str) -> object:
     return json.loads(zlib.decompress(base64.b64decode(parts.data[f"d-{name}"])))
 
 
-def test_the_policy_names_the_one_script_and_the_one_style(trace: Trace) -> None:
+def test_the_policy_has_the_hashes_of_the_script_and_the_style(trace: Trace) -> None:
     text = single_file(trace, truth=False)
     parts = Parts(text)
     assert len(parts.scripts) == len(parts.styles) == 1 and parts.risky == []
-    (told,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]+)"', text)
-    assert told == policy(served=False)
+    (sent,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]+)"', text)
+    assert sent == policy(served=False)
     for kind, body in (("script", parts.scripts[0]), ("style", parts.styles[0])):
         digest = base64.b64encode(hashlib.sha256(body.encode()).digest()).decode()
-        assert f"{kind}-src 'sha256-{digest}'" in told
-    assert "unsafe" not in told and "connect-src 'none'" in told and "default-src 'none'" in told
+        assert f"{kind}-src 'sha256-{digest}'" in sent
+    assert "unsafe" not in sent and "connect-src 'none'" in sent and "default-src 'none'" in sent
     assert "http:" not in text.replace("http://www.w3.org/2000/svg", "") and "https:" not in text
 
 
-def test_a_file_holds_the_whole_episode(trace: Trace) -> None:
+def test_a_file_contains_the_whole_episode(trace: Trace) -> None:
     parts = Parts(single_file(trace, truth=True))
-    told = unpacked(parts, "page-start")
-    assert isinstance(told, dict) and len(told["steps"]) == len(trace.boundaries)
-    assert told["ending"]["state"] == "won" and told["head"]["truth"] is True
+    start = unpacked(parts, "page-start")
+    assert isinstance(start, dict) and len(start["steps"]) == len(trace.boundaries)
+    assert start["ending"]["state"] == "won" and start["head"]["truth"] is True
     details = unpacked(parts, "details-0")
     assert isinstance(details, list) and len(details) == min(CHUNK, len(trace.boundaries))
     source = json.loads(parts.data["d-source"])
@@ -90,19 +90,19 @@ def test_a_file_holds_the_whole_episode(trace: Trace) -> None:
 
 
 @pytest.mark.parametrize("budget", [0, 20_000, 100_000])
-def test_pictures_keep_to_the_budget_and_what_is_left_out_is_said(trace: Trace, budget: int) -> None:
+def test_pictures_fit_the_budget_and_a_note_names_the_missing_ones(trace: Trace, budget: int) -> None:
     parts = Parts(single_file(trace, truth=False, budget_bytes=budget))
     pictures = json.loads(parts.data["d-source"])["pictures"]
     size = sum(len(base64.b64decode(parts.data[f"d-picture-{number}"])) for number in pictures.values())
     assert size <= budget
-    told = unpacked(parts, "page-start")
-    assert isinstance(told, dict)
+    start = unpacked(parts, "page-start")
+    assert isinstance(start, dict)
     if len(pictures) < len(trace.frames):
-        said = " ".join(told["notes"])
-        assert "not in this file" in said or f"{len(pictures)} of {len(trace.frames)} pictures" in said
+        notes = " ".join(start["notes"])
+        assert "not in this file" in notes or f"{len(pictures)} of {len(trace.frames)} pictures" in notes
 
 
-def test_what_a_policy_says_stays_data(trace: Trace, written: Callable[..., Trace]) -> None:
+def test_the_text_of_a_policy_stays_data(trace: Trace, written: Callable[..., Trace]) -> None:
     evil = "</script><script>window.hit=1</script><img src=x onerror=hit()>"
     first, second = trace.boundaries[:2]
     made = DecisionRecord(agent=second.decisions[0].agent, decision=Decision(thought=evil))
@@ -116,9 +116,9 @@ def test_what_a_policy_says_stays_data(trace: Trace, written: Callable[..., Trac
     assert evil in json.dumps(unpacked(parts, "details-0")) and "<title>a&lt;/title&gt;" in text
 
 
-def test_a_trace_without_a_boundary_makes_a_page(trace: Trace, written: Callable[..., Trace]) -> None:
-    told = unpacked(Parts(single_file(written([], trace.header, finish=False), truth=True)), "page-start")
-    assert isinstance(told, dict) and told["steps"] == [] and told["ending"]["state"] == "open"
+def test_a_trace_without_a_boundary_has_a_page(trace: Trace, written: Callable[..., Trace]) -> None:
+    start = unpacked(Parts(single_file(written([], trace.header, finish=False), truth=True)), "page-start")
+    assert isinstance(start, dict) and start["steps"] == [] and start["ending"]["state"] == "open"
 
 
 def test_a_lost_picture_is_left_out(trace: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,7 +131,7 @@ def test_a_lost_picture_is_left_out(trace: Trace, monkeypatch: pytest.MonkeyPatc
     assert single.BUDGET_BYTES == 12_000_000
 
 
-def test_data_with_a_mark_is_refused() -> None:
+def test_data_with_an_angle_bracket_is_rejected() -> None:
     with pytest.raises(ValueError, match="no <"):
         element("x", "<b>")
     assert "{{" not in page("t", "", meta_policy=False)

@@ -1,4 +1,4 @@
-"""A Rerun recording: read back by Rerun itself, without what is hidden unless the truth is asked for."""
+"""A Rerun recording, read back by Rerun itself. It contains hidden targets only on request."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lingjing.trace.reader import Trace
 from lingjing.viewer.rerun_recording import write_rerun
 
 
-def told(path: Path, *options: str) -> str:
-    """What Rerun's own reader says is in a file, after it has verified it."""
+def reader_output(path: Path, *options: str) -> str:
+    """Return the output of Rerun's own reader for a file, after it has verified the file."""
     for words in (("verify", str(path)), ("print", *options, str(path))):
         done = subprocess.run(
             [sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=600
@@ -24,35 +24,38 @@ def told(path: Path, *options: str) -> str:
 
 
 @pytest.mark.parametrize("truth", [False, True])
-def test_rerun_reads_what_the_trace_holds(trace: Trace, tmp_path: Path, truth: bool) -> None:
+def test_the_recording_has_the_content_of_the_trace(trace: Trace, tmp_path: Path, truth: bool) -> None:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
     first = min(record.tick for record in trace.boundaries if record.events)
     short = Trace(trace.path, trace.header, trace.boundaries[:first], None, False, trace.places)
     write_rerun(short, tmp_path / "episode.rrd", truth=truth)
-    said = told(tmp_path / "episode.rrd")
+    content = reader_output(tmp_path / "episode.rrd")
     for path in ("world/bodies/uav_1", "world/cameras/uav_1/nadir/rgb", "score/score", "agents/scout_1/thought",
                  "world/regions/search", "map/boat", "world/trails/uav_1"):  # fmt: skip
-        assert path in said
-    assert ("victim_1" in said) is truth and ("/rgb/truth" in said) is truth
-    assert [one.name for one in tmp_path.iterdir()] == ["episode.rrd"]
+        assert path in content
+    assert ("victim_1" in content) is truth and ("/rgb/truth" in content) is truth
+    assert [file.name for file in tmp_path.iterdir()] == ["episode.rrd"]
 
 
 def test_a_found_target_appears_and_reported_boxes_are_drawn(trace: Trace, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
     write_rerun(trace, tmp_path / "episode.rrd", truth=False)
-    said = told(tmp_path / "episode.rrd")
+    content = reader_output(tmp_path / "episode.rrd")
     assert (
-        "world/bodies/victim_1" in said
-        and "/rgb/reported" in said
-        and "log/kernel" in said
-        and "/rgb/truth" not in said
+        "world/bodies/victim_1" in content
+        and "/rgb/reported" in content
+        and "log/kernel" in content
+        and "/rgb/truth" not in content
     )
-    for body, timed in (("victim_1", True), ("uav_1", False)):  # one without a time is at the origin until it is found
-        marker = told(tmp_path / "episode.rrd", "-vv", "--entity", f"/world/bodies/{body}/marker")
+    for body, timed in (
+        ("victim_1", True),
+        ("uav_1", False),
+    ):  # a marker without a time is at the origin until its target is found
+        marker = reader_output(tmp_path / "episode.rrd", "-vv", "--entity", f"/world/bodies/{body}/marker")
         assert "Boxes3D:labels" in marker and ("simulation" in marker) is timed
 
 
-def test_what_cannot_be_written_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_is_an_error(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "rerun", None)
         with pytest.raises(UsageError, match="needs rerun-sdk") as caught:
@@ -66,7 +69,7 @@ def test_what_cannot_be_written_is_told(trace: Trace, tmp_path: Path, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_fills_is_told(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_an_error(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed: run `make readers`")
 
     def full(*_: object, **__: object) -> None:

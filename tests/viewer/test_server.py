@@ -1,4 +1,4 @@
-"""The server: for this machine, with the token, for the names of this machine only."""
+"""The server: the token, and admission of requests to the names of this machine only."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def ask(
     mark = "&" if "?" in path else "?"
     connection.request("GET", f"{path}{mark}token={server.token if token is None else token}", headers=headers)
     answer = connection.getresponse()
-    found = answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+    response = answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
     connection.close()
-    return found
+    return response
 
 
 def test_the_page_and_its_data_are_served(server: ViewServer, trace: Trace) -> None:
@@ -56,8 +56,8 @@ def test_the_page_and_its_data_are_served(server: ViewServer, trace: Trace) -> N
     )
     status, headers, body = ask(server, "/page-start", **{"Accept-Encoding": "gzip, deflate"})
     assert headers["content-encoding"] == "deflate"
-    told = json.loads(zlib.decompress(body))
-    assert len(told["steps"]) == len(trace.boundaries) and told["live"] is False
+    start = json.loads(zlib.decompress(body))
+    assert len(start["steps"]) == len(trace.boundaries) and start["live"] is False
     assert json.loads(ask(server, "/ground")[2])["known"] in (True, False)
     assert len(json.loads(ask(server, "/details?chunk=0")[2])) == min(CHUNK, len(trace.boundaries))
     name = next(iter(trace.frames))
@@ -66,7 +66,7 @@ def test_the_page_and_its_data_are_served(server: ViewServer, trace: Trace) -> N
 
 
 @pytest.mark.parametrize("path", ["/", "/page-start", "/ground", "/details?chunk=0", "/picture?id=x", "/follow", "/no"])
-def test_nothing_is_told_without_the_token(server: ViewServer, path: str) -> None:
+def test_without_the_token_nothing_is_served(server: ViewServer, path: str) -> None:
     for token in ("", "x", server.token[:-1], server.token + "x", "é"):
         status, _, body = ask(server, path, token=quote(token))
         assert status == 403 and len(body) < 200 and server.token.encode() not in body
@@ -81,7 +81,7 @@ def test_a_name_that_only_resolves_to_this_machine_gets_no_answer(server: ViewSe
 @pytest.mark.parametrize(
     "path", ["/picture?id=none", "/picture", "/details?chunk=99", "/details?chunk=-1x9", "/../etc/passwd"]
 )
-def test_what_is_not_there_is_said(server: ViewServer, path: str) -> None:
+def test_a_missing_part_is_not_found(server: ViewServer, path: str) -> None:
     status, headers, body = ask(server, path)
     if path == "/details?chunk=-1x9":
         assert status == 200  # no number: the first
@@ -89,7 +89,7 @@ def test_what_is_not_there_is_said(server: ViewServer, path: str) -> None:
         assert status == 404 and body and headers["content-type"].startswith("text/plain")
 
 
-def test_only_get_is_answered_and_nonsense_does_no_harm(server: ViewServer) -> None:
+def test_only_get_is_answered_and_invalid_requests_do_no_harm(server: ViewServer) -> None:
     for data in (b"POST / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\xff\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b""):
         with socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) as connection:
             connection.sendall(data)
@@ -104,12 +104,12 @@ def test_a_query_of_too_many_fields_is_answered(server: ViewServer) -> None:
     assert ask(server, f"/page-start?{fields}")[0] == 403
 
 
-def test_a_port_that_was_given_up_is_to_be_had_again(trace: Trace) -> None:
+def test_a_closed_port_can_be_used_again(trace: Trace) -> None:
     had = []
-    for _ in range(4):  # somebody else may be given the port meanwhile, but not each time
+    for _ in range(4):  # another process may get the port meanwhile, but not each time
         first = ViewServer(ServedTrace(trace, truth=False))
         port = port_of(first)
-        assert ask(first, "/follow")[0] == 200  # ended by the server, so that its end of the connection lingers
+        assert ask(first, "/follow")[0] == 200  # closed by the server, so that its end of the connection lingers
         first.close()
         with contextlib.suppress(UsageError):
             ViewServer(ServedTrace(trace, truth=False), port).close()
@@ -117,7 +117,7 @@ def test_a_port_that_was_given_up_is_to_be_had_again(trace: Trace) -> None:
     assert had
 
 
-def test_a_reader_that_reads_nothing_keeps_nobody_waiting(server: ViewServer) -> None:
+def test_a_client_that_reads_nothing_delays_no_other(server: ViewServer) -> None:
     idle = [socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) for _ in range(8)]
     for connection in idle:
         connection.sendall(
@@ -128,14 +128,16 @@ def test_a_reader_that_reads_nothing_keeps_nobody_waiting(server: ViewServer) ->
         connection.close()
 
 
-def test_it_listens_on_the_loopback_address_and_a_taken_port_is_told(server: ViewServer, trace: Trace) -> None:
+def test_the_server_listens_on_the_loopback_address_and_an_occupied_port_is_an_error(
+    server: ViewServer, trace: Trace
+) -> None:
     assert server.url.startswith("http://127.0.0.1:") and len(server.token) >= 32
     with pytest.raises(UsageError, match=f"cannot listen on port {port_of(server)}"):
         ViewServer(ServedTrace(trace, truth=False), port_of(server))
 
 
 def raw(server: ViewServer, text: str) -> bytes:
-    """The answer to a request as it is written here."""
+    """Return the response to a request that is sent literally."""
     with socket.create_connection(("127.0.0.1", port_of(server)), timeout=300) as connection:
         connection.sendall(text.encode())
         return b"".join(iter(lambda: connection.recv(65536), b""))
@@ -165,14 +167,14 @@ def test_a_connection_without_a_request_is_dropped(server: ViewServer) -> None:
     with silent, slow:
         slow.sendall(b"GET /page-start HTTP/1.1\r\nX: ")
         with pytest.raises(OSError):
-            while True:  # a byte now and then is no request either
+            while True:  # single bytes over time are no request either
                 slow.sendall(b"x")
                 time.sleep(0.05)
         assert silent.recv(1) == b""
     assert time.monotonic() - begun >= admission.ADMISSION_S
 
 
-def test_a_connection_that_showed_the_token_stays(server: ViewServer) -> None:
+def test_a_connection_with_the_token_is_not_dropped(server: ViewServer) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=300)
     for wait in (0.0, 1.5 * admission.ADMISSION_S):
         time.sleep(wait)
@@ -184,7 +186,7 @@ def test_a_connection_that_showed_the_token_stays(server: ViewServer) -> None:
     assert (answer.status, answer.headers["Connection"]) == (403, "close"), "one without the token ends the connection"
 
 
-def test_many_silent_connections_of_one_address_keep_no_reader_out(
+def test_many_silent_connections_of_one_address_block_no_client(
     server: ViewServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(admission, "ADMISSION_S", 3600.0)  # they are displaced and not late
@@ -194,7 +196,9 @@ def test_many_silent_connections_of_one_address_keep_no_reader_out(
             for _ in range(4 * MOST_CONNECTIONS)
         ]
         assert ask(server, "/page-start")[0] == 200
-        assert all(one.recv(1) == b"" for one in silent[: -admission.MOST_WAITING]), "the oldest are dropped"
+        assert all(connection.recv(1) == b"" for connection in silent[: -admission.MOST_WAITING]), (
+            "the oldest are dropped"
+        )
         while threading.active_count() >= MOST_CONNECTIONS:  # the dropped ones' threads end
             time.sleep(0.01)
     monkeypatch.undo()
@@ -214,7 +218,7 @@ def test_other_addresses_of_this_machine_have_a_limit_too(server: ViewServer, mo
             time.sleep(0.01)
 
 
-def test_of_admitted_connections_there_are_so_many_at_a_time(server: ViewServer) -> None:
+def test_the_number_of_admitted_connections_is_limited(server: ViewServer) -> None:
     with contextlib.ExitStack() as held:
         for _ in range(MOST_CONNECTIONS):
             connection = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=300)

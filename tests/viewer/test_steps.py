@@ -1,4 +1,4 @@
-"""What a page is told of an episode: nothing hidden unless the truth is asked for, and no text that does harm."""
+"""The content of a page: hidden targets only on request, and no harmful texts."""
 
 from __future__ import annotations
 
@@ -15,23 +15,21 @@ from lingjing.viewer.steps import LONGEST_TEXT, clipped
 
 
 def hidden(instance: Instance) -> set[str]:
-    return {one.id for one in instance.entities if one.role == "target" and "position" in one.hidden}
+    return {entity.id for entity in instance.entities if entity.role == "target" and "position" in entity.hidden}
 
 
 def moved(snapshot: Snapshot, names: set[str]) -> Snapshot:
-    """The same macro-step with the named entities somewhere else."""
+    """Return the macro-step with the named entities at other positions."""
     states = tuple(
-        msgspec.structs.replace(one, position=(one.position[0] + 37.0, one.position[1] - 41.0, one.position[2]))
-        if one.id in names
-        else one
-        for one in snapshot.states
+        msgspec.structs.replace(state, position=(state.position[0] + 37.0, state.position[1] - 41.0, state.position[2]))
+        if state.id in names
+        else state
+        for state in snapshot.states
     )
     return msgspec.structs.replace(snapshot, states=states)
 
 
-def test_what_is_hidden_and_not_found_changes_nothing_that_a_page_is_told(
-    trace: Trace, written: Callable[..., Trace]
-) -> None:
+def test_undiscovered_hidden_targets_do_not_affect_a_page(trace: Trace, written: Callable[..., Trace]) -> None:
     names = hidden(trace.header.instance)
     first = min(record.tick for record in trace.boundaries if record.events)
     until = [record for record in trace.boundaries if record.tick < first]
@@ -39,22 +37,23 @@ def test_what_is_hidden_and_not_found_changes_nothing_that_a_page_is_told(
     other = [
         msgspec.structs.replace(
             record,
-            snapshots=tuple(moved(one, names) for one in record.snapshots),
+            snapshots=tuple(moved(item, names) for item in record.snapshots),
             frames=tuple(msgspec.structs.replace(frame, boxes=()) for frame in record.frames),
         )
         for record in until
     ]
     instance = trace.header.instance
     entities = tuple(
-        msgspec.structs.replace(one, position=(1.0, 2.0, 3.0)) if one.id in names else one for one in instance.entities
+        msgspec.structs.replace(item, position=(1.0, 2.0, 3.0)) if item.id in names else item
+        for item in instance.entities
     )
     header = msgspec.structs.replace(trace.header, instance=msgspec.structs.replace(instance, entities=entities))
     whole = written(other, header, finish=False)
-    told, told_other = (PageContent(one, truth=False) for one in (shortened(trace, until), whole))
-    assert packed(told.steps) == packed(told_other.steps)
-    assert packed(told.details) == packed(told_other.details)
-    assert packed(told.head) == packed(told_other.head)
-    shown, shown_other = (PageContent(one, truth=True) for one in (shortened(trace, until), whole))
+    content, content_other = (PageContent(item, truth=False) for item in (shortened(trace, until), whole))
+    assert packed(content.steps) == packed(content_other.steps)
+    assert packed(content.details) == packed(content_other.details)
+    assert packed(content.head) == packed(content_other.head)
+    shown, shown_other = (PageContent(item, truth=True) for item in (shortened(trace, until), whole))
     assert packed(shown.steps) != packed(shown_other.steps)
 
 
@@ -69,9 +68,9 @@ def test_a_target_appears_when_it_is_found(trace: Trace) -> None:
     cards = {card.id: step.tick for step in steps for card in step.cards}
     assert names <= set(cards)
     assert min(cards[name] for name in names) == first
-    told = PageContent(trace, truth=True).steps
-    assert {card.id for card in told[0].cards} >= names
-    assert {told[0].sights[name] for name in names} == {"truth"}
+    steps = PageContent(trace, truth=True).steps
+    assert {card.id for card in steps[0].cards} >= names
+    assert {steps[0].sights[name] for name in names} == {"truth"}
 
 
 def test_true_boxes_and_the_explanation_need_the_truth(trace: Trace) -> None:
@@ -83,7 +82,7 @@ def test_true_boxes_and_the_explanation_need_the_truth(trace: Trace) -> None:
     assert plain.ending().line == full.ending().line != ""
 
 
-def test_reported_boxes_and_what_they_matched_are_told(trace: Trace) -> None:
+def test_a_page_has_reported_boxes_and_their_matches(trace: Trace) -> None:
     steps = PageContent(trace, truth=False).steps
     reports = {report.id: report for step in steps for report in step.reports}
     matched = {report: target for step in steps for report, target in step.matched.items()}
@@ -92,33 +91,33 @@ def test_reported_boxes_and_what_they_matched_are_told(trace: Trace) -> None:
     assert set(matched.values()) <= hidden(trace.header.instance)
 
 
-def test_an_entity_that_stands_still_is_told_once(trace: Trace) -> None:
+def test_an_entity_at_rest_has_few_samples(trace: Trace) -> None:
     steps = PageContent(trace, truth=True).steps
     record = trace.boundaries[-1]
     for state in record.snapshots[-1].states:
-        told = [sample for step in steps for sample in step.moves.get(state.id, ())]
-        times = [sample[0] for sample in told]
+        samples = [sample for step in steps for sample in step.moves.get(state.id, ())]
+        times = [sample[0] for sample in samples]
         assert times == sorted(times)
-        assert abs(told[-1][1] - state.position[0]) < 0.3
-        assert abs(told[-1][2] - state.position[1]) < 0.3
+        assert abs(samples[-1][1] - state.position[0]) < 0.3
+        assert abs(samples[-1][2] - state.position[1]) < 0.3
 
 
-def test_texts_are_cut_and_lose_what_reorders_them() -> None:
+def test_texts_are_shortened_and_lose_marks_that_reorder_them() -> None:
     assert clipped("plain") == "plain"
     long = clipped("x" * 10_000)
     assert long.startswith("x" * LONGEST_TEXT) and long.endswith("(6000 characters more)")
     assert "\u202e" not in clipped("abc\u202ecba") and "\x1b" not in clipped("\x1b[31m")
 
 
-def test_packed_json_holds_nothing_that_ends_a_script(trace: Trace, written: Callable[..., Trace]) -> None:
+def test_packed_json_cannot_end_a_script(trace: Trace, written: Callable[..., Trace]) -> None:
     evil = "</script><script>alert(1)</script><!-- & \u2028"
     record = trace.boundaries[1]
     made = DecisionRecord(agent=record.decisions[0].agent, decision=Decision(thought=evil))
-    told = PageContent(
+    content = PageContent(
         written([trace.boundaries[0], msgspec.structs.replace(record, decisions=(made,))], trace.header, finish=False),
         truth=False,
     )
-    data = packed(told.details)
+    data = packed(content.details)
     assert not set(b"<>&") & set(data) and "\u2028".encode() not in data
     thoughts = [
         note["thought"]
