@@ -244,7 +244,7 @@ def judged_kinds(trace: Trace) -> frozenset[str]:
     return frozenset(kinds & {parameter.domain for rule in rules for parameter in rule.parameters})
 
 
-def position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | None:
+def _position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | None:
     """Return the true (east, north) of an entity at boundary `tick`, or None if either does not exist."""
     if not 0 <= tick < len(trace.boundaries) or not trace.boundaries[tick].snapshots:
         return None
@@ -279,7 +279,7 @@ def _report(trace: Trace, message: AdmittedMessage, target: str | None, judged: 
     frame, box = str(body.get("frame") or ""), _box(message)
     position, confidence = numbers(body.get("position"), 2), body.get("confidence")
     info = trace.frames.get(frame)
-    truth = position_of(trace, target, info.tick) if target is not None and info is not None else None
+    truth = _position_of(trace, target, info.tick) if target is not None and info is not None else None
     return MatchedReport(
         id=message.id,
         tick=message.tick,

@@ -248,7 +248,7 @@ def metrics(trace: Trace) -> Metrics:
         frames=len(shots(trace)),
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
-        stages=stages_of(trace),
+        stages=_stages_of(trace),
         last_mile=None if (chain := last_mile(trace)) is None else chain.cumulative,
     )
 
@@ -311,7 +311,7 @@ def _absent(trace: Trace) -> int:
 
 
 @cache_by_trace
-def stages_of(trace: Trace) -> tuple[StageMetric, ...]:
+def _stages_of(trace: Trace) -> tuple[StageMetric, ...]:
     """Return the completion of each stage, in declaration order."""
     instance = trace.header.instance
     members = Counter(entity.group for entity in instance.entities)

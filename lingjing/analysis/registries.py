@@ -55,7 +55,7 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
     commands = [command for command in record.commands if command.origin == "agent"]
     receipts = (receipt for receipt in record.receipts if receipt.by == "kernel")
     missing = {receipt.request for receipt in receipts if receipt.reason == "no_receipt"}
-    reports = reports_of(record)
+    reports = _reports_of(record)
     tally = budgets.tally(registry)
     for report in reports:
         tally.take_message(report.sender, report.kind)
@@ -79,7 +79,7 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
     )
 
 
-def reports_of(record: BoundaryRecord) -> tuple[Report, ...]:
+def _reports_of(record: BoundaryRecord) -> tuple[Report, ...]:
     """Return the boundary's admitted messages as reports for rules. The bus issues one receipt per candidate."""
     candidates = [(entry.agent, message) for entry in record.decisions for message in entry.decision.messages]
     receipts = [receipt for receipt in record.receipts if receipt.by == "bus"]

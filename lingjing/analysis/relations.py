@@ -34,10 +34,10 @@ from lingjing.plugins.policy import REFERENCE
 from lingjing.trace.admitted import admitted_at, categories_of
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
-Emitted = tuple[str, tuple[str, ...]]
+_Emitted = tuple[str, tuple[str, ...]]
 """A task event of an engine: its kind, and its entities with the target first."""
 
-NamedPolygon = tuple[str, Sequence[tuple[float, float]]]
+_NamedPolygon = tuple[str, Sequence[tuple[float, float]]]
 """A region or a cell: its name and polygon."""
 
 
@@ -162,7 +162,7 @@ class RelationTracker:
                 if any(self._inside(partner, polygon, after) for _, polygon in parts):
                     yield RelationRecord(kind=relation.kind, source=agent, target=partner.id, by=name, tick=after.tick)
 
-    def _done(self, key: Emitted, parts: Sequence[NamedPolygon], at: Registry) -> Iterator[tuple[str, str]]:
+    def _done(self, key: _Emitted, parts: Sequence[_NamedPolygon], at: Registry) -> Iterator[tuple[str, str]]:
         """Yield (agent, cell) for an engine's event of an interaction with an uncontested target."""
         target, *actors = key[1]
         agent = self._owner.get(actors[0]) if actors else None

@@ -49,7 +49,7 @@ def container_schema(name: str) -> ContainerSchema:
     return ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())
 
 
-def write_schemas(folder: Path) -> tuple[Path, ...]:
+def _write_schemas(folder: Path) -> tuple[Path, ...]:
     """Write `<name>.schema.json` for every record into `folder`, and return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / f"{name}.schema.json" for name in RECORDS)
@@ -72,4 +72,4 @@ def _schema(name: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    write_schemas(Path(sys.argv[1]) if len(sys.argv) > 1 else data_path("schemas", "trace"))
+    _write_schemas(Path(sys.argv[1]) if len(sys.argv) > 1 else data_path("schemas", "trace"))

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 def field(number: int, data: bytes) -> bytes:
     """Return a length-delimited field: tag, length, bytes."""
-    return varint(number << 3 | 2) + varint(len(data)) + data
+    return _varint(number << 3 | 2) + _varint(len(data)) + data
 
 
-def varint(value: int) -> bytes:
-    """Return a non-negative integer as a base-128 varint: seven bits per byte, the lowest first."""
+def _varint(value: int) -> bytes:
+    """Return a non-negative integer as a base-128 _varint: seven bits per byte, the lowest first."""
     encoded = bytearray()
     while value > 0x7F:
         encoded.append(value & 0x7F | 0x80)

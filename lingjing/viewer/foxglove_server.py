@@ -64,7 +64,7 @@ _MESSAGE = struct.Struct("<BIQ")
 
 
 @dataclass(frozen=True, slots=True)
-class LiveChannel:
+class _LiveChannel:
     """A topic with its number in the protocol."""
 
     number: int
@@ -143,7 +143,7 @@ class FoxgloveServer:
         self._lock = threading.Lock()
         self._gone = threading.Condition(self._lock)
         self._clients: list[LiveClient] = []
-        self._channels: dict[str, LiveChannel] = {}
+        self._channels: dict[str, _LiveChannel] = {}
         self._kept: dict[int, list[tuple[int, bytes]]] = {}
         """Time and data, by channel, of the messages for clients that subscribe later."""
         self._view: EpisodeView | None = None
@@ -340,7 +340,7 @@ class FoxgloveServer:
             with self._lock:
                 channel = self._channels.get(topic)
                 if channel is None:
-                    channel = self._channels[topic] = LiveChannel(len(self._channels) + 1, topic, schema)
+                    channel = self._channels[topic] = _LiveChannel(len(self._channels) + 1, topic, schema)
                     for client in self._clients:
                         client.put(_advertisement([channel]))
                 kept = self._kept.setdefault(channel.number, [])
@@ -352,7 +352,7 @@ class FoxgloveServer:
                         client.put(_MESSAGE.pack(1, subscription, time_ns) + data)
 
 
-def _advertisement(channels: Iterable[LiveChannel]) -> str:
+def _advertisement(channels: Iterable[_LiveChannel]) -> str:
     return json.dumps({"op": "advertise", "channels": [dict(channel.advertised()) for channel in channels]})
 
 

@@ -68,7 +68,7 @@ _LOOKS: dict[str, Ink] = {
 _ROOF, _EDGE = (70, 83, 98), (98, 113, 130)
 
 
-class SlantedView:
+class _SlantedView:
     """Parallel projection of world coordinates to the map."""
 
     def __init__(self, frame: Extent) -> None:
@@ -97,7 +97,7 @@ class SlantedView:
         return x * self._sin + y * self._cos
 
 
-def draw_city(ground: PageGround, view: SlantedView) -> Image.Image:
+def _draw_city(ground: PageGround, view: _SlantedView) -> Image.Image:
     """Draw the city at `_FINE` times the map's size."""
     size = ((MAP[2] - MAP[0]) * _FINE, (MAP[3] - MAP[1]) * _FINE)
     image = Image.new("RGB", size, _LOOKS["water"] if ground.sea else _LOOKS["land"])
@@ -126,7 +126,7 @@ def _corners(ring: Sequence[int]) -> list[tuple[float, float]]:
     return [(ring[at] / STEP_PER_M, ring[at + 1] / STEP_PER_M) for at in range(0, len(ring), 2)]
 
 
-def _fill(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: SlantedView, height: float) -> None:
+def _fill(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: _SlantedView, height: float) -> None:
     corners = [view.point(x, y, height) for ring in shape.rings for x, y in _corners(ring)]
     if len(shape.rings) == 1:
         pen.polygon(corners, fill=colour)
@@ -135,7 +135,7 @@ def _fill(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: Slant
         pen.polygon([corners[index] for index in shape.triangles[at : at + 3]], fill=colour)
 
 
-def _line(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: SlantedView) -> None:
+def _line(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: _SlantedView) -> None:
     heights = [height / STEP_PER_M for height in shape.heights] or [0.0]
     corners = _corners(shape.rings[0])
     points = [view.point(x, y, heights[min(at, len(heights) - 1)]) for at, (x, y) in enumerate(corners)]
@@ -147,7 +147,7 @@ def _line(pen: ImageDraw.ImageDraw, shape: GroundShape, colour: Ink, view: Slant
         pen.line(points, fill=colour, width=width, joint="curve")
 
 
-def _walls(pen: ImageDraw.ImageDraw, shape: GroundShape, view: SlantedView) -> None:
+def _walls(pen: ImageDraw.ImageDraw, shape: GroundShape, view: _SlantedView) -> None:
     """Draw the walls that face the viewer, with a brightness that depends on their direction."""
     base, top = shape.base / STEP_PER_M, shape.top / STEP_PER_M
     colour = _LOOKS[shape.layer]
@@ -165,7 +165,7 @@ def _walls(pen: ImageDraw.ImageDraw, shape: GroundShape, view: SlantedView) -> N
             )
 
 
-class EntityTrack:
+class _EntityTrack:
     """The track of an entity: simulated seconds and (east, north, elevation), with linear interpolation."""
 
     def __init__(self) -> None:
@@ -208,10 +208,10 @@ class FilmFrames:
 
     def __init__(self, trace: Trace, head: EpisodeHead, steps: Sequence[ViewStep], ground: PageGround) -> None:
         self._trace, self._head, self._steps = trace, head, steps
-        self._view = SlantedView(head.frame)
-        self._city = draw_city(ground, self._view)
+        self._view = _SlantedView(head.frame)
+        self._city = _draw_city(ground, self._view)
         self._cards = {card.id: card for step in steps for card in step.cards}
-        self._tracks = {name: EntityTrack() for name in self._cards}
+        self._tracks = {name: _EntityTrack() for name in self._cards}
         self._sights: dict[str, list[tuple[int, str]]] = {}
         self._dormant: dict[str, list[tuple[int, bool]]] = {}
         self._pictures: list[tuple[int, PictureNote]] = []

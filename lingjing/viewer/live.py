@@ -31,13 +31,13 @@ QUIET_S = 15.0
 Chosen."""
 
 
-class WaitingNote(msgspec.Struct, frozen=True):
+class _WaitingNote(msgspec.Struct, frozen=True):
     """The answer while there is no header yet. The page then repeats its request."""
 
     waiting: bool = True
 
 
-class LiveNews(msgspec.Struct, frozen=True):
+class _LiveNews(msgspec.Struct, frozen=True):
     """Further steps and their details."""
 
     steps: list[ViewStep]
@@ -79,7 +79,7 @@ class ServedRun:
         """Return head, steps and, after the end of the episode, the ending."""
         with self._news:
             if self._content is None:
-                return packed(WaitingNote())
+                return packed(_WaitingNote())
             return packed(self._content.page_start(live=not self._has_ended()))
 
     def ground(self) -> bytes:
@@ -117,7 +117,7 @@ class ServedRun:
                 if not ended and (content is None or len(content.steps) <= begin):
                     self._news.wait(QUIET_S)
                     ended, content = self._has_ended(), self._content
-                news = LiveNews(content.steps[begin:], content.details[begin:]) if content else LiveNews([], [])
+                news = _LiveNews(content.steps[begin:], content.details[begin:]) if content else _LiveNews([], [])
                 begin += len(news.steps)
                 data = packed(news)
                 ending = packed(content.ending()) if ended and content is not None else b""

@@ -83,7 +83,7 @@ class _Recording:
 
     def save(self, path: Path) -> None:
         """Write the episode to a file."""
-        name = trace_name(self._trace)
+        name = _trace_name(self._trace)
         recording = self._rr.RecordingStream(
             "lingjing", recording_id=uuid.uuid5(uuid.NAMESPACE_URL, name), send_properties=False
         )
@@ -124,7 +124,7 @@ class _Recording:
         for entity in entities:
             colour = ASSET if entity.role == "asset" else TARGET
             box = self._rr.Boxes3D(half_sizes=[(2.0, 1.0, 0.5)], colors=[colour], labels=[entity.id])
-            self._out.log(f"{body_path(entity.id)}/marker", box, static=static)
+            self._out.log(f"{_body_path(entity.id)}/marker", box, static=static)
 
     # -- boundaries
 
@@ -136,7 +136,7 @@ class _Recording:
             self._at(snapshot.time_s, record.tick)
             for state in snapshot.states:
                 turn = self._rr.Quaternion(xyzw=body_turn(state))
-                out.log(body_path(state.id), self._rr.Transform3D(translation=state.position, quaternion=turn))
+                out.log(_body_path(state.id), self._rr.Transform3D(translation=state.position, quaternion=turn))
         if record.snapshots:
             self._trails(record.snapshots)
             self._cameras(record)
@@ -166,7 +166,7 @@ class _Recording:
     def _cameras(self, record: BoundaryRecord) -> None:
         """Log the pose of each camera relative to the world, because the poses are in the world frame."""
         for _, entity, camera, pose in cameras_at(self._instance, self._around, record):
-            self._camera(camera_path(entity, camera), pose)
+            self._camera(_camera_path(entity, camera), pose)
 
     def _camera(self, path: str, pose: CameraPose) -> None:
         rows = [[axis[row] for axis in camera_axes(pose)] for row in range(3)]
@@ -177,7 +177,7 @@ class _Recording:
 
     def _picture(self, frame: FrameInfo) -> None:
         rr, out = self._rr, self._out
-        path = camera_path(frame.entity, frame.camera)
+        path = _camera_path(frame.entity, frame.camera)
         self._at(frame.time_s, frame.tick)
         self._camera(path, frame.pose)
         try:
@@ -199,7 +199,7 @@ class _Recording:
         for name in sorted(names):
             info = self._frames[name]
             self._at(info.time_s, info.tick)
-            path = f"{camera_path(info.entity, info.camera)}/rgb/reported"
+            path = f"{_camera_path(info.entity, info.camera)}/rgb/reported"
             self._boxes(path, info, self._reports.of(name), REPORTED)
         self._at(record.time_s, record.tick)
 
@@ -232,7 +232,9 @@ class _Recording:
             text = f"{command.id} {command.resource}.{command.verb} {values}".rstrip()
             out.log(f"agents/{entity_topic(command.sender)}/commands", rr.TextLog(text, level="INFO"))
         for receipt in record.receipts:
-            out.log(f"agents/{entity_topic(receipt.sender)}/commands", rr.TextLog(receipt_line(receipt), level="DEBUG"))
+            out.log(
+                f"agents/{entity_topic(receipt.sender)}/commands", rr.TextLog(_receipt_line(receipt), level="DEBUG")
+            )
 
     # -- the blueprint
 
@@ -256,7 +258,7 @@ class _Recording:
         )
         cameras = [
             blueprint.Spatial2DView(
-                origin=camera_path(entity.id, camera.name),
+                origin=_camera_path(entity.id, camera.name),
                 contents="$origin/rgb/**",
                 name=f"{entity.id} {camera.name}",
             )
@@ -302,24 +304,24 @@ LEVELS = {"INFO": "INFO", "WARNING": "WARN"}
 """Rerun's log level for each level of `log_lines`."""
 
 
-def trace_name(trace: Trace) -> str:
+def _trace_name(trace: Trace) -> str:
     """Return the name of a recording, such as `ssr, seed 1, broadcast, 0e6f1fac69070`."""
     instance = trace.header.instance
     digest = trace.boundaries[-1].digest[:16] if trace.boundaries else "nothing"
     return f"{instance.mission}, seed {instance.seed}, {instance.mode}, {digest}"
 
 
-def body_path(entity: str) -> str:
+def _body_path(entity: str) -> str:
     """Return the path of an entity in the recording."""
     return f"world/bodies/{entity_topic(entity)}"
 
 
-def camera_path(entity: str, camera: str) -> str:
+def _camera_path(entity: str, camera: str) -> str:
     """Return the path of a camera in the recording."""
     return f"world/cameras/{entity_topic(entity)}/{camera}"
 
 
-def receipt_line(receipt: Receipt) -> str:
+def _receipt_line(receipt: Receipt) -> str:
     """Return a receipt in words, such as `c7-1 on uav[1]: rejected, busy`."""
     words = (receipt.status, receipt.reason, receipt.detail)
     return f"{receipt.request} on {receipt.resource}: {', '.join(word for word in words if word)}"

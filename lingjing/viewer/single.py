@@ -19,7 +19,7 @@ from lingjing.viewer.page import element, page
 from lingjing.viewer.page_content import CHUNK, PageContent, packed
 
 BUDGET_BYTES = 12_000_000
-"""Largest total size of the JPEGs, bytes. Chosen: a file of this size can be sent by mail."""
+"""Largest total size of the JPEGs, bytes. Chosen, so that the file stays small."""
 
 WIDTHS = (960, 800, 640, 480, 360, 240)
 """Widths, pixels, that are tried in this order. A picture is never enlarged. Chosen."""

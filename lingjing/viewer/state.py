@@ -94,7 +94,7 @@ class EpisodeState:
         self._move(record)
         self._judge(record)
         self._act(record)
-        self.messages.extend(map(message_line, admitted_at(record, categories_of(self.instance))))
+        self.messages.extend(map(_message_line, admitted_at(record, categories_of(self.instance))))
         self.events.extend(self.event_lines(record))
 
     def visible_targets(self) -> Iterable[tuple[Entity, Vector2, TargetStatus]]:
@@ -197,7 +197,7 @@ def status_words(receipt: Receipt) -> str:
     return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
 
 
-def message_line(message: AdmittedMessage) -> TickerLine:
+def _message_line(message: AdmittedMessage) -> TickerLine:
     """Return one line for a message with all its recipients. A message may have none."""
     recipients = message.recipients
     to = recipients[0] if len(recipients) == 1 else f"{len(recipients)} agents"

@@ -108,7 +108,9 @@ def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Pat
     assert corner.min() < 120  # the credit is drawn on blank ground too
 
 
-@pytest.mark.parametrize(("mission", "asked"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())])
+@pytest.mark.parametrize(
+    ("mission", "expected"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())]
+)
 def test_the_groups_that_success_requires(mission: str, expected: set[str]) -> None:
     required = required_target_groups(instantiate(load_mission(find_mission(mission)), seed=0))
     assert required >= expected

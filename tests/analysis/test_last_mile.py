@@ -116,7 +116,7 @@ def test_a_later_report_of_a_waypoint_replaces_the_earlier_one():
     assert "S3" not in stages(*way(), *wrong).done
 
 
-@pytest.mark.parametrize(("name", "given", "count"), [("A0", (), 1), ("A1", ("S2",), 2), ("A2", ("S2", "S3"), 4)])
+@pytest.mark.parametrize(("name", "supplied", "count"), [("A0", (), 1), ("A1", ("S2",), 2), ("A2", ("S2", "S3"), 4)])
 def test_supplied_stages_count(name: str, supplied: tuple[str, ...], count: int):
     result = stages(intervention=name, seen=True, arrived=True)
     assert (result.given, result.cumulative) == (supplied, count)
