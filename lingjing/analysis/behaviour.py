@@ -41,7 +41,7 @@ TERCILES = ("early", "mid", "late")
 
 
 @dataclass(frozen=True, slots=True)
-class JudgedAction:
+class EvaluatedAction:
     """One action and its evaluation."""
 
     agent: str
@@ -96,7 +96,7 @@ class ActionCounts(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-def counted(actions: Iterable[JudgedAction]) -> ActionCounts:
+def count_actions(actions: Iterable[EvaluatedAction]) -> ActionCounts:
     """The counts of actions, of one episode or pooled from many."""
     judged = list(actions)
     return ActionCounts(
@@ -109,19 +109,19 @@ def counted(actions: Iterable[JudgedAction]) -> ActionCounts:
     )
 
 
-def counted_by_tercile(actions: Iterable[JudgedAction]) -> tuple[ActionCounts, ...]:
+def count_by_tercile(actions: Iterable[EvaluatedAction]) -> tuple[ActionCounts, ...]:
     """Return the counts of the first, second and last third of each agent's actions, in the order of `TERCILES`."""
     judged = list(actions)
-    return tuple(counted(action for action in judged if action.third == third) for third in range(len(TERCILES)))
+    return tuple(count_actions(action for action in judged if action.third == third) for third in range(len(TERCILES)))
 
 
-def behaviour(actions: Iterable[JudgedAction]) -> BehaviourRates:
+def behaviour(actions: Iterable[EvaluatedAction]) -> BehaviourRates:
     """Return the rates of actions of one or more episodes."""
-    return counted(actions).rates()
+    return count_actions(actions).rates()
 
 
 @cache_by_trace
-def actions(trace: Trace) -> tuple[JudgedAction, ...]:
+def actions(trace: Trace) -> tuple[EvaluatedAction, ...]:
     """Return all actions of a trace, in order."""
     judged = _with_constraints(trace, list(_judged(trace)))
     totals = Counter(action.agent for action in judged)
@@ -134,7 +134,7 @@ def actions(trace: Trace) -> tuple[JudgedAction, ...]:
     return tuple(placed)
 
 
-def _with_constraints(trace: Trace, judged: list[JudgedAction]) -> list[JudgedAction]:
+def _with_constraints(trace: Trace, judged: list[EvaluatedAction]) -> list[EvaluatedAction]:
     """Return the actions with broken constraints taken into account.
 
     A body that breaks a constraint does so by its last admitted action. A constraint event without bindings counts for
@@ -156,7 +156,7 @@ def _with_constraints(trace: Trace, judged: list[JudgedAction]) -> list[JudgedAc
     return marked
 
 
-def _judged(trace: Trace) -> Iterator[JudgedAction]:
+def _judged(trace: Trace) -> Iterator[EvaluatedAction]:
     instance = trace.header.instance
     assigned = assignments_of(trace)
     first = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
@@ -176,7 +176,7 @@ def _judged(trace: Trace) -> Iterator[JudgedAction]:
             beyond = receipt is not None and receipt.reason in OUT_OF_BOUNDS
             admitted = receipt is not None and receipt.status != "rejected"
             targets = assigned.targets_of(record, command.arguments, resource)
-            yield JudgedAction(
+            yield EvaluatedAction(
                 agent=entry.agent,
                 tick=record.tick,
                 verb=command.verb,
@@ -228,6 +228,6 @@ def _whole(value: object) -> object:
 
 
 __all__ = [
-    "TERCILES", "ActionCounts", "BehaviourRates", "JudgedAction", "actions", "behaviour", "counted",
-    "counted_by_tercile",
+    "TERCILES", "ActionCounts", "BehaviourRates", "EvaluatedAction", "actions", "behaviour", "count_actions",
+    "count_by_tercile",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from lingjing.analysis.registries import Rebuilt
+from lingjing.analysis.registries import RebuiltBoundary
 from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Report
 from lingjing.kernel.rules import evaluate, holds
@@ -51,8 +51,8 @@ class UnmetPart:
     """The values of the part, in words."""
 
 
-def unmet(
-    condition: Expr, history: Sequence[Rebuilt], scope: Locals | None = None, depth: int = 0
+def unmet_parts(
+    condition: Expr, history: Sequence[RebuiltBoundary], scope: Locals | None = None, depth: int = 0
 ) -> Iterator[UnmetPart]:
     """Yield the parts of a condition that do not hold at the last boundary of `history`, in order."""
     at = history[-1].at
@@ -62,7 +62,7 @@ def unmet(
             yield from _unmet_part(part, history, scope, depth)
 
 
-def reading(expr: Expr, scope: Locals) -> str:
+def condition_text(expr: Expr, scope: Locals) -> str:
     """Return the condition in the syntax of the mission language, with variables replaced by their values."""
     if not scope:
         return spell(expr)
@@ -70,14 +70,14 @@ def reading(expr: Expr, scope: Locals) -> str:
     return re.sub(rf"(?<![\w.])(?:{names})\b(?!\()", lambda match: scope[match[0]].id, spell(expr))
 
 
-def _unmet_part(part: Expr, history: Sequence[Rebuilt], scope: Locals, depth: int) -> Iterator[UnmetPart]:
-    at, text = history[-1].at, reading(part, scope)
+def _unmet_part(part: Expr, history: Sequence[RebuiltBoundary], scope: Locals, depth: int) -> Iterator[UnmetPart]:
+    at, text = history[-1].at, condition_text(part, scope)
     match part:
         case Quantified(quantifier="forall", variable=variable, domain=domain, body=body):
             failing = [member for member in at.domain(domain) if not holds(body, {**scope, variable: member}, at)]
             yield UnmetPart(depth, text, f"false for {len(failing)} of {len(at.domain(domain))}")
             for member in failing[:MOST]:
-                yield from unmet(body, history, {**scope, variable: member}, depth + 1)
+                yield from unmet_parts(body, history, {**scope, variable: member}, depth + 1)
         case Quantified(variable=variable, domain=domain, body=body):
             yield from _unmet_exists(part, history, scope, depth)
         case Call(function=name, rule=True, arguments=arguments) if name in at.rules:
@@ -90,18 +90,20 @@ def _unmet_part(part: Expr, history: Sequence[Rebuilt], scope: Locals, depth: in
                 if isinstance(value, Entity | Report)
             }
             if depth < _DEEPEST and len(inner) == len(rule.parameters):
-                yield from unmet(rule.condition, history, inner, depth + 1)
+                yield from unmet_parts(rule.condition, history, inner, depth + 1)
         case Binary(operator="or", left=left, right=right):
             yield UnmetPart(depth, text, "neither holds")
             for side in (left, right):
-                yield from unmet(side, history, scope, depth + 1)
+                yield from unmet_parts(side, history, scope, depth + 1)
         case _:
             yield UnmetPart(depth, text, _values(part, history, scope))
 
 
-def _unmet_exists(part: Quantified, history: Sequence[Rebuilt], scope: Locals, depth: int) -> Iterator[UnmetPart]:
+def _unmet_exists(
+    part: Quantified, history: Sequence[RebuiltBoundary], scope: Locals, depth: int
+) -> Iterator[UnmetPart]:
     """Yield an unmet `exists`, then the unmet parts of its closest candidate."""
-    at, text = history[-1].at, reading(part, scope)
+    at, text = history[-1].at, condition_text(part, scope)
     members: tuple[Entity | Report, ...] = at.domain(part.domain)
     if not members:
         yield UnmetPart(depth, text, f"there was no {part.domain}")
@@ -112,7 +114,7 @@ def _unmet_exists(part: Quantified, history: Sequence[Rebuilt], scope: Locals, d
     best = max(members, key=lambda member: (_degree(part.body, {**scope, part.variable: member}, at), member.id))
     if _degree(part.body, {**scope, part.variable: best}, at) > 0:
         inner = {**scope, part.variable: best}
-        yield from unmet(part.body, history, inner, depth + 1)
+        yield from unmet_parts(part.body, history, inner, depth + 1)
 
 
 def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -> float:
@@ -141,7 +143,7 @@ def _degree(condition: Expr, scope: Locals, at: RuntimeContext, deep: int = 0) -
     return sum(weight * share for weight, share in zip(weights, shares, strict=True)) / sum(weights)
 
 
-def _values(part: Expr, history: Sequence[Rebuilt], scope: Locals) -> str:
+def _values(part: Expr, history: Sequence[RebuiltBoundary], scope: Locals) -> str:
     """Return the values of the sides of a comparison, or "false" for another condition."""
     at = history[-1].at
     if not isinstance(part, Binary):
@@ -151,12 +153,12 @@ def _values(part: Expr, history: Sequence[Rebuilt], scope: Locals) -> str:
         if isinstance(side, Number | Text | Flag | Symbol) or (isinstance(side, Ref) and side.kind == "region"):
             continue
         value = evaluate(side, scope, at)
-        texts.append(f"{reading(side, scope)} = {_text(value)}")
+        texts.append(f"{condition_text(side, scope)} = {_text(value)}")
     nearest = _nearest(part, history, scope)
     return ", ".join(texts or ["false"]) + (f" ({nearest})" if nearest else "")
 
 
-def _nearest(part: Binary, history: Sequence[Rebuilt], scope: Locals) -> str:
+def _nearest(part: Binary, history: Sequence[RebuiltBoundary], scope: Locals) -> str:
     """Return the value of the left side, over the whole episode, that came nearest to the bound on the right side."""
     if part.operator not in ("<", "<=", ">", ">=") or not isinstance(part.right, Number):
         return ""

@@ -19,10 +19,10 @@ from statistics import median
 import msgspec
 
 from lingjing.analysis.memo import cache_by_trace
-from lingjing.analysis.messages import admitted
+from lingjing.analysis.messages import admitted_messages
 from lingjing.plugins.frame_detector import UnitBox
 from lingjing.plugins.policy import REFERENCE
-from lingjing.trace.admitted import AdmittedMessage
+from lingjing.trace.admitted_messages import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
@@ -269,7 +269,7 @@ def numbers(value: object, count: int) -> tuple[float, ...] | None:
 
 def _reports(trace: Trace) -> Iterator[MatchedReport]:
     matches, judged = _matches(trace), judged_kinds(trace)
-    for message in admitted(trace):
+    for message in admitted_messages(trace):
         if message.category == "report":
             yield _report(trace, message, matches.get(message.id), message.kind in judged)
 

@@ -12,13 +12,13 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
-from lingjing.analysis.clauses import reading, unmet
+from lingjing.analysis.clauses import condition_text, unmet_parts
 from lingjing.analysis.completion import completion_ticks
 from lingjing.analysis.detection import shots
 from lingjing.analysis.families import attribute
 from lingjing.analysis.idleness import idle_steps
 from lingjing.analysis.incidents import incidents
-from lingjing.analysis.registries import Rebuilt, registries
+from lingjing.analysis.registries import RebuiltBoundary, registries
 from lingjing.kernel.rules import holds
 from lingjing.mission.expression import components
 from lingjing.mission.wording import some
@@ -124,7 +124,7 @@ def _hint(outcome: Outcome) -> str:
     return f" (hint: {_line(outcome.hint)})" if outcome.hint and outcome.reason in CUT_SHORT else ""
 
 
-def _lacking(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
+def _lacking(trace: Trace, history: Sequence[RebuiltBoundary]) -> Iterator[str]:
     """Yield the unmet parts of success, then the number of the others."""
     at = history[-1].at
     held = 0
@@ -134,7 +134,7 @@ def _lacking(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
             if holds(part, scope, at):
                 held += 1
                 continue
-            for lack in unmet(part, history, scope):
+            for lack in unmet_parts(part, history, scope):
                 yield f"{'  ' * lack.depth}{lack.text}: {lack.had}"
     if held:
         yield f"{held} other part{'s' * (held > 1)} of it held"
@@ -183,7 +183,7 @@ def _stages(trace: Trace, target: str) -> str:
     return f"; {', '.join(texts)}" if texts else ""
 
 
-def _troubles(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
+def _troubles(trace: Trace, history: Sequence[RebuiltBoundary]) -> Iterator[str]:
     yield from _first(f"tick {incident.tick}: {incident.line}" for incident in incidents(trace))
     yield from _first(_broken(trace, history))
     yield from _replaced(trace)
@@ -192,14 +192,14 @@ def _troubles(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
     yield from _absent(trace)
 
 
-def _broken(trace: Trace, history: Sequence[Rebuilt]) -> Iterator[str]:
+def _broken(trace: Trace, history: Sequence[RebuiltBoundary]) -> Iterator[str]:
     """Yield a line for each event of a broken constraint."""
     conditions = {constraint.name: constraint.condition for constraint in trace.header.instance.constraints}
     for boundary in history:
         for event in boundary.record.events:
             if event.kind in conditions:
                 name = " ".join((event.kind, *event.bindings))
-                yield f"tick {event.tick}: {name} was broken: always {reading(conditions[event.kind], {})}"
+                yield f"tick {event.tick}: {name} was broken: always {condition_text(conditions[event.kind], {})}"
 
 
 def _replaced(trace: Trace) -> Iterator[str]:

@@ -39,7 +39,7 @@ from typing import Literal, get_args
 
 import msgspec
 
-from lingjing.analysis.behaviour import JudgedAction, actions
+from lingjing.analysis.behaviour import EvaluatedAction, actions
 from lingjing.analysis.completion import completion_ticks, required_target_groups
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
@@ -208,7 +208,7 @@ class _Story:
                 blocking |= dict.fromkeys(name for name, group in groups.items() if name in names or group in names)
         return tuple(blocking)
 
-    def actions(self) -> tuple[JudgedAction, ...]:
+    def actions(self) -> tuple[EvaluatedAction, ...]:
         """Return all actions of the episode."""
         return actions(self.trace)
 
@@ -434,8 +434,8 @@ def _drift(story: _Story, target: str) -> Attribution | None:
     if not assignments:
         return None
     tick, body, record = assignments[0]
-    run: list[JudgedAction] = []
-    stay: list[JudgedAction] = []
+    run: list[EvaluatedAction] = []
+    stay: list[EvaluatedAction] = []
     for action in story.actions():
         if action.resource != body or action.tick <= tick:
             continue
@@ -453,7 +453,7 @@ def _drift(story: _Story, target: str) -> Attribution | None:
     return None
 
 
-def _drifted(target: str, assignment: tuple[int, str, str], action: JudgedAction, what: str) -> Attribution:
+def _drifted(target: str, assignment: tuple[int, str, str], action: EvaluatedAction, what: str) -> Attribution:
     tick, body, record = assignment
     name, text = f"{action.agent} {action.verb}", f"{action.verb} of {body} {what}"
     chain = (

@@ -20,7 +20,7 @@ MOST_LETTERS = 40
 
 @lru_cache(maxsize=256)
 def font(size: int, letters: str = "", *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return a font of `size` pixels that has `letters`, which the font of matplotlib lacks (see `lacking`).
+    """Return a font of `size` pixels that has `letters`, which the font of matplotlib lacks (see `missing_letters`).
 
     Without letters, or if no font has them, it is the sans-serif font of matplotlib.
     """
@@ -29,7 +29,7 @@ def font(size: int, letters: str = "", *, bold: bool = False) -> ImageFont.FreeT
     return ImageFont.truetype(path, size, index=index)
 
 
-def lacking(text: str) -> str:
+def missing_letters(text: str) -> str:
     """Return the letters of a text that the font of matplotlib lacks, each once, sorted, at most `MOST_LETTERS`."""
     known = _known()
     missing = dict.fromkeys(letter for letter in text if ord(letter) not in known and letter.isprintable())
@@ -38,7 +38,7 @@ def lacking(text: str) -> str:
 
 def letters_without_a_font(text: str) -> str:
     """Return the letters of a text that are drawn as boxes. A text is drawn in at most two fonts."""
-    letters = lacking(text)
+    letters = missing_letters(text)
     face = _font_with(letters) if letters else None
     if face is None or face in _fonts(letters):
         return "" if face else letters
@@ -60,7 +60,7 @@ def families(text: str) -> list[str]:
     """
     from matplotlib.font_manager import fontManager
 
-    letters = lacking(text)
+    letters = missing_letters(text)
     face = _font_with(letters) if letters else None
     if face is None:
         return [_OWN]

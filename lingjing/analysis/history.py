@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from lingjing.analysis.completion import completion_ticks, required_target_groups
 from lingjing.analysis.detection import MatchedReport, detect, judged_kinds, shots
 from lingjing.analysis.incidents import Incident, incidents
-from lingjing.analysis.messages import admitted
+from lingjing.analysis.messages import admitted_messages
 from lingjing.mission.instance import Instance
-from lingjing.trace.admitted import AdmittedMessage
+from lingjing.trace.admitted_messages import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import REFUSED, FrameInfo
 
@@ -89,7 +89,7 @@ def history_of(trace: Trace) -> History:
         shots=shots(trace),
         reporting=any(kind.category == "report" for kind in instance.messages),
         judging=bool(judged_kinds(trace)),
-        messages=admitted(trace),
+        messages=admitted_messages(trace),
         events=_events(trace),
         incidents=incidents(trace),
         refusals=tuple(

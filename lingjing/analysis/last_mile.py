@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from lingjing.analysis.messages import admitted
+from lingjing.analysis.messages import admitted_messages
 from lingjing.analysis.played_city import city_of
 from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.geometry2d import Vector2
@@ -137,7 +137,7 @@ def _drivable(roads: RoadMap, start: Vector2, places: Sequence[Vector2], end: Ve
 def _reports(trace: Trace, record: str) -> Iterable[tuple[str, dict[str, object]]]:
     """Yield sender and body of the admitted messages of a record type, each once, in order."""
     kinds = {message.kind for message in trace.header.instance.messages if message.type == record}
-    for message in admitted(trace):
+    for message in admitted_messages(trace):
         if message.kind in kinds:
             yield message.sender, dict(message.body)
 

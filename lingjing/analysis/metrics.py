@@ -181,7 +181,7 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     that an intervention supplies counts as done."""
 
 
-def printed() -> dict[str, tuple[str, str]]:
+def groups_and_units() -> dict[str, tuple[str, str]]:
     """Return group and unit of every metric by name, in the order of the fields."""
     hints = get_type_hints(Metrics, include_extras=True)
     return {name: (*hint.__metadata__, "")[:2] for name, hint in hints.items()}
@@ -333,7 +333,8 @@ def table() -> str:
     body = ast.parse(textwrap.dedent(inspect.getsource(Metrics))).body[0]
     assert isinstance(body, ast.ClassDef)
     texts = [ast.literal_eval(node.value) for node in body.body if isinstance(node, ast.Expr)][1:]
-    rows = [(*how, name, " ".join(text.split())) for (name, how), text in zip(printed().items(), texts, strict=True)]
+    heads = groups_and_units().items()
+    rows = [(*how, name, " ".join(text.split())) for (name, how), text in zip(heads, texts, strict=True)]
     rows.sort(key=lambda row: GROUPS.index(row[0]))
     lines = (f"| {group} | `{name}` | {unit} | {text} |" for group, unit, name, text in rows)
     return "\n".join(["| group | metric | unit | definition |", "| --- | --- | --- | --- |", *lines]) + "\n"

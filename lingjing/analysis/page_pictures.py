@@ -43,7 +43,7 @@ TRUTH = (24, 220, 110)
 
 
 @dataclass(frozen=True, slots=True)
-class ShownFrame:
+class PageFrame:
     """A frame for a page, with the agent that took or received it."""
 
     trace: Trace
@@ -83,11 +83,11 @@ def trails_png(trace: Trace) -> bytes:
 
     from lingjing.analysis.history import history_of
     from lingjing.analysis.overview.mapview import draw_map
-    from lingjing.analysis.overview.style import as_written
+    from lingjing.analysis.overview.style import literal_text
 
     out = io.BytesIO()
     source = credit(trace.header.attribution)
-    with as_written(source):
+    with literal_text(source):
         figure = Figure(figsize=MAP_IN, dpi=MAP_DPI, facecolor="white")
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.01, 0.085, 0.98, 0.875))
@@ -96,7 +96,7 @@ def trails_png(trace: Trace) -> bytes:
     return out.getvalue()
 
 
-def best_frames(traces: Iterable[Trace]) -> list[ShownFrame]:
+def best_frames(traces: Iterable[Trace]) -> list[PageFrame]:
     """Return one frame for each kind of camera: the one with the best view of a target.
 
     For a camera that never showed a target, it is the frame with the most detail, which has the largest file.
@@ -104,7 +104,7 @@ def best_frames(traces: Iterable[Trace]) -> list[ShownFrame]:
     return _best(shown for trace in traces for shown in _frames(trace))
 
 
-def unrecorded_frames(trace: Trace, shown: Iterable[ShownFrame], redraw: Redraw) -> list[ShownFrame]:
+def unrecorded_frames(trace: Trace, shown: Iterable[PageFrame], redraw: Redraw) -> list[PageFrame]:
     """Draw a frame of each kind of mounted camera that is not among `shown`: the best of a few moments.
 
     `redraw` is the function of `lingjing.causal.lookback`. Returns [] if the city cannot be rebuilt. Raises
@@ -125,14 +125,14 @@ def unrecorded_frames(trace: Trace, shown: Iterable[ShownFrame], redraw: Redraw)
     for stored in redraw(trace, requests):
         agent = _pilots(trace.header.instance).get(stored.info.entity)
         if agent is not None:
-            frames.append(_shown(trace, stored.info, agent.id, stored.jpeg))
+            frames.append(_page_frame(trace, stored.info, agent.id, stored.jpeg))
     return _best(frames)
 
 
-def in_order(shown: Iterable[ShownFrame]) -> list[ShownFrame]:
+def sort_by_camera(shown: Iterable[PageFrame]) -> list[PageFrame]:
     """Return frames in the order in which their cameras are declared, reference pictures last."""
 
-    def place(frame: ShownFrame) -> tuple[int, int]:
+    def place(frame: PageFrame) -> tuple[int, int]:
         for at, entity in enumerate(frame.trace.header.instance.entities):
             for number, camera in enumerate(entity.cameras):
                 if (entity.group, camera.name) == _kind(frame):
@@ -142,12 +142,12 @@ def in_order(shown: Iterable[ShownFrame]) -> list[ShownFrame]:
     return sorted(shown, key=place)
 
 
-def write_frame(shown: ShownFrame, path: Path) -> None:
+def write_frame(shown: PageFrame, path: Path) -> None:
     """Write the frame as a JPEG of page width, with a thin box around each visible target."""
     path.write_bytes(frame_jpeg(shown))
 
 
-def frame_jpeg(shown: ShownFrame) -> bytes:
+def frame_jpeg(shown: PageFrame) -> bytes:
     """Return the frame as a JPEG of page width, with a thin box around each visible target."""
     image = Image.open(io.BytesIO(shown.jpeg)).convert("RGB")
     if image.width > FRAME_WIDTH:
@@ -165,7 +165,7 @@ def frame_jpeg(shown: ShownFrame) -> bytes:
 # -- private
 
 
-def _frames(trace: Trace) -> Iterator[ShownFrame]:
+def _frames(trace: Trace) -> Iterator[PageFrame]:
     """Yield every frame with the agent that controls its camera, or else with the first agent that received it."""
     pilots = _pilots(trace.header.instance)
     viewers: dict[str, str] = {}
@@ -176,22 +176,22 @@ def _frames(trace: Trace) -> Iterator[ShownFrame]:
     for frame in trace.frames.values():
         agent = pilots[frame.entity].id if frame.entity in pilots else viewers.get(frame.id, "")
         if agent:
-            yield _shown(trace, frame, agent)
+            yield _page_frame(trace, frame, agent)
 
 
 def _pilots(instance: Instance) -> dict[str, AgentSpec]:
     return {name: agent for agent in reversed(instance.agents) for name in agent.controls}
 
 
-def _shown(trace: Trace, frame: FrameInfo, agent: str, drawn: bytes = b"") -> ShownFrame:
+def _page_frame(trace: Trace, frame: FrameInfo, agent: str, drawn: bytes = b"") -> PageFrame:
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
     role = next(spec.role for spec in trace.header.instance.agents if spec.id == agent)
     inside = tuple(dict.fromkeys(box.entity for box in frame.boxes if box.entity in targets and box.pixels > 0))
-    return ShownFrame(trace, frame, agent, role, inside, drawn)
+    return PageFrame(trace, frame, agent, role, inside, drawn)
 
 
-def _best(frames: Iterable[ShownFrame]) -> list[ShownFrame]:
-    best: dict[tuple[str, str], tuple[tuple[float, int], ShownFrame]] = {}
+def _best(frames: Iterable[PageFrame]) -> list[PageFrame]:
+    best: dict[tuple[str, str], tuple[tuple[float, int], PageFrame]] = {}
     for shown in frames:
         view = max((_worth(box, shown.info) for box in shown.info.boxes if box.entity in shown.targets), default=0.0)
         worth = view, 0 if view else len(shown.jpeg)
@@ -200,7 +200,7 @@ def _best(frames: Iterable[ShownFrame]) -> list[ShownFrame]:
     return [shown for _, shown in best.values()]
 
 
-def _kind(shown: ShownFrame) -> tuple[str, str]:
+def _kind(shown: PageFrame) -> tuple[str, str]:
     """Return the kind of a camera: the group of its entity, and its name. One frame of each kind is shown."""
     groups = {entity.id: entity.group for entity in shown.trace.header.instance.entities}
     return groups.get(shown.info.entity, shown.info.entity), shown.info.camera

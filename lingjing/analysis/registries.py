@@ -2,7 +2,8 @@
 
 Adjudication is a function of the instance, the admitted messages and commands, and the reports of engines. The trace
 contains all of these. The registry can therefore be computed again without engines, city or pictures, and any condition
-can be evaluated at any boundary. `Rebuilt.faithful` is False if the computed events differ from the recorded ones.
+can be evaluated at any boundary. If the computed events differ from the recorded ones, `RebuiltBoundary.faithful` is
+False.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from lingjing.trace.records import BoundaryRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Rebuilt:
+class RebuiltBoundary:
     """A boundary with the kernel's registry."""
 
     record: BoundaryRecord
@@ -32,7 +33,7 @@ class Rebuilt:
     """True if adjudication yields the recorded events."""
 
 
-def registries(trace: Trace) -> Iterator[Rebuilt]:
+def registries(trace: Trace) -> Iterator[RebuiltBoundary]:
     """Yield the registry of each boundary in order.
 
     Raises `MissionError` for an instance that this version cannot adjudicate.
@@ -46,7 +47,7 @@ def registries(trace: Trace) -> Iterator[Rebuilt]:
         verdict = adjudicator.adjudicate(registry, after, record.snapshots)
         registry = verdict.registry
         at = adjudicator.instant(registry, registry.states, registry.time_s)
-        yield Rebuilt(record, registry, at, verdict.events == record.events)
+        yield RebuiltBoundary(record, registry, at, verdict.events == record.events)
 
 
 def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> RegistryUpdate:

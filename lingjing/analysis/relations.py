@@ -31,7 +31,7 @@ from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.policy import REFERENCE
-from lingjing.trace.admitted import admitted_at, categories_of
+from lingjing.trace.admitted_messages import admitted_at, categories_of
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
 _Emitted = tuple[str, tuple[str, ...]]

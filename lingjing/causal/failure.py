@@ -16,7 +16,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.analysis.families import attribute
-from lingjing.analysis.registries import Rebuilt, registries
+from lingjing.analysis.registries import RebuiltBoundary, registries
 from lingjing.errors import UsageError
 from lingjing.kernel.rules import holds
 from lingjing.kernel.stages import Stages
@@ -88,7 +88,7 @@ def failure_of(trace: Trace) -> FailureSignature | None:
     )
 
 
-def _named(trace: Trace, reason: str, last: Rebuilt) -> Iterator[str]:
+def _named(trace: Trace, reason: str, last: RebuiltBoundary) -> Iterator[str]:
     """What the ending names: broken hard constraints, late stages."""
     instance = trace.header.instance
     if reason == "constraint":
@@ -99,7 +99,7 @@ def _named(trace: Trace, reason: str, last: Rebuilt) -> Iterator[str]:
         yield from (one.stage for one in Stages(instance).late(last.registry))
 
 
-def _unmet(trace: Trace, last: Rebuilt) -> Iterator[str]:
+def _unmet(trace: Trace, last: RebuiltBoundary) -> Iterator[str]:
     at = last.at
     for each, part in components(trace.header.instance.success):
         members = [{}] if each is None else [{each.variable: one} for one in at.domain(each.domain)]

@@ -16,14 +16,14 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.analysis.messages import admitted
+from lingjing.analysis.messages import admitted_messages
 from lingjing.causal.branch_host import BranchHost, HostProgress
 from lingjing.causal.branching import NullFork, failed_answers, own_failures
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import UsageError
 from lingjing.mission.instance import Instance
-from lingjing.trace.admitted import AdmittedMessage
+from lingjing.trace.admitted_messages import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, MessageChange, Reason
 
@@ -119,7 +119,7 @@ def message_values(
     outcome = trace.outcome
     if outcome is None or outcome.reason in CUT_SHORT:
         raise UsageError(f"{trace.path} was cut short", hint="its score is not known")
-    said = [one for one in admitted(trace) if one.recipients or unsaid]
+    said = [one for one in admitted_messages(trace) if one.recipients or unsaid]
     tried = said[:most]
     plans = [
         BranchPlan(at=one.tick - 1, messages=(MessageChange(message=one.id, act="withhold" if unsaid else "drop"),))

@@ -231,11 +231,11 @@ def _cell(value: Any) -> Any:
 
 def _table(rows: Sequence[dict[str, Any]], pooled: dict[str, Any]) -> str:
     """Groups of `name: value unit`; of several episodes the mean of those that have it, and how many do."""
-    from lingjing.analysis.metrics import printed
+    from lingjing.analysis.metrics import groups_and_units
 
     lines = [] if len(rows) > 1 else [f"{name}: {rows[0][name]}" for name in ("mission", "mode", "seed", "policy")]
     group = ""
-    for name, (of, unit) in sorted(printed().items(), key=lambda one: _order(one[1][0])):
+    for name, (of, unit) in sorted(groups_and_units().items(), key=lambda one: _order(one[1][0])):
         if of != group:
             lines += ["", f"[{of}]"]
             group = of

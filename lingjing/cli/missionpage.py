@@ -12,7 +12,7 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
-    from lingjing.analysis.page_pictures import ShownFrame
+    from lingjing.analysis.page_pictures import PageFrame
     from lingjing.bench.rows import SuiteRow
     from lingjing.trace.reader import Trace
 
@@ -95,12 +95,12 @@ def _told(trace: Trace) -> str:
 
 
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
-    from lingjing.analysis.page_pictures import best_frames, in_order, unrecorded_frames, write_frame
+    from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames, write_frame
     from lingjing.causal.lookback import look_back
 
     frames = best_frames(traces)
     try:
-        frames = in_order([*frames, *(unrecorded_frames(traces[0], frames, look_back) if traces else ())])
+        frames = sort_by_camera([*frames, *(unrecorded_frames(traces[0], frames, look_back) if traces else ())])
     except InfrastructureError as error:
         say(f"note: only the cameras that were used are shown: {error}")
     if traces and not frames:
@@ -112,7 +112,7 @@ def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator
         yield f"*{shown.caption}.*\n"  # it begins with a name, which stays as it is
 
 
-def _plain(shown: ShownFrame) -> str:
+def _plain(shown: PageFrame) -> str:
     """`uav-2-nadir`: a name for a file."""
     return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
 

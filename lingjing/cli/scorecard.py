@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from lingjing.analysis.metrics import GROUPS, printed
+from lingjing.analysis.metrics import GROUPS, groups_and_units
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.records import CUT_SHORT
 
@@ -62,7 +62,7 @@ def plain(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
     said = {name for name, _ in outcome} | {"scr", "reason"}
     rows: dict[str, list[ScoreRow]] = {group: [] for group in GROUPS}
     rows["outcome"] = outcome
-    for name, (group, unit) in printed().items():
+    for name, (group, unit) in groups_and_units().items():
         if name not in said:
             rows[group].append((name, _exact(metrics.get(name), unit)))
     return (("episode", tuple(episode)), *((group, tuple(found)) for group, found in rows.items()))

@@ -63,10 +63,10 @@ def handler(args: argparse.Namespace) -> int:
 
         _check_suffix(args.output, (".html", ".htm"), "the page is an .html file", "episode.html")
         return _written(single_file(trace, truth=args.truth, budget_bytes=budget * 1_000_000), args.output)
-    from lingjing.viewer.served import ServedTrace
     from lingjing.viewer.server import ViewServer
+    from lingjing.viewer.trace_source import TraceSource
 
-    return serve(ViewServer(ServedTrace(trace, truth=args.truth), port), no_open=args.no_open)
+    return serve(ViewServer(TraceSource(trace, truth=args.truth), port), no_open=args.no_open)
 
 
 def _follow(args: argparse.Namespace, port: int) -> int:
@@ -80,10 +80,10 @@ def _follow(args: argparse.Namespace, port: int) -> int:
         live = FoxgloveServer(Path(args.trace), truth=args.truth, port=port)
         say(f"the connection alone: {live.address}")
         return serve(live, no_open=args.no_open)
-    from lingjing.viewer.live import ServedRun
+    from lingjing.viewer.live import LiveSource
     from lingjing.viewer.server import ViewServer
 
-    followed = ServedRun(Path(args.trace), truth=args.truth)
+    followed = LiveSource(Path(args.trace), truth=args.truth)
     return serve(ViewServer(followed, port), no_open=args.no_open)
 
 

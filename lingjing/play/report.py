@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.analysis.behaviour import ActionCounts, actions, counted_by_tercile
+from lingjing.analysis.behaviour import ActionCounts, actions, count_by_tercile
 from lingjing.analysis.detection import PerceptionCounts, detect
 from lingjing.analysis.families import FailureFamily, attribute
 from lingjing.analysis.incidents import Incident, incidents
@@ -133,7 +133,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         moved=trace.header.moved,
         withdrawn=withdrawn(outcome.processes),
         family=None if attributed is None else attributed.family,
-        terciles=counted_by_tercile(actions(trace)),
+        terciles=count_by_tercile(actions(trace)),
         perceived=detect(trace).counts,
         ambient_random=outcome.ambient_random,
         privileged=any(binding.privileged for binding in trace.header.bindings),

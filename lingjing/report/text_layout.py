@@ -6,7 +6,7 @@ the same whichever fonts a machine has.
 
 from __future__ import annotations
 
-from lingjing.analysis.fonts import font, lacking
+from lingjing.analysis.fonts import font, missing_letters
 from lingjing.terminal import visible
 
 USUAL = 11.0
@@ -21,7 +21,7 @@ _FINE = 4
 
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Return the width of one line of text in units."""
-    other = set(lacking(text))
+    other = set(missing_letters(text))
     own = "".join(letter for letter in text if letter not in other)
     return font(round(_FINE * size), bold=bold).getlength(own) / _FINE + size * (len(text) - len(own))
 

@@ -22,7 +22,7 @@ Modules in the order in which data passes through them:
 - `digest_form`: the fields that a digest covers, under frozen names, in each version
 - `schemas`: JSON Schemas of the records; `python -m lingjing.trace.schemas` writes them
 - `topics`: topic names
-- `admitted`: the messages that the bus admitted at a boundary
+- `admitted_messages`: the messages that the bus admitted at a boundary
 - `surroundings`: the city and the camera mounts, as input for viewers
 - `foxglove`: poses, scene, images, logs and geographic positions in Foxglove's schemas; `foxglove_city`: the city;
   `wire`: Protocol Buffers messages assembled from encoded parts

@@ -104,7 +104,7 @@ def contents(
     The caller may add to `unwanted` during the iteration. Raises one of `BROKEN` for a damaged chunk.
     """
     bounds.take(chunk)
-    data = unpacked(chunk)
+    data = unpack(chunk)
     at = 0
     while at < len(data):
         opcode, length = _RECORD.unpack_from(data, at)
@@ -128,7 +128,7 @@ def channel_of(body: bytes) -> mcap.records.Channel:
     return mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(body)))
 
 
-def unpacked(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:
+def unpack(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:
     """Return the unpacked bytes of a chunk.
 
     Raises `ChunkError` if they are more than `LIMIT`, or not as many as declared, or, if `checked`, if their CRC-32

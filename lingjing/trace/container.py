@@ -49,7 +49,7 @@ class ContainerSchema:
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredMessage:
     """One message read from a file."""
 
     topic: str
@@ -144,7 +144,7 @@ def _lock(file: IO[bytes]) -> None:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> Iterator[Stored]:
+def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> Iterator[StoredMessage]:
     """Yield the messages up to the end of the file or its first damaged place, in file order.
 
     A chunk that exceeds its limits is a damaged place. A chunk is not unpacked if the topics of all its messages begin
@@ -157,7 +157,9 @@ def scan(path: Path, passed_over: str = "", only: tuple[str, ...] = ("",)) -> It
         yield stored
 
 
-def scan_from(path: Path, begin: int, channels: DeclaredChannels, passed_over: str) -> Iterator[tuple[Stored, int]]:
+def scan_from(
+    path: Path, begin: int, channels: DeclaredChannels, passed_over: str
+) -> Iterator[tuple[StoredMessage, int]]:
     """Yield the messages of the chunks from byte `begin` on, as `scan` does, each with the offset behind its chunk.
 
     A later call may begin at such an offset. `begin` is 0 or such an offset. `channels` are the channels declared
@@ -241,7 +243,7 @@ def _chunk(
     channels: DeclaredChannels,
     bounds: UnpackLimits,
     passed_over: str,
-) -> Iterator[Stored]:
+) -> Iterator[StoredMessage]:
     """Yield the messages of a chunk, without data if all topics of its index begin with `passed_over`."""
     topics = [channels.topics.get(entry.channel, "") for entry in index]
     if not passed_over or not index or not all(topic.startswith(passed_over) for topic in topics):
@@ -250,10 +252,10 @@ def _chunk(
     for topic, entry in zip(topics, index, strict=True):
         for time_ns in entry.times:
             bounds.message()
-            yield Stored(topic, entry.channel, 0, time_ns, b"", chunk[1])
+            yield StoredMessage(topic, entry.channel, 0, time_ns, b"", chunk[1])
 
 
-def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
+def chunk_messages(path: Path, chunk_at: int) -> Iterator[StoredMessage]:
     """Yield the messages of the chunk that begins at byte `chunk_at`. The topic of an earlier chunk's channel is ""."""
     with _opened(path) as file:
         chunk, at, _ = next(_chunks(file, chunk_at), (None, chunk_at, []))
@@ -269,7 +271,7 @@ def ends_properly(path: Path) -> bool:
 
 
 @contextlib.contextmanager
-def reading(path: Path) -> Iterator[IO[bytes]]:
+def open_trace(path: Path) -> Iterator[IO[bytes]]:
     """Open the file of a trace for reading. Raises `UsageError` if it is missing or reading fails within the block."""
     if path.exists() and not path.is_file() and not path.is_dir():
         raise UsageError(
@@ -293,7 +295,7 @@ def _other_place(path: Path) -> str:
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
-    with reading(path) as file:
+    with open_trace(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise UsageError(f"{path} is not a trace", hint="a trace is an MCAP file such as runs/…/trace.mcap")
         file.seek(0)
@@ -302,13 +304,13 @@ def _opened(path: Path) -> Iterator[IO[bytes]]:
 
 def _messages(
     chunk: mcap.records.Chunk, channels: DeclaredChannels, chunk_at: int, bounds: UnpackLimits
-) -> Iterator[Stored]:
+) -> Iterator[StoredMessage]:
     for record in contents(chunk, bounds, channels.unwanted):
         if isinstance(record, mcap.records.Channel):
             channels.declare(record.id, record.topic)
         else:
             topic = channels.topics.get(record.channel, "")
-            yield Stored(topic, record.channel, record.sequence, record.time_ns, record.data, chunk_at)
+            yield StoredMessage(topic, record.channel, record.sequence, record.time_ns, record.data, chunk_at)
 
 
 def _chunk_length(chunk: mcap.records.Chunk) -> int:

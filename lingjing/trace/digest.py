@@ -116,7 +116,7 @@ def _chain_fault(trace: Trace) -> str | None:
     digests = digest_chain(trace.boundaries, trace.header.digest_version)
     for place, (record, digest) in enumerate(zip(trace.boundaries, digests, strict=True)):
         if record.tick != place:
-            return f"boundary {place} has the number {record.tick}"
+            return f"boundary {record.tick} is in the place of boundary {place}"
         if digest != record.digest:
             return f"boundary {record.tick} does not match its digest, or the digest of the boundary before it"
     return None

@@ -42,7 +42,7 @@ from lingjing.trace.topics import CITY, HIDDEN, SCENE, TRANSFORMS, camera_topic,
 from lingjing.trace.wire import field
 
 Topic = str
-Derived = tuple[Topic, ContainerSchema, bytes]
+ViewerMessage = tuple[Topic, ContainerSchema, bytes]
 """A message for the container: topic, schema, encoded bytes."""
 
 WORLD = "world"
@@ -51,7 +51,7 @@ _COLOURS = {"asset": (0.10, 0.45, 0.90), "target": (0.95, 0.35, 0.10)}
 """Colour of an entity's marker by role: red, green, blue in 0..1. Chosen."""
 
 
-def scene(instance: Instance, *, hidden: bool = False) -> Derived:
+def scene(instance: Instance, *, hidden: bool = False) -> ViewerMessage:
     """Return the map of the mission: regions, cells, and a named marker that follows each entity.
 
     With `hidden`, the map holds only what is hidden from policies, else only what is not hidden.
@@ -69,7 +69,7 @@ def scene(instance: Instance, *, hidden: bool = False) -> Derived:
     return HIDDEN if hidden else SCENE, _schema(SceneUpdate), update.SerializeToString(deterministic=True)
 
 
-def markers(entities: Iterable[Entity]) -> Derived:
+def markers(entities: Iterable[Entity]) -> ViewerMessage:
     """Return markers for further entities, in the form of those of `scene`."""
     update = SceneUpdate()
     for entity in entities:
@@ -77,12 +77,12 @@ def markers(entities: Iterable[Entity]) -> Derived:
     return SCENE, _schema(SceneUpdate), update.SerializeToString(deterministic=True)
 
 
-def city(meshes: Iterable[CityMesh]) -> Derived:
+def city(meshes: Iterable[CityMesh]) -> ViewerMessage:
     """Return the buildings, roads, water and ground."""
     return CITY, _schema(SceneUpdate), city_update(meshes, WORLD)
 
 
-def transforms(snapshot: Snapshot) -> Derived:
+def transforms(snapshot: Snapshot) -> ViewerMessage:
     """Return the frames of all entities at one macro-step."""
     seconds, nanos = _timestamp(snapshot.time_s)
     stamp = field(1, Timestamp(seconds=seconds, nanos=nanos).SerializeToString())
@@ -90,7 +90,7 @@ def transforms(snapshot: Snapshot) -> Derived:
     return TRANSFORMS, _schema(FrameTransforms), frames
 
 
-def cameras(bodies: Iterable[tuple[BodyState | None, str, CameraPose]], time_s: float) -> Derived:
+def cameras(bodies: Iterable[tuple[BodyState | None, str, CameraPose]], time_s: float) -> ViewerMessage:
     """Return the frames of cameras at an instant.
 
     Each item of `bodies` is a body, the name `<entity>/<camera>` and the pose in the world. The parent of the frame is
@@ -102,7 +102,7 @@ def cameras(bodies: Iterable[tuple[BodyState | None, str, CameraPose]], time_s: 
     return TRANSFORMS, _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
-def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
+def positions(instance: Instance, snapshot: Snapshot) -> Iterator[ViewerMessage]:
     """Yield the WGS84 positions of all entities at a boundary."""
     for state in snapshot.states:
         message = LocationFix()
@@ -114,7 +114,7 @@ def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
         yield f"/geo/{entity_topic(state.id)}", _schema(LocationFix), message.SerializeToString(deterministic=True)
 
 
-def logs(record: BoundaryRecord) -> Iterator[Derived]:
+def logs(record: BoundaryRecord) -> Iterator[ViewerMessage]:
     """Yield the log of a boundary, one message per line: messages, refused requests, events, completed stages."""
     for level, name, text in log_lines(record):
         message = Log()
@@ -127,7 +127,7 @@ def logs(record: BoundaryRecord) -> Iterator[Derived]:
 
 def frame_messages(
     frame: FrameInfo, jpeg: bytes, depth: bytes | None = None, semantic: bytes | None = None
-) -> Iterator[Derived]:
+) -> Iterator[ViewerMessage]:
     """Yield the messages of a picture: calibration, colour, ground-truth boxes, and depth and class ids if given."""
     camera = camera_name(frame)
     yield calibration(frame)
@@ -139,23 +139,23 @@ def frame_messages(
         yield camera_topic(frame, "semantic"), _schema(CompressedImage), _image(frame, camera, semantic, "png")
 
 
-def stored_channel(frame: FrameInfo, channel: str, message: bytes) -> Derived:
+def stored_channel(frame: FrameInfo, channel: str, message: bytes) -> ViewerMessage:
     """Return a stored message with its topic and schema. `channel` is "" for colour, `depth` or `semantic`."""
     return camera_topic(frame, channel), _schema(RawImage if channel == "depth" else CompressedImage), message
 
 
-def calibration(frame: FrameInfo) -> Derived:
+def calibration(frame: FrameInfo) -> ViewerMessage:
     """Return the intrinsic calibration of the camera of a picture."""
     return camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera_name(frame))
 
 
-def true_boxes(frame: FrameInfo) -> Derived:
+def true_boxes(frame: FrameInfo) -> ViewerMessage:
     """Return the ground-truth boxes of a picture."""
     boxes = ((truth.entity, truth.box) for truth in frame.boxes)
     return camera_topic(frame, "truth"), _schema(ImageAnnotations), _boxes(frame, boxes, (0.2, 1.0, 0.4))
 
 
-def reported(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]]) -> Derived:
+def reported_boxes(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]]) -> ViewerMessage:
     """Return the boxes that agents reported in a picture: a label and a normalised box for each report."""
     return camera_topic(frame, "reported"), _schema(ImageAnnotations), _boxes(frame, boxes, (1.0, 0.45, 0.75))
 

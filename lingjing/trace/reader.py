@@ -20,7 +20,7 @@ from lingjing.errors import UsageError
 from lingjing.mission.clock import clock_fault
 from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
-from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
+from lingjing.trace.container import StoredMessage, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
 from lingjing.trace.records import (
     CUT_SHORT,
@@ -189,7 +189,7 @@ class TraceBuilder:
             places={info.id: self._located(info, time_ns) for info, time_ns in self.pictures},
         )
 
-    def take(self, stored: Stored) -> None:
+    def take(self, stored: StoredMessage) -> None:
         """Add the record of one message. Derived messages are ignored. Raises `UsageError` for an invalid record."""
         if stored.topic.startswith(CAMERAS):
             place = ChannelLocation(stored.channel, stored.time_ns, stored.chunk_at)
@@ -208,7 +208,7 @@ class TraceBuilder:
         topics = (camera_topic(info, channel) for channel in ("", "depth", "semantic"))
         return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
 
-    def _header(self, stored: Stored) -> Header:
+    def _header(self, stored: StoredMessage) -> Header:
         """Decode the header. Raises `UnknownFormatError` if it names an unknown version."""
         versions = self._decoded(stored, _AnyHeader)
         if versions.format != FORMAT:
@@ -227,7 +227,7 @@ class TraceBuilder:
             raise UsageError(f"{self.path} describes no episode: {fault}", hint="it was written by another program")
         return msgspec.structs.replace(header, digest_version=versions.digest_version)
 
-    def _decoded(self, stored: Stored, kind: type[RecordT]) -> RecordT:
+    def _decoded(self, stored: StoredMessage, kind: type[RecordT]) -> RecordT:
         self._taken += len(stored.data)
         if self._taken > self._most:
             raise UsageError(

@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from lingjing.errors import UsageError
-from lingjing.trace.container import reading
+from lingjing.trace.container import open_trace
 from lingjing.trace.seal_difference import first_difference, seal_fields, sealed_part
 from lingjing.trace.seals import (
     MAGIC,
     RECORD,
-    blanked,
     chain_hash,
     find_seal,
     is_last,
     is_seal,
     signature,
     whole_records,
+    with_blank_sums,
 )
 
 SignatureState = Literal["none", "good", "bad", "unchecked"]
@@ -48,7 +48,7 @@ class SealReport(NamedTuple):
 def check_seals(path: Path, key: bytes | None = None) -> SealReport:
     """Compare a file's bytes with its seals. Raises `UsageError` if it cannot be read."""
     try:
-        with reading(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        with open_trace(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             return _checked(data, key)
     except ValueError as error:  # mmap refuses an empty file
         raise UsageError(f"{path} is not a trace: it is empty") from error
@@ -63,7 +63,7 @@ def _checked(data: mmap.mmap, key: bytes | None) -> SealReport:
         record = data[at:end]
         fields, last = seal_fields(record), is_last(record)
         running.update(memoryview(data)[begin:at])
-        running.update(blanked(record))
+        running.update(with_blank_sums(record))
         if last:
             running.update(memoryview(data)[end:])
         chain, number = running.hexdigest(), len(states) + 1

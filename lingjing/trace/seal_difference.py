@@ -12,7 +12,7 @@ import mcap.opcode
 import mcap.records
 from mcap.data_stream import ReadDataStream
 
-from lingjing.trace.chunks import BROKEN, MESSAGE, UnpackLimits, channel_of, unpacked
+from lingjing.trace.chunks import BROKEN, MESSAGE, UnpackLimits, channel_of, unpack
 from lingjing.trace.seals import MAGIC, RECORD, definition_sum, message_sum, records_of, whole_records
 
 
@@ -135,7 +135,7 @@ def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits
     try:
         chunk = mcap.records.Chunk.read(ReadDataStream(io.BytesIO(record[RECORD.size :])))
         limits.take(chunk)
-        for opcode, inner in records_of(unpacked(chunk, checked=False)):
+        for opcode, inner in records_of(unpack(chunk, checked=False)):
             limits.message()
             entry = _inner(opcode, inner[RECORD.size :], topics)
             if entry is not None:

@@ -156,7 +156,7 @@ def whole_records(data: mmap.mmap) -> Iterator[tuple[int, int]]:
         at = end
 
 
-def blanked(record: bytes) -> bytes:
+def with_blank_sums(record: bytes) -> bytes:
     """Return a seal's bytes with `BLANK` for chain and hmac, as they are hashed."""
     return _filled(record, BLANK, BLANK)
 

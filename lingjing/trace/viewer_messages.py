@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from lingjing.mission.instance import Datum, Instance
 from lingjing.trace import foxglove
-from lingjing.trace.admitted import admitted_at, categories_of
+from lingjing.trace.admitted_messages import admitted_at, categories_of
 from lingjing.trace.encoding import to_json
-from lingjing.trace.foxglove import Derived
+from lingjing.trace.foxglove import ViewerMessage
 from lingjing.trace.records import (
     BodyState,
     BoundaryRecord,
@@ -30,7 +30,7 @@ from lingjing.trace.schemas import container_schema
 from lingjing.trace.surroundings import Surroundings
 from lingjing.trace.topics import SCORE, agent_topic
 
-Timed = tuple[float, Derived]
+TimedMessage = tuple[float, ViewerMessage]
 """A simulation time in seconds and a message."""
 
 _FAR = 1e3
@@ -49,7 +49,7 @@ class ViewerMessages:
         self._unanswered: list[str] = []
         self._subtasks = 0
 
-    def beginning(self, *, hidden: bool) -> Iterator[Timed]:
+    def beginning(self, *, hidden: bool) -> Iterator[TimedMessage]:
         """Yield the map and the city; with `hidden`, also the part of the map that is hidden from policies."""
         if self._surroundings.meshes:
             yield 0.0, foxglove.city(self._surroundings.meshes)
@@ -57,7 +57,7 @@ class ViewerMessages:
         if hidden:
             yield 0.0, foxglove.scene(self._instance, hidden=True)
 
-    def boundary(self, record: BoundaryRecord) -> Iterator[Timed]:
+    def boundary(self, record: BoundaryRecord) -> Iterator[TimedMessage]:
         """Yield the messages of one boundary, without its pictures."""
         now = record.time_s
         for snapshot in record.snapshots:
@@ -71,27 +71,27 @@ class ViewerMessages:
         yield from ((now, message) for message in foxglove.logs(record))
         yield from ((now, message) for message in self._notes(record))
 
-    def ending(self) -> Iterator[Timed]:
+    def ending(self) -> Iterator[TimedMessage]:
         """Yield the boxes that were reported in the last pictures."""
         yield from self._boxes(self._unanswered)
         self._unanswered = []
 
     # -- parts
 
-    def _reported_boxes(self, record: BoundaryRecord) -> Iterator[Timed]:
+    def _reported_boxes(self, record: BoundaryRecord) -> Iterator[TimedMessage]:
         """Yield the boxes reported in the pictures of the previous boundary, and in older pictures with new reports."""
         late = sorted(self._reports.take(record) - {*self._unanswered, *(frame.id for frame in record.frames)})
         yield from self._boxes((*late, *self._unanswered))
         self._unanswered = [frame.id for frame in record.frames]
         self._frames |= {frame.id: frame for frame in record.frames}
 
-    def _boxes(self, frames: Iterable[str]) -> Iterator[Timed]:
+    def _boxes(self, frames: Iterable[str]) -> Iterator[TimedMessage]:
         for name in frames:
             frame = self._frames.get(name)
             if frame is not None:  # an agent may report a picture id that does not exist
-                yield frame.time_s, foxglove.reported(frame, self._reports.of(name))
+                yield frame.time_s, foxglove.reported_boxes(frame, self._reports.of(name))
 
-    def _notes(self, record: BoundaryRecord) -> Iterator[Derived]:
+    def _notes(self, record: BoundaryRecord) -> Iterator[ViewerMessage]:
         for entry in record.decisions:
             usage, thought = entry.decision.usage, entry.decision.thought
             if thought or entry.substituted:
@@ -171,7 +171,7 @@ def cameras_at(
         yield None, name, camera_name, pose
 
 
-def _note(topic: str, name: str, record: TraceRecord) -> Derived:
+def _note(topic: str, name: str, record: TraceRecord) -> ViewerMessage:
     return topic, container_schema(name), to_json(record)
 
 

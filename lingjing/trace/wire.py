@@ -13,7 +13,7 @@ def field(number: int, data: bytes) -> bytes:
 
 
 def _varint(value: int) -> bytes:
-    """Return a non-negative integer as a base-128 _varint: seven bits per byte, the lowest first."""
+    """Return a non-negative integer as a base-128 varint: seven bits per byte, the lowest first."""
     encoded = bytearray()
     while value > 0x7F:
         encoded.append(value & 0x7F | 0x80)

@@ -23,7 +23,7 @@ from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, T
 from lingjing.trace.schemas import container_schema
 from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 from lingjing.trace.topics import RECORDS
-from lingjing.trace.viewer_messages import Timed, ViewerMessages
+from lingjing.trace.viewer_messages import TimedMessage, ViewerMessages
 
 PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
 """A picture to store: its record, its JPEG, and depth and class ids. These are None if the camera does not declare
@@ -157,7 +157,7 @@ class TraceWriter:
     def _own(self, name: str, record: TraceRecord, time_ns: int, sequence: int = 0) -> None:
         self._container.add(f"{RECORDS}{name}", container_schema(name), time_ns, to_json(record), sequence)
 
-    def _show(self, messages: Iterable[Timed]) -> None:
+    def _show(self, messages: Iterable[TimedMessage]) -> None:
         for time_s, (topic, schema, data) in messages:
             self._container.add(topic, schema, nanoseconds(time_s), data)
 

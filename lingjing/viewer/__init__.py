@@ -25,7 +25,7 @@ Modules in the order in which data passes through them:
 - `foxglove_layout`: a layout for Foxglove; `file_server`: the trace for Foxglove over HTTP; `foxglove_server`: a
   running episode over Foxglove's protocol
 - `admission`: admission of requests and connections to a local server; `server`: the page over HTTP
-- `served`: the content for a server from a finished trace; `live`: the same from a trace that is still being written
+- `trace_source`: the content for a server from a finished trace; `live`: the same from a trace that is being written
 
 The package reads records, cities and traces. It changes nothing.
 """

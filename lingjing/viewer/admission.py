@@ -142,7 +142,7 @@ class GatedSocket(socket.socket):
 
 
 @contextlib.contextmanager
-def gated(port: int, gate: ConnectionGate) -> Iterator[GatedSocket]:
+def gated_socket(port: int, gate: ConnectionGate) -> Iterator[GatedSocket]:
     """Return a socket that listens on `port` of this machine, 0 for a free one. It is closed if the block raises."""
     listening = GatedSocket(socket.AF_INET, socket.SOCK_STREAM)
     listening.gate = gate
@@ -163,7 +163,7 @@ __all__ = [
     "ConnectionGate",
     "RefusedRequest",
     "RequestHead",
-    "gated",
+    "gated_socket",
     "path_and_query",
     "refusal",
 ]

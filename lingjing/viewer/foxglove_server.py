@@ -35,9 +35,9 @@ from lingjing.trace.following import TraceFollower
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, FrameInfo
 from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
-from lingjing.trace.viewer_messages import Timed, ViewerMessages
+from lingjing.trace.viewer_messages import TimedMessage, ViewerMessages
 from lingjing.trace.writer import PART, nanoseconds
-from lingjing.viewer.admission import ADMISSION_S, HOST, ConnectionGate, RequestHead, gated, refusal
+from lingjing.viewer.admission import ADMISSION_S, HOST, ConnectionGate, RequestHead, gated_socket, refusal
 from lingjing.viewer.episode_view import EpisodeView
 from lingjing.viewer.file_server import DESKTOP, ORIGIN
 from lingjing.viewer.live import POLL_S
@@ -193,7 +193,7 @@ class FoxgloveServer:
         except ImportError as error:
             message = "Foxglove's live view needs websockets, which is not installed"
             raise UsageError(message, hint=install_line("foxglove")) from error
-        with port_errors(port), gated(port, self._gate) as listening:
+        with port_errors(port), gated_socket(port, self._gate) as listening:
             return serve(
                 self._talk,
                 sock=listening,
@@ -314,7 +314,7 @@ class FoxgloveServer:
             for client in self._clients:
                 client.put(struct.pack("<BQ", 2, self._now))
 
-    def _picture(self, trace: Trace, frame: FrameInfo) -> Iterable[Timed]:
+    def _picture(self, trace: Trace, frame: FrameInfo) -> Iterable[TimedMessage]:
         """Yield the messages of a picture, with the stored bytes. Large channels need a subscription."""
         yield frame.time_s, foxglove.calibration(frame)
         if self._truth:
@@ -334,7 +334,7 @@ class FoxgloveServer:
         with self._lock:
             return any(client.wanted.get(self._channels[topic].number) for client in self._clients)
 
-    def _publish(self, messages: Iterable[Timed]) -> None:
+    def _publish(self, messages: Iterable[TimedMessage]) -> None:
         for time_s, (topic, schema, data) in messages:
             time_ns = nanoseconds(time_s)
             with self._lock:

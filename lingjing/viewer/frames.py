@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from lingjing.analysis.fonts import font, lacking
+from lingjing.analysis.fonts import font, missing_letters
 from lingjing.errors import LingjingError
 from lingjing.mission.geometry2d import Extent
 from lingjing.scene.surroundings import OVERHEAD_M
@@ -501,7 +501,7 @@ _PIECE = re.compile(f"[{_IDEOGRAPHS}] ?|[^ {_IDEOGRAPHS}]+ ?| ")
 
 def font_of(text: str, size: int) -> ImageFont.FreeTypeFont:
     """Return a font that has the letters of a text, if there is one."""
-    return font(size, lacking(text))
+    return font(size, missing_letters(text))
 
 
 def frames_of(drawn: FilmFrames, places: Sequence[float], captions: Sequence[Moment]) -> Iterator[Image.Image]:

@@ -16,7 +16,7 @@ from lingjing.errors import UsageError
 from lingjing.trace.following import TraceFollower
 from lingjing.trace.reader import Trace
 from lingjing.trace.writer import PART
-from lingjing.viewer.page_content import CHUNK, PageContent, packed, played_ground
+from lingjing.viewer.page_content import CHUNK, PageContent, ground_of_trace, page_json
 from lingjing.viewer.steps import StepDetail, ViewStep
 
 POLL_S = 0.3
@@ -44,14 +44,14 @@ class _LiveNews(msgspec.Struct, frozen=True):
     details: list[StepDetail]
 
 
-class ServedRun:
+class LiveSource:
     """The content of a growing trace for `lingjing.viewer.server`.
 
     `path` is the final name of the trace, or this name with `.part`. Raises `UsageError` if an existing file is no
     trace.
     """
 
-    source = packed({"kind": "server", "chunk": CHUNK})
+    source = page_json({"kind": "server", "chunk": CHUNK})
 
     def __init__(self, path: Path, *, truth: bool) -> None:
         final = path.with_name(path.name.removesuffix(PART))
@@ -79,8 +79,8 @@ class ServedRun:
         """Return head, steps and, after the end of the episode, the ending."""
         with self._news:
             if self._content is None:
-                return packed(_WaitingNote())
-            return packed(self._content.page_start(live=not self._has_ended()))
+                return page_json(_WaitingNote())
+            return page_json(self._content.page_start(live=not self._has_ended()))
 
     def ground(self) -> bytes:
         """Return the ground. It is computed once."""
@@ -90,7 +90,7 @@ class ServedRun:
                     if self._content is None:
                         raise UsageError("the episode has not begun")
                     trace, frame = self._content.trace, self._content.head.frame
-                self._ground = packed(played_ground(trace, frame))
+                self._ground = page_json(ground_of_trace(trace, frame))
             return self._ground
 
     def details(self, chunk: int) -> bytes:
@@ -99,7 +99,7 @@ class ServedRun:
             details = self._content.details[chunk * CHUNK : (chunk + 1) * CHUNK] if self._content else []
             if not details:
                 raise UsageError(f"there is no chunk {chunk}")
-            return packed(details)
+            return page_json(details)
 
     def picture(self, name: str) -> bytes:
         """Return a stored picture as JPEG."""
@@ -119,8 +119,8 @@ class ServedRun:
                     ended, content = self._has_ended(), self._content
                 news = _LiveNews(content.steps[begin:], content.details[begin:]) if content else _LiveNews([], [])
                 begin += len(news.steps)
-                data = packed(news)
-                ending = packed(content.ending()) if ended and content is not None else b""
+                data = page_json(news)
+                ending = page_json(content.ending()) if ended and content is not None else b""
             yield ("steps", data) if news.steps else ("", b"")
             if ending:
                 yield "ending", ending

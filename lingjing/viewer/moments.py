@@ -9,7 +9,7 @@ import numpy as np
 
 from lingjing.analysis.families import attribute
 from lingjing.trace.reader import Trace
-from lingjing.viewer.steps import ViewStep, clipped
+from lingjing.viewer.steps import ViewStep, shorten
 
 MOST = 8
 """Most moments of a film. Chosen."""
@@ -53,7 +53,7 @@ def moments(steps: Sequence[ViewStep], trace: Trace, *, truth: bool, most: int =
     for link in blame.chain if blame is not None else ():
         if link.tick in places:
             word = blame.family.replace("_", " ") if blame is not None else ""
-            weighted.append((4.0, Moment(places[link.tick], "bad", f"{word}: {clipped(link.text, 160)}")))
+            weighted.append((4.0, Moment(places[link.tick], "bad", f"{word}: {shorten(link.text, 160)}")))
     chosen = sorted(weighted, key=lambda pair: (-pair[0], pair[1].place))[:most]
     return tuple(sorted((moment for _, moment in chosen), key=lambda moment: moment.place))
 

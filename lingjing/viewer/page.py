@@ -33,7 +33,7 @@ def page(title: str, data: str, *, meta_policy: bool) -> str:
 
 
 def element(name: str, text: str) -> str:
-    """Return a data element of a page. `text` is base64 or JSON from `packed`. Raises `ValueError` if it has a `<`."""
+    """Return a data element of a page. `text` is base64 or from `page_json`. Raises `ValueError` if it has a `<`."""
     if "<" in text:
         raise ValueError("data of a page must hold no <")
     return f'<script type="text/plain" id="d-{html.escape(name)}">{text}</script>'

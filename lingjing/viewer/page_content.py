@@ -74,19 +74,19 @@ class PageContent:
 
     def ground(self) -> PageGround:
         """Return the ground in and around the shown extent."""
-        return played_ground(self.trace, self.head.frame)
+        return ground_of_trace(self.trace, self.head.frame)
 
     def page_start(self, *, live: bool = False, notes: list[str] | None = None) -> PageStart:
         """Return the content without details, ground and pictures."""
         return PageStart(self.head, self.steps, None if live else self.ending(), live, notes or [])
 
 
-def played_ground(trace: Trace, frame: Extent) -> PageGround:
+def ground_of_trace(trace: Trace, frame: Extent) -> PageGround:
     """Return the ground of a trace in and around an extent."""
     return ground_of(city_of(trace), frame)
 
 
-def packed(value: object) -> bytes:
+def page_json(value: object) -> bytes:
     """Return JSON that is safe inside of HTML: `<`, `>`, `&` and the line separators of JavaScript are escaped."""
     text = msgspec.json.encode(value)
     for mark in (b"<", b">", b"&"):

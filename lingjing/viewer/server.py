@@ -33,7 +33,7 @@ _SQUEEZED = 1400
 """Shortest response, bytes, that is compressed. Chosen: a shorter one fits into one network packet anyway."""
 
 
-class Served(Protocol):
+class PageSource(Protocol):
     """The content that a server serves.
 
     Answers are JSON as bytes, except for pictures. Methods are called from several threads. Each raises `UsageError`
@@ -175,9 +175,9 @@ class LocalRequest(BaseHTTPRequestHandler):
 
 
 class ViewServer(LocalServer):
-    """A server of the page with the content of one `Served`."""
+    """A server of the page with the content of one `PageSource`."""
 
-    def __init__(self, served: Served, port: int = 0, token: str = "") -> None:
+    def __init__(self, served: PageSource, port: int = 0, token: str = "") -> None:
         super().__init__(_PageRequest, {"served": served}, port, token)
 
     @property
@@ -187,7 +187,7 @@ class ViewServer(LocalServer):
 
 
 class _PageRequest(LocalRequest):
-    served: Served
+    served: PageSource
 
     def do_GET(self) -> None:
         """Answer or refuse a request."""

@@ -16,7 +16,7 @@ from PIL import Image
 from lingjing.errors import LingjingError
 from lingjing.trace.reader import Trace
 from lingjing.viewer.page import element, page
-from lingjing.viewer.page_content import CHUNK, PageContent, packed
+from lingjing.viewer.page_content import CHUNK, PageContent, page_json
 
 BUDGET_BYTES = 12_000_000
 """Largest total size of the JPEGs, bytes. Chosen, so that the file stays small."""
@@ -36,7 +36,7 @@ def single_file(trace: Trace, *, truth: bool, budget_bytes: int = BUDGET_BYTES) 
     pictures, notes = _pictures(trace, budget_bytes)
     names = {name: number for number, (name, _) in enumerate(pictures)}
     elements = [
-        element("source", packed({"kind": "file", "chunk": CHUNK, "pictures": names}).decode()),
+        element("source", page_json({"kind": "file", "chunk": CHUNK, "pictures": names}).decode()),
         element("page-start", _deflated(content.page_start(notes=notes))),
         element("ground", _deflated(content.ground())),
     ]
@@ -48,7 +48,7 @@ def single_file(trace: Trace, *, truth: bool, budget_bytes: int = BUDGET_BYTES) 
 
 
 def _deflated(value: object) -> str:
-    return base64.b64encode(zlib.compress(packed(value), 9)).decode()
+    return base64.b64encode(zlib.compress(page_json(value), 9)).decode()
 
 
 def _pictures(trace: Trace, budget_bytes: int) -> tuple[list[tuple[str, bytes]], list[str]]:

@@ -13,7 +13,7 @@ import msgspec
 from lingjing.analysis.completion import completed_at
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
-from lingjing.trace.admitted import AdmittedMessage, admitted_at, categories_of
+from lingjing.trace.admitted_messages import AdmittedMessage, admitted_at, categories_of
 from lingjing.trace.records import REFUSED, Action, BodyState, BoundaryRecord, Receipt, TaskEvent
 from lingjing.trace.request_ids import is_request_of
 

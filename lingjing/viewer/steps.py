@@ -14,7 +14,7 @@ from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.vocabulary import COLLIDED
 from lingjing.plugins.policy import REFERENCE
 from lingjing.terminal import visible
-from lingjing.trace.admitted import admitted_at, categories_of
+from lingjing.trace.admitted_messages import admitted_at, categories_of
 from lingjing.trace.records import REFUSED, BodyState, BoundaryRecord, FrameInfo, Receipt
 from lingjing.viewer.head import EntityCard, card_of
 from lingjing.viewer.state import EpisodeState, command_words, message_text, status_words
@@ -34,7 +34,7 @@ STILL_M, STILL_DEG = 0.1, 2.0
 LONGEST_TEXT = 4_000
 """Most characters of a thought or a message. A longer text ends with the number of the others. Chosen."""
 
-Boxed = tuple[float, float, float, float]
+_NormalisedBox = tuple[float, float, float, float]
 """A normalised box: left, top, right, bottom."""
 Sample = tuple[float, float, float, float, float]
 """Time (s), east, north, elevation (m), heading (degrees)."""
@@ -61,7 +61,7 @@ class PictureNote(msgspec.Struct, frozen=True, omit_defaults=True):
     height: int
     view: PictureView | None = None
     """None if the pose would reveal a hidden entity."""
-    truth: tuple[tuple[str, str, Boxed], ...] = ()
+    truth: tuple[tuple[str, str, _NormalisedBox], ...] = ()
     """Entity, class and true box of each visible entity. Empty unless the truth is shown."""
 
 
@@ -73,7 +73,7 @@ class ReportNote(msgspec.Struct, frozen=True, omit_defaults=True):
     frame: str
     sender: str
     cls: str
-    box: Boxed
+    box: _NormalisedBox
     confidence: float | None = None
 
 
@@ -200,7 +200,7 @@ class StepMaker:
             step.ambient = [(_short(b.position[0]), _short(b.position[1]), _short(b.heading_deg)) for b in bodies]
         detail = StepDetail(agents=dict(_decided(record)))
         for message in admitted_at(record, self._categories):
-            body, text = message.body, clipped(message_text(message.body))
+            body, text = message.body, shorten(message_text(message.body))
             note = MessageNote(message.sender, message.recipients, message.kind, message.category, text)
             detail.messages.append(note)
             box, frame = numbers(body.get("box"), 4), body.get("frame")
@@ -211,7 +211,7 @@ class StepMaker:
                         message.id,
                         frame,
                         message.sender,
-                        clipped(str(body.get("class") or ""), 60),
+                        shorten(str(body.get("class") or ""), 60),
                         (box[0], box[1], box[2], box[3]),
                         float(confidence) if isinstance(confidence, int | float) else None,
                     )
@@ -310,7 +310,7 @@ class StepMaker:
         return [(_short(x), _short(y)) for x, y in self.state.routes.get(entity, ())]
 
 
-def clipped(text: str, most: int = LONGEST_TEXT) -> str:
+def shorten(text: str, most: int = LONGEST_TEXT) -> str:
     """Return the text of a policy or a service without marks that reorder it, and with at most `most` characters."""
     cut = f"{text[:most]}… ({len(text) - most} characters more)" if len(text) > most else text
     return visible(cut)
@@ -325,9 +325,9 @@ def _decided(record: BoundaryRecord) -> Iterator[tuple[str, AgentNote]]:
         note = AgentNote(receipts=[_receipt(receipt) for receipt in receipts.get(agent, ())])
         if agent in entries:
             entry, decision = entries[agent], entries[agent].decision
-            note.thought = clipped(decision.thought)
-            note.command = "" if decision.command is None else clipped(command_words(decision.command), 300)
-            note.replaced = clipped(f"{entry.substituted}: {entry.detail}", 300) if entry.substituted else ""
+            note.thought = shorten(decision.thought)
+            note.command = "" if decision.command is None else shorten(command_words(decision.command), 300)
+            note.replaced = shorten(f"{entry.substituted}: {entry.detail}", 300) if entry.substituted else ""
             note.tokens = decision.usage.prompt_tokens + decision.usage.completion_tokens if decision.usage else 0
         if note != AgentNote():
             yield agent, note
@@ -337,7 +337,7 @@ def _receipt(receipt: Receipt) -> tuple[str, bool]:
     """Return a receipt in words, and True if the request was not carried out."""
     detail = f" – {receipt.detail}" if receipt.detail else ""
     refused = receipt.status in REFUSED
-    return clipped(f"{receipt.request} {status_words(receipt)}{detail}", 300), refused
+    return shorten(f"{receipt.request} {status_words(receipt)}{detail}", 300), refused
 
 
 def _sample(state: BodyState, time_s: float) -> Sample:

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.analysis.clauses import reading, unmet
+from lingjing.analysis.clauses import condition_text, unmet_parts
 from lingjing.analysis.ending import why
 from lingjing.analysis.registries import registries
 from lingjing.cli.main import main
@@ -112,13 +112,13 @@ def test_an_unmet_exists_descends_to_its_closest_candidate(lost: Trace) -> None:
     assert kind == "detection"
     near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(1.0, "m"))
     condition = Quantified("exists", "v", "victim", near)
-    (nobody,) = unmet(condition, history)
+    (nobody,) = unmet_parts(condition, history)
     assert (nobody.text, nobody.had) == ("exists v: distance_xy(boat, v) <= 1 m", "none of 3")
     nothing = Quantified("exists", "r", "detection", near)
-    parts = list(unmet(nothing, history[:1]))
+    parts = list(unmet_parts(nothing, history[:1]))
     assert [entity.had for entity in parts] == ["there was no detection"]
     victim = next(entity for entity in lost.header.instance.entities if entity.id == "victim[2]")
-    assert reading(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
+    assert condition_text(near, {"v": victim}) == "distance_xy(boat, victim[2]) <= 1 m"
 
 
 def test_variables_alone_are_replaced_in_one_pass(lost: Trace) -> None:
@@ -127,7 +127,7 @@ def test_variables_alone_are_replaced_in_one_pass(lost: Trace) -> None:
         next(entity for entity in lost.header.instance.entities if entity.id == name) for name in ("boat", "victim[2]")
     )
     same = Binary("==", Attr(Ref("v", "local"), "victim"), Ref("victim", "local"))
-    assert reading(same, {"v": victim, "victim": boat}) == "victim[2].victim == boat"
+    assert condition_text(same, {"v": victim, "victim": boat}) == "victim[2].victim == boat"
 
 
 def test_the_closest_candidate_is_the_one_that_belongs_to_the_target(lost: Trace) -> None:
@@ -136,7 +136,7 @@ def test_the_closest_candidate_is_the_one_that_belongs_to_the_target(lost: Trace
     near = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(60.0, "m"))
     condition = Quantified("exists", "v", "victim", Binary("and", joint, near))
     victim = next(entity for entity in lost.header.instance.entities if entity.id == "victim[1]")
-    _, lack = unmet(condition, list(registries(lost)), {"w": victim})
+    _, lack = unmet_parts(condition, list(registries(lost)), {"w": victim})
     assert lack.text == "distance_xy(boat, victim[1]) <= 60 m"
 
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from lingjing.analysis.detection import detect, numbers
-from lingjing.analysis.metrics import GROUPS, Metrics, metrics, printed, table
+from lingjing.analysis.metrics import GROUPS, Metrics, groups_and_units, metrics, table
 from lingjing.analysis.repetition import ServiceRadius, repeated_target_rate, service_radii, target_events
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
@@ -524,4 +524,4 @@ def test_the_page_has_the_definition_of_every_metric() -> None:
     page = (Path(__file__).parents[2] / "docs" / "metrics.md").read_text(encoding="utf-8")
     assert page.endswith(table()), "python -m lingjing.analysis.metrics docs/metrics.md writes it"
     assert table().count("\n") == len(Metrics.__struct_fields__) + 2
-    assert {group for group, _ in printed().values()} == set(GROUPS)
+    assert {group for group, _ in groups_and_units().values()} == set(GROUPS)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lingjing.analysis.attention import attention_iou, box_iou, read_attention
-from lingjing.analysis.behaviour import TERCILES, actions, behaviour, counted_by_tercile
+from lingjing.analysis.behaviour import TERCILES, actions, behaviour, count_by_tercile
 from lingjing.analysis.detection import calibration_error, confused_with, detect, iou
 from lingjing.analysis.metrics import StageMetric
 from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
@@ -82,7 +82,7 @@ def test_adherence_repetition_and_bounds_are_counted_by_action(of) -> None:  # t
     assert [action.third for action in judged] == [0, 0, 1, 1, 2, 2]
     rates = behaviour(judged)
     assert (rates.actions, rates.adherence, rates.repetition, rates.out_of_bounds) == (6, 3 / 6, 1 / 5, 2 / 6)
-    thirds = {name: counts.rates() for name, counts in zip(TERCILES, counted_by_tercile(judged), strict=True)}
+    thirds = {name: counts.rates() for name, counts in zip(TERCILES, count_by_tercile(judged), strict=True)}
     assert [thirds[name].adherence for name in ("early", "mid", "late")] == [1.0, 0.0, 0.5]
     assert [thirds[name].out_of_bounds for name in ("early", "mid", "late")] == [0.0, 0.5, 0.5]
     assert behaviour(()).adherence is None

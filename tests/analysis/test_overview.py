@@ -153,7 +153,7 @@ def test_labels_do_not_cover_each_other() -> None:
 def test_colours_are_distinct_and_shades_end_at_white() -> None:
     colours = style.asset_colours([f"uav[{place}]" for place in range(16)])
     assert len(set(colours.values())) == 16
-    assert style.shaded("#123456", 1.0) == "#123456" and style.shaded("#123456", 0.0) == "#ffffff"
+    assert style.lighten("#123456", 1.0) == "#123456" and style.lighten("#123456", 0.0) == "#ffffff"
     many = style.asset_colours([f"uav[{place}]" for place in range(100)]).values()
     assert all(min(int(colour[at : at + 2], 16) for at in (1, 3, 5)) < 200 for colour in many)  # none is lost on white
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.analysis.page_pictures import best_frames, in_order, unrecorded_frames
+from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames
 from lingjing.bench.columns import shipped
 from lingjing.causal.lookback import look_back
 from lingjing.cli import missionpage
@@ -39,7 +39,7 @@ def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
 
 def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace) -> None:
     taken = best_frames([walk])
-    assert [shown.info.camera for shown in in_order(taken)] == ["front", "reference"]
+    assert [shown.info.camera for shown in sort_by_camera(taken)] == ["front", "reference"]
     assert unrecorded_frames(walk, taken, look_back) == []
     (shown,) = unrecorded_frames(walk, [one for one in taken if one.info.camera != "front"], look_back)
     assert (shown.info.entity, shown.info.camera, shown.agent) == ("dog", "front", "navigator")

@@ -5,7 +5,7 @@ import pytest
 
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import MessageRouter
-from lingjing.trace.admitted import admitted_at, categories_of
+from lingjing.trace.admitted_messages import admitted_at, categories_of
 
 FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
 """Neither the other scout nor the skipper hears the first scout."""

@@ -13,7 +13,7 @@ import pytest
 
 from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.detection import PerceptionCounts
-from lingjing.analysis.messages import admitted
+from lingjing.analysis.messages import admitted_messages
 from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.frame_sets.balance import class_set
 from lingjing.bench.frame_sets.folder import write_set
@@ -286,7 +286,7 @@ def test_traced_episodes_give_pictures(evidence: ReportEvidence) -> None:
     messages = [tooltip for drawing in shown.drawings for tooltip in tooltips_of(drawing) if " to " in tooltip]
     metrics = [episode.row.report.metrics for episode in evidence.traced]
     assert all(each is not None for each in metrics)
-    assert len(messages) == sum(len(admitted(read_trace(episode.path))) for episode in evidence.traced) >= 1
+    assert len(messages) == sum(len(admitted_messages(read_trace(episode.path))) for episode in evidence.traced) >= 1
     (frames,) = parts_of("frames", evidence)
     for drawing in frames.drawings:
         with painted(drawing) as painting:

@@ -143,7 +143,7 @@ CHINESE = "海上搜救任务：找到落水者"
 
 
 def test_letters_that_the_default_font_lacks_are_drawn_in_another_font(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert fonts.lacking("Sea → ° ü") == "" and set(fonts.lacking(f"a{CHINESE}a")) == set(CHINESE)
+    assert fonts.missing_letters("Sea → ° ü") == "" and set(fonts.missing_letters(f"a{CHINESE}a")) == set(CHINESE)
     if fonts.letters_without_a_font(CHINESE):
         pytest.skip("no font with Chinese letters is installed here: apt-get install fonts-noto-cjk")
     pictures = set()
@@ -165,8 +165,8 @@ def test_one_letter_without_a_font_does_not_turn_others_into_boxes() -> None:
         pytest.skip("a font here has even hieroglyphs")
     text = f"{CHINESE} {nobodys}"
     assert fonts.letters_without_a_font(text) == nobodys
-    letters = fonts.lacking(text)
-    assert fonts.font(24, letters).getname() == fonts.font(24, fonts.lacking(CHINESE)).getname()
+    letters = fonts.missing_letters(text)
+    assert fonts.font(24, letters).getname() == fonts.font(24, fonts.missing_letters(CHINESE)).getname()
 
 
 def test_letters_without_a_font_are_reported_once(trace: Trace, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Decision, DecisionRecord
-from lingjing.viewer.served import ServedTrace
 from lingjing.viewer.server import ViewServer
 from lingjing.viewer.single import single_file
+from lingjing.viewer.trace_source import TraceSource
 from tests.browser import browser, opened, skip_without_a_browser
 
 skip_without_a_browser()
@@ -218,7 +218,7 @@ def test_pictures_are_requested_when_shown_and_a_lost_one_has_a_note(chromium: A
     )
     own = [frame for frame in trace.frames.values() if frame.entity in agent.controls]
     broken = Trace(trace.path, trace.header, trace.boundaries, trace.outcome, True, {**trace.places, own[0].id: {}})
-    server = ViewServer(ServedTrace(broken, truth=False))
+    server = ViewServer(TraceSource(broken, truth=False))
     requested: list[str] = []
     context = chromium.new_context(viewport={"width": 1280, "height": 800})
     context.set_default_timeout(300_000)

@@ -16,7 +16,7 @@ from lingjing.trace.container import is_being_written
 from lingjing.trace.reader import Trace
 from lingjing.trace.writer import TraceWriter, part_path
 from lingjing.viewer import live
-from lingjing.viewer.live import ServedRun
+from lingjing.viewer.live import LiveSource
 
 WRITE = """
 import sys, time
@@ -42,7 +42,7 @@ def test_the_page_receives_the_end_of_a_killed_run(tmp_path: Path, monkeypatch: 
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=root, env={**os.environ, "PYTHONPATH": str(root)},
     )  # fmt: skip
     assert run.stdout is not None and run.stdout.readline() == b"written\n"
-    served = ServedRun(path, truth=False)
+    served = LiveSource(path, truth=False)
     events: list[tuple[str, bytes]] = []
     reader = threading.Thread(target=lambda: events.extend(item for item in served.follow(0) if item[0]))
     reader.start()

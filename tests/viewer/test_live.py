@@ -11,13 +11,13 @@ import pytest
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
 from lingjing.trace.writer import TraceWriter, part_path
-from lingjing.viewer.live import ServedRun
+from lingjing.viewer.live import LiveSource
 from tests.trace import synthetic
 
 
 def test_steps_are_yielded_when_they_are_written_and_then_the_ending(trace: Trace, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
-    served = ServedRun(part_path(path), truth=False)
+    served = LiveSource(part_path(path), truth=False)
     assert json.loads(served.page_start()) == {"waiting": True}
     with pytest.raises(UsageError, match="not begun"):
         served.ground()
@@ -41,7 +41,7 @@ def test_steps_are_yielded_when_they_are_written_and_then_the_ending(trace: Trac
 
 def test_a_waiting_reader_is_released_at_the_end(trace: Trace, tmp_path: Path) -> None:
     writer = TraceWriter(tmp_path / "trace.mcap", trace.header)
-    served = ServedRun(tmp_path / "trace.mcap", truth=False)
+    served = LiveSource(tmp_path / "trace.mcap", truth=False)
     reader = threading.Thread(target=lambda: list(served.follow(0)))
     reader.start()
     served.close()
@@ -53,4 +53,4 @@ def test_a_waiting_reader_is_released_at_the_end(trace: Trace, tmp_path: Path) -
 def test_a_file_that_is_no_trace_is_an_error_at_once(tmp_path: Path) -> None:
     (tmp_path / "trace.mcap").write_text("no trace")
     with pytest.raises(UsageError, match="not a trace"):
-        ServedRun(tmp_path / "trace.mcap", truth=False)
+        LiveSource(tmp_path / "trace.mcap", truth=False)

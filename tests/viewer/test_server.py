@@ -19,13 +19,13 @@ from lingjing.trace.reader import Trace
 from lingjing.viewer import admission
 from lingjing.viewer.page import policy
 from lingjing.viewer.page_content import CHUNK
-from lingjing.viewer.served import ServedTrace
 from lingjing.viewer.server import MOST_CONNECTIONS, ViewServer
+from lingjing.viewer.trace_source import TraceSource
 
 
 @pytest.fixture(scope="module")
 def server(trace: Trace) -> Iterator[ViewServer]:
-    made = ViewServer(ServedTrace(trace, truth=False))
+    made = ViewServer(TraceSource(trace, truth=False))
     yield made
     made.close()
 
@@ -107,12 +107,12 @@ def test_a_query_of_too_many_fields_is_answered(server: ViewServer) -> None:
 def test_a_closed_port_can_be_used_again(trace: Trace) -> None:
     had = []
     for _ in range(4):  # another process may get the port meanwhile, but not each time
-        first = ViewServer(ServedTrace(trace, truth=False))
+        first = ViewServer(TraceSource(trace, truth=False))
         port = port_of(first)
         assert ask(first, "/follow")[0] == 200  # closed by the server, so that its end of the connection lingers
         first.close()
         with contextlib.suppress(UsageError):
-            ViewServer(ServedTrace(trace, truth=False), port).close()
+            ViewServer(TraceSource(trace, truth=False), port).close()
             had.append(port)
     assert had
 
@@ -133,7 +133,7 @@ def test_the_server_listens_on_the_loopback_address_and_an_occupied_port_is_an_e
 ) -> None:
     assert server.url.startswith("http://127.0.0.1:") and len(server.token) >= 32
     with pytest.raises(UsageError, match=f"cannot listen on port {port_of(server)}"):
-        ViewServer(ServedTrace(trace, truth=False), port_of(server))
+        ViewServer(TraceSource(trace, truth=False), port_of(server))
 
 
 def raw(server: ViewServer, text: str) -> bytes:

@@ -10,8 +10,8 @@ import msgspec
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Snapshot
-from lingjing.viewer.page_content import PageContent, packed
-from lingjing.viewer.steps import LONGEST_TEXT, clipped
+from lingjing.viewer.page_content import PageContent, page_json
+from lingjing.viewer.steps import LONGEST_TEXT, shorten
 
 
 def hidden(instance: Instance) -> set[str]:
@@ -50,11 +50,11 @@ def test_undiscovered_hidden_targets_do_not_affect_a_page(trace: Trace, written:
     header = msgspec.structs.replace(trace.header, instance=msgspec.structs.replace(instance, entities=entities))
     whole = written(other, header, finish=False)
     content, content_other = (PageContent(item, truth=False) for item in (shortened(trace, until), whole))
-    assert packed(content.steps) == packed(content_other.steps)
-    assert packed(content.details) == packed(content_other.details)
-    assert packed(content.head) == packed(content_other.head)
+    assert page_json(content.steps) == page_json(content_other.steps)
+    assert page_json(content.details) == page_json(content_other.details)
+    assert page_json(content.head) == page_json(content_other.head)
     shown, shown_other = (PageContent(item, truth=True) for item in (shortened(trace, until), whole))
-    assert packed(shown.steps) != packed(shown_other.steps)
+    assert page_json(shown.steps) != page_json(shown_other.steps)
 
 
 def shortened(trace: Trace, records: list[BoundaryRecord]) -> Trace:
@@ -103,10 +103,10 @@ def test_an_entity_at_rest_has_few_samples(trace: Trace) -> None:
 
 
 def test_texts_are_shortened_and_lose_marks_that_reorder_them() -> None:
-    assert clipped("plain") == "plain"
-    long = clipped("x" * 10_000)
+    assert shorten("plain") == "plain"
+    long = shorten("x" * 10_000)
     assert long.startswith("x" * LONGEST_TEXT) and long.endswith("(6000 characters more)")
-    assert "\u202e" not in clipped("abc\u202ecba") and "\x1b" not in clipped("\x1b[31m")
+    assert "\u202e" not in shorten("abc\u202ecba") and "\x1b" not in shorten("\x1b[31m")
 
 
 def test_packed_json_cannot_end_a_script(trace: Trace, written: Callable[..., Trace]) -> None:
@@ -117,7 +117,7 @@ def test_packed_json_cannot_end_a_script(trace: Trace, written: Callable[..., Tr
         written([trace.boundaries[0], msgspec.structs.replace(record, decisions=(made,))], trace.header, finish=False),
         truth=False,
     )
-    data = packed(content.details)
+    data = page_json(content.details)
     assert not set(b"<>&") & set(data) and "\u2028".encode() not in data
     thoughts = [
         note["thought"]

@@ -32,7 +32,7 @@ VIEWS = 4
 def draw_sheet(trace: Trace, path: Path, city: City | None) -> tuple[str, ...]:
     """Draw the page. See `lingjing.analysis.overview.draw_overview`."""
     words = "".join((trace.header.instance.title, _players(trace), credit(trace.header.attribution)))
-    with style.as_written(words), warnings.catch_warnings():
+    with style.literal_text(words), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # the note covers it
         _draw(trace, path, city)
     return note_of_boxes(words)

@@ -116,7 +116,7 @@ def _line(axes: Axes, track: Track, colour: str) -> None:
     step = max(1, len(points) // 400)
     points = np.concatenate([points[::step], points[-1:]])
     segments = np.stack([points[:-1], points[1:]], axis=1)
-    shades = [style.shaded(colour, 0.25 + 0.75 * at / len(segments)) for at in range(len(segments))]
+    shades = [style.lighten(colour, 0.25 + 0.75 * at / len(segments)) for at in range(len(segments))]
     axes.add_collection(LineCollection(list(segments), colors=shades, linewidths=1.8, capstyle="round", zorder=4))
 
 

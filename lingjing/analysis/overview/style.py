@@ -51,7 +51,7 @@ _SHADES = (1.0, 0.75, 0.5)
 shade would be invisible."""
 
 
-def as_written(text: str) -> AbstractContextManager[None]:
+def literal_text(text: str) -> AbstractContextManager[None]:
     """Return a context with settings of matplotlib for plain text.
 
     A dollar sign then begins no formula, and letters of `text` that the usual font lacks are drawn in another font.
@@ -64,11 +64,11 @@ def asset_colours(names: Iterable[str]) -> dict[str, str]:
     colours = {}
     for place, name in enumerate(names):
         lap, index = divmod(place, len(_ASSETS))
-        colours[name] = shaded(_ASSETS[index], _SHADES[lap % len(_SHADES)])
+        colours[name] = lighten(_ASSETS[index], _SHADES[lap % len(_SHADES)])
     return colours
 
 
-def shaded(colour: str, share: float) -> str:
+def lighten(colour: str, share: float) -> str:
     """Return `colour` mixed with white. `share` is the share of the colour, 0 to 1."""
     share = min(1.0, max(0.0, share))
     channels = [int(colour[at : at + 2], 16) for at in (1, 3, 5)]

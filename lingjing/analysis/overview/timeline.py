@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from lingjing.analysis.history import History
 from lingjing.analysis.overview import style
-from lingjing.trace.admitted import AdmittedMessage
+from lingjing.trace.admitted_messages import AdmittedMessage
 
 _NAMED = 14
 """Most entries of a legend over a panel. Chosen: more do not fit side by side."""

@@ -14,7 +14,7 @@ import msgspec
 
 from lingjing.analysis.completion import completion_ticks
 from lingjing.analysis.incidents import incidents
-from lingjing.analysis.messages import admitted
+from lingjing.analysis.messages import admitted_messages
 from lingjing.analysis.search_marks import discoveries
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, plain
 from lingjing.report.charts import Legend
@@ -23,7 +23,7 @@ from lingjing.report.drawing import LIGHT, WIDE, Drawing, colour_of, marker_of
 from lingjing.report.evidence import ReportEvidence, TracedEpisode
 from lingjing.report.figure import FigureKind, FigurePart, called
 from lingjing.report.text_layout import SMALL, fitting, text_width
-from lingjing.trace.admitted import AdmittedMessage
+from lingjing.trace.admitted_messages import AdmittedMessage
 from lingjing.trace.reader import Trace, read_trace
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class _EpisodeEvent(NamedTuple):
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for mission, episodes in chosen_episodes(evidence).items():
         traces = [(episode, read_trace(episode.path)) for episode in episodes]
-        shown = [(episode, trace) for episode, trace in traces if admitted(trace)]
+        shown = [(episode, trace) for episode, trace in traces if admitted_messages(trace)]
         if shown:
             yield FigurePart(
                 heading=mission.upper(),
@@ -79,7 +79,7 @@ def _lanes(episode: TracedEpisode, trace: Trace) -> Drawing:
     ticks = max(trace.boundaries[-1].tick, 1)
     legend = Legend([(number, name.replace("_", " ")) for number, name in enumerate(CATEGORIES)])
     top, width, height = legend.height + 7.0, WIDE - 8.0 - left, _LANE * (len(agents) + 1)
-    messages = _spread(admitted(trace))
+    messages = _spread(admitted_messages(trace))
     events = list(_events(trace))
 
     def paint(canvas: Canvas) -> None:
@@ -183,7 +183,7 @@ def _compared(episodes: Sequence[TracedEpisode]) -> ResultTable:
 
 def _message_table(episode: TracedEpisode, trace: Trace) -> ResultTable:
     """Return the first assignments and target states of an episode, or its first messages if it has neither."""
-    messages = admitted(trace)
+    messages = admitted_messages(trace)
     selected = [message for message in messages if message.category in ("assignment", "target_status")]
     kinds = "assignments and target states" if selected else "messages"
     selected = selected or list(messages)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from PIL import Image
 
-from lingjing.analysis.page_pictures import ShownFrame, best_frames, frame_jpeg, in_order
+from lingjing.analysis.page_pictures import PageFrame, best_frames, frame_jpeg, sort_by_camera
 from lingjing.report.chosen import chosen_episodes
 from lingjing.report.drawing import WIDE, Drawing
 from lingjing.report.evidence import ReportEvidence
@@ -28,13 +28,13 @@ _LINE = 13.0
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     drawings = list[Drawing]()
     for episodes in chosen_episodes(evidence).values():
-        shown = in_order(best_frames(read_trace(episode.path) for episode in episodes))
+        shown = sort_by_camera(best_frames(read_trace(episode.path) for episode in episodes))
         drawings += map(_frame, shown[:MOST])
     if drawings:
         yield FigurePart(drawings=tuple(drawings))
 
 
-def _frame(shown: ShownFrame) -> Drawing:
+def _frame(shown: PageFrame) -> Drawing:
     data = frame_jpeg(shown)
     with Image.open(io.BytesIO(data)) as image:
         height = WIDE * image.height / image.width

@@ -8,13 +8,13 @@ from functools import cached_property
 
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.viewer.page_content import CHUNK, PageContent, packed
+from lingjing.viewer.page_content import CHUNK, PageContent, page_json
 
 
-class ServedTrace:
+class TraceSource:
     """The content of a trace for `lingjing.viewer.server`. With `truth`, it contains hidden targets and true boxes."""
 
-    source = packed({"kind": "server", "chunk": CHUNK})
+    source = page_json({"kind": "server", "chunk": CHUNK})
 
     def __init__(self, trace: Trace, *, truth: bool) -> None:
         self._trace = trace
@@ -37,7 +37,7 @@ class ServedTrace:
             details = self._content.details[chunk * CHUNK : (chunk + 1) * CHUNK]
         if not details:
             raise UsageError(f"there is no chunk {chunk}")
-        return packed(details)
+        return page_json(details)
 
     def picture(self, name: str) -> bytes:
         """Return a stored picture as JPEG. Raises `UsageError` if there is no such picture."""
@@ -55,8 +55,8 @@ class ServedTrace:
 
     @cached_property
     def _page_start(self) -> bytes:
-        return packed(self._content.page_start())
+        return page_json(self._content.page_start())
 
     @cached_property
     def _ground(self) -> bytes:
-        return packed(self._content.ground())
+        return page_json(self._content.ground())
