@@ -15,6 +15,6 @@ In control-flow order:
   drawings, and the palette. `painting`: drawings as SVG and PNG; it alone loads matplotlib.
 - `page`: the HTML page. `sheet`: all drawings of one figure on one.
 
-The same input gives the same bytes. Every text is escaped. The page lists the figures that the evidence holds nothing
-of, and the commands that would play what they need.
+The same input gives the same bytes. Every text is escaped. The page lists the figures without data, each with the
+command that plays its episodes.
 """

@@ -211,6 +211,10 @@ def svg_file(drawing: Drawing) -> str:
     root.set("font-family", FONT)
     size = {name: _number(value) for name, value in (("width", drawing.width), ("height", drawing.height))}
     root.attrib.update(size)
+    root.set("xmlns:xlink", _LINK.removeprefix("{").removesuffix("}href"))
+    for element in root.iter():
+        if "href" in element.attrib:  # viewers of SVG 1.1 know no other form; on a page it would need the namespace
+            element.set("xlink:href", element.attrib.pop("href"))
     root.insert(2, ET.Element("rect", {**size, "fill": LIGHT["paper"]}))
     return f"<?xml version='1.0' encoding='UTF-8'?>\n{ET.tostring(root, encoding='unicode')}\n"
 
@@ -256,7 +260,7 @@ class _Svg:
 
 
 def _without_clutter(text: ET.Element) -> None:
-    """Remove the fonts, which the page or the file says once for all texts, and rotations by nothing."""
+    """Remove the font families, which the page or the file sets for all texts, and rotations by zero degrees."""
     declarations = text.attrib.get("style", "").split("; ")
     text.set("style", "; ".join(each for each in declarations if not each.startswith("font-family")))
     if text.attrib.get("transform", "").startswith("rotate(-0 "):

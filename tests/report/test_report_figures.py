@@ -210,7 +210,9 @@ def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> N
     assert shares[0] == "Perception miss 50 %" and [share[-4:] for share in shares] == ["50 %", "25 %", "25 %"]
     (drift,) = parts_of("drift", evidence)
     assert entries(drift.tables[0])["e", "Late"]["Adher."] == "70 [70, 70]"
-    (tiers,) = parts_of("drift", gather([results([msgspec.structs.replace(one, group="Open models") for one in rows])]))
+    (tiers,) = parts_of(
+        "drift", gather([results([msgspec.structs.replace(each, group="Open models") for each in rows])])
+    )
     assert [line.label[0] for line in tiers.tables[0].lines] == ["Open models"] * 3 + ["e"] * 3
     (search,) = parts_of("signatures", evidence)
     assert entries(search.tables[0])["e",]["search coverage, %"] == "50 [50, 50]"
@@ -257,7 +259,9 @@ def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
     answers = [ProbedFrame(detector="d", cls=PERSON, name=str(at), truth=at < 2, said=at < 2, twin_said=at < 1)
             for at in range(4)]  # fmt: skip
     (tmp_path / "probe").mkdir()
-    (tmp_path / "probe" / "answers.jsonl").write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in answers))
+    (tmp_path / "probe" / "answers.jsonl").write_bytes(
+        b"".join(msgspec.json.encode(answer) + b"\n" for answer in answers)
+    )
     (tmp_path / "probe" / "counts.json").write_bytes(msgspec.json.encode([probe_cell(answers)]))
     frames = [made_frame(number, boxes=(VICTIM,) if number == 2 else ()) for number in (1, 2)]
     write_set(tmp_path / "set", [class_set(frames, PERSON)], pictures_of(frames))
@@ -265,8 +269,8 @@ def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
     data, file = picture(3), f"{PERSON}/twin.jpg"
     digest = hashlib.sha256(data).hexdigest()
     (tmp_path / "twins" / file).write_bytes(data)
-    taken = tuple(TwinRecord(cls=PERSON, name=one.name, file=file, sha256=digest) for one in frames)
-    (tmp_path / "twins" / TWINS).write_bytes(msgspec.json.encode(TwinSet(taken=taken, refused=())))
+    twins = tuple(TwinRecord(cls=PERSON, name=frame.name, file=file, sha256=digest) for frame in frames)
+    (tmp_path / "twins" / TWINS).write_bytes(msgspec.json.encode(TwinSet(taken=twins, refused=())))
     probe, pairs = parts_of("appearance", gather([tmp_path]))
     assert entries(probe.tables[0])[PERSON, "d"]["F1 frames"].startswith("1.00 [")
     assert entries(probe.tables[0])[PERSON, "d"]["F1 twins"].startswith("0.67 [")

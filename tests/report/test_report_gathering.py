@@ -59,16 +59,16 @@ def test_traces_become_rows(evidence: ReportEvidence) -> None:
 
 def test_a_trace_that_is_found_twice_counts_once(runs: Path, tmp_path: Path) -> None:
     copied(runs, tmp_path / "again" / "trace.mcap")
-    found = gather([runs, runs / "star", tmp_path])
-    assert found.episodes == 2
-    assert "counted already" in found.left_out[0]
+    result = gather([runs, runs / "star", tmp_path])
+    assert result.episodes == 2
+    assert "counted already" in result.left_out[0]
 
 
 def test_episodes_that_were_cut_short_are_in_no_rate_and_in_a_note(runs: Path, tmp_path: Path) -> None:
     cut = copied(runs, tmp_path / "cut" / "trace.mcap.part", keep=0.6)
-    found = gather([runs, tmp_path])
-    assert found.episodes == 2
-    assert str(cut) in found.left_out[0] and "cut short" in found.left_out[0] and "damaged" in found.left_out[0]
+    result = gather([runs, tmp_path])
+    assert result.episodes == 2
+    assert str(cut) in result.left_out[0] and "cut short" in result.left_out[0] and "damaged" in result.left_out[0]
     with pytest.raises(UsageError, match="none of what was found counts") as error:
         gather([cut])
     assert str(cut) in error.value.hint
@@ -78,9 +78,9 @@ def test_a_trace_of_another_version_is_an_error_if_named_and_a_note_if_found(run
     later = trace_of_a_later_version(runs, tmp_path / "new" / "trace.mcap")
     with pytest.raises(UsageError, match="lingjing-trace/999"):
         gather([runs, later])
-    found = gather([runs, tmp_path])
-    assert found.episodes == 2
-    assert "cannot be read" in found.left_out[0] and "lingjing-trace/999" in found.left_out[0]
+    result = gather([runs, tmp_path])
+    assert result.episodes == 2
+    assert "cannot be read" in result.left_out[0] and "lingjing-trace/999" in result.left_out[0]
 
 
 def test_a_place_without_runs_is_an_error(tmp_path: Path) -> None:
@@ -100,8 +100,8 @@ def test_the_rows_of_a_suite_count_and_its_traces_do_not(runs: Path, results: Ca
     assert gather([folder]).episodes == 1, "a trace inside of results is no further episode"
     row = made_row(seed=1)
     kept = msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, trace="runs/one/trace.mcap"))
-    found = gather([results([kept])])
-    assert [episode.path for episode in found.traced] == [folder / "runs" / "one" / "trace.mcap"]
+    result = gather([results([kept])])
+    assert [episode.path for episode in result.traced] == [folder / "runs" / "one" / "trace.mcap"]
 
 
 def test_one_trace_at_a_time_is_in_memory(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

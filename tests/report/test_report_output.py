@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib as mpl
 import pytest
 from PIL import Image
 
@@ -40,6 +41,7 @@ from tests.report.conftest import lines_of, tooltips_of
 EVIL = "</title><script>alert(1)</script>'\"&\u202e\x1b[31m $x_$"
 ROOT = Path(__file__).parents[2]
 SVG = "{http://www.w3.org/2000/svg}"
+LINK = "{http://www.w3.org/1999/xlink}href"
 
 
 def charts() -> list[Drawing]:
@@ -182,6 +184,24 @@ def test_letters_of_other_scripts_are_written_or_reported(monkeypatch: pytest.Mo
     assert boxed_letters(drawing) == chinese
 
 
+def test_letters_that_the_usual_font_lacks_are_drawn_in_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Circled letters stand for Chinese ones: matplotlib ships a font that has them, and DejaVu Sans has none."""
+    circled = "\u24b6\u24b7"
+    other = str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "STIXGeneral.ttf")
+    chart = bar_chart("t", [BarGroup(circled, (ChartBar("x", 0, UNKNOWN),))])
+    assert fonts.missing_letters(circled) == circled
+
+    def drawn(having: tuple[tuple[str, int], ...]) -> bytes:
+        monkeypatch.setattr(fonts, "_fonts", lambda letters: having)
+        monkeypatch.setattr(fonts, "_font_with", lambda letters: having[0] if having else None)
+        assert boxed_letters(chart) == ("" if having else circled)
+        with Image.open(io.BytesIO(png_file(chart))) as image:
+            return image.convert("L").crop((0, 20, 60, 52)).tobytes()
+
+    boxes, letters = drawn(()), drawn(((other, 0),))
+    assert min(boxes) < 128 and min(letters) < 128 and boxes != letters
+
+
 def test_a_picture_is_inside_of_the_file() -> None:
     out = io.BytesIO()
     Image.new("RGB", (8, 6), "#123456").save(out, "PNG")
@@ -191,7 +211,7 @@ def test_a_picture_is_inside_of_the_file() -> None:
 
     drawing = Drawing(title="p", description="d", width=80.0, height=60.0, paint=paint)
     (image,) = ET.fromstring(svg_file(drawing)).iter(f"{SVG}image")
-    assert image.get("href", "").startswith("data:image/png;base64,")
+    assert image.get(LINK, "").startswith("data:image/png;base64,")
     assert [image.get(name) for name in ("x", "y", "width", "height")] == ["10", "5", "60", "50"]
     with Image.open(io.BytesIO(png_file(drawing))) as drawn:
         assert drawn.convert("RGB").getpixel((80, 60)) == (0x12, 0x34, 0x56)
