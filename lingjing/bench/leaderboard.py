@@ -14,7 +14,7 @@ from lingjing.bench.tables import average_cell, average_of, column_head, make_ta
 from lingjing.bench.unresolved import open_rows, unresolved_entrants
 
 UNRANKED = "not ranked: some columns are not played"
-OPEN = "not ranked: episodes are lost, or were played again because its own service was gone"
+OPEN = "not ranked: episodes are lost, or were played again after an abort that the entrant may have caused"
 SHOWN = "not ranked: shown the truth"
 
 

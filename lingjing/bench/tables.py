@@ -85,8 +85,9 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
         notes.append(f"{PRIVILEGED} is shown the truth and is never marked as best")
     if unresolved_entrants(rows):
         notes.append(
-            f"{UNRESOLVED} has episodes that are lost, or were played again because its own service was gone: it is "
-            "not ranked, and the worst and the best case follow its rates"
+            f"{UNRESOLVED} has episodes that are lost, or were played again after an abort that it may have caused "
+            "(its own service was gone, or a process or a file of the episode): it is not "
+            "ranked, and the worst and the best case follow its rates"
         )
     return tuple(notes)
 

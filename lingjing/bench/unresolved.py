@@ -1,9 +1,10 @@
 """Episodes whose result is open, and the entrants that have any.
 
 A lost episode has no result. An episode that was played again because its entrant's own service was gone has one, and a
-service that goes away only when its policy loses would choose it. Such a result counts in the rates; the worst case
-takes it for a failure. It is beyond doubt if another entrant was aborted at the same time: then it was the network, the
-machine or a service that both use.
+service that goes away only when its policy loses would choose it. So would a policy that ends a process of the harness
+or takes its trace away: it shares the machine with them. Such a result counts in the rates; the worst case takes it for
+a failure. It is beyond doubt if another entrant was aborted by the same cause at the same time: then it was the
+network, the machine or a service that both use.
 """
 
 from __future__ import annotations
@@ -15,14 +16,28 @@ import msgspec
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import UNRESOLVED
 from lingjing.play.outages import SERVICE_GONE
+from lingjing.play.report import SERVER_KILLED
 
 AT_ONCE_S = 300.0
 """Within how many seconds two aborts count as simultaneous. Chosen: `react` reports an outage after three ticks, each
 of which waits up to 90 s for the model."""
 
 
+_WITHIN_REACH = (
+    SERVICE_GONE,
+    "its process ",
+    SERVER_KILLED,
+    "the process that starts others ",
+    "the trace ",
+    "the world process died",
+    "the camera process died",
+)
+"""How the details of aborts begin that a policy can cause: its service, and the processes and files on its machine. The
+error of an engine is none of them."""
+
+
 def open_rows(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
-    """The lost episodes, and the aborted tries that only their entrant's own service has caused."""
+    """The lost episodes, and the aborted tries that only their entrant may have caused."""
     aborts = [row for row in rows if row.standing != "counted"]
     return [row for row in aborts if row.standing == "lost" or _is_alone(row, aborts)]
 
@@ -41,10 +56,15 @@ def with_marked_names(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> l
 
 
 def _is_alone(row: SuiteRow, aborts: Sequence[SuiteRow]) -> bool:
-    """True if the entrant's service was gone and no other entrant was aborted at the same time."""
-    if not row.report.detail.startswith(SERVICE_GONE):
-        return False
-    return not any(other.entrant != row.entrant and _is_at_once(row, other) for other in aborts)
+    """True if the entrant may have caused the abort and no other entrant had such a one at the same time."""
+    cause = _cause(row)
+    others = (other for other in aborts if other.entrant != row.entrant and _cause(other) == cause)
+    return bool(cause) and not any(_is_at_once(row, other) for other in others)
+
+
+def _cause(row: SuiteRow) -> str:
+    """The beginning of the detail of an abort that a policy can cause; "" for any other."""
+    return next((cause for cause in _WITHIN_REACH if row.report.detail.startswith(cause)), "")
 
 
 def _is_at_once(one: SuiteRow, other: SuiteRow) -> bool:

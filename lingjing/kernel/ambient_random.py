@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 import sys
 from collections.abc import Awaitable, Callable
+from importlib import import_module
 from typing import Any
 
 GeneratorStates = tuple[object, object]
@@ -24,6 +25,11 @@ def generator_states() -> GeneratorStates:
     state = read(legacy=False)
     drawn = state["state"]
     return random.getstate(), (drawn["key"].tobytes(), drawn["pos"], state["has_gauss"], state["gauss"])
+
+
+def load_generators() -> None:
+    """Load the generators that are watched: a first use, which loads one, would not be seen."""
+    import_module("numpy.random")
 
 
 def watched(call: Callable[[], Awaitable[Any]], note: Callable[[], None]) -> Callable[[], Awaitable[Any]]:

@@ -23,7 +23,7 @@ from functools import partial
 from typing import Any
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.ambient_random import watched
+from lingjing.kernel.ambient_random import load_generators, watched
 from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
@@ -182,13 +182,21 @@ class Barrier(ABC):
 
 
 class PolicyBarrier(Barrier):
-    """Policies in the caller's process, a thread for each."""
+    """Policies in the caller's process, a thread for each. `ambient_random` are the agents whose policies have used a
+    global random generator while they were built."""
 
-    def __init__(self, policies: Mapping[str, Policy], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
+    def __init__(
+        self,
+        policies: Mapping[str, Policy],
+        limit_s: float,
+        outage_check: OutageCheck = no_outage,
+        ambient_random: Iterable[str] = (),
+    ) -> None:
         super().__init__(policies, limit_s, outage_check)
+        load_generators()
         self._policies = dict(policies)
         self._threads = {name: AgentThread(name) for name in self._policies}
-        self._ambient_random: set[str] = set()
+        self._ambient_random = set(ambient_random)
 
     @property
     def ambient_random(self) -> frozenset[str]:

@@ -18,6 +18,7 @@ import msgspec
 
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
+from lingjing.kernel.ambient_random import generator_states, has_moved, load_generators
 from lingjing.kernel.barrier import Barrier, PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.episode import Progress, give_briefs, play
@@ -231,12 +232,14 @@ def _barrier(
         barrier = ProcessBarrier(agent_policies(assigned, options, instance, city, calls), limit_s, apart, outages)
         barrier.load()
         return barrier
-    here = {
-        agent: build_policy(policy.plugin, policy.arguments, calls.of(agent))
-        for agent, policy in assigned.items()
-        if policy.plugin is not None
-    }
-    return PolicyBarrier(here, limit_s, outages)
+    load_generators()
+    here, drawing = {}, set()
+    for agent, policy in assigned.items():
+        if policy.plugin is not None:
+            before = generator_states()
+            here[agent] = build_policy(policy.plugin, policy.arguments, calls.of(agent))
+            drawing |= {agent} if has_moved(before, generator_states()) else set()
+    return PolicyBarrier(here, limit_s, outages, drawing)
 
 
 def _hopeless(instance: Instance) -> tuple[str, ...]:

@@ -22,7 +22,15 @@ from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
-from lingjing.play.report import ABORTED, POLICY_FAILED, EpisodeReport, end_without_result
+from lingjing.play.report import (
+    ABORTED,
+    INTERRUPTED,
+    POLICY_FAILED,
+    SERVER_KILLED,
+    SIGNALLED,
+    EpisodeReport,
+    end_without_result,
+)
 from lingjing.processes.descendants import adopting
 from lingjing.processes.fork_client import ForkedProcess, ForkServer, ForkServerClient
 
@@ -226,7 +234,7 @@ def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[Episod
 
     A child that fails before it has a result raises with its own message and exit code; the others are ended. So does
     one that a policy keeps from beginning, unless its task reports that. One that was killed (from outside, or for
-    want of memory) is an infrastructure abort of its episode.
+    want of memory), or interrupted by another process, is an infrastructure abort of its episode.
     At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
     """
     starter = _Starter()
@@ -247,7 +255,7 @@ def _played_by(
             done = [child for child in running if child.process.poll() is not None]
             running = [child for child in running if child not in done]
             for child in done:
-                yield child.task, _finish(child)
+                yield child.task, _finish_unasked(child)
             if not done:
                 time.sleep(0.05)
     except KeyboardInterrupt:
@@ -261,6 +269,20 @@ def _played_by(
         _end(running)
 
 
+class _ChildInterrupted(KeyboardInterrupt):
+    """A child was interrupted before it had a result."""
+
+
+def _finish_unasked(child: _Worker) -> EpisodeReport:
+    """The report of a child that was not asked to end. One that was interrupted all the same is an abort: a policy's
+    process may have sent the signal."""
+    try:
+        report = _finish(child)
+    except _ChildInterrupted:
+        return without_result(child.task, SIGNALLED)
+    return msgspec.structs.replace(report, reason=ABORTED, detail=SIGNALLED) if report.reason == INTERRUPTED else report
+
+
 def _finish(child: _Worker) -> EpisodeReport:
     child.output.seek(0)
     child.errors.seek(0)
@@ -268,7 +290,7 @@ def _finish(child: _Worker) -> EpisodeReport:
     if isinstance(child.process, ForkedProcess):
         child.process.close()
     if child.process.returncode == ForkedProcess.LOST:
-        return without_result(child.task, "the process that it was forked from was killed")
+        return without_result(child.task, SERVER_KILLED)
     with suppress(msgspec.DecodeError):  # nothing, or half of it
         report = msgspec.json.decode(printed, type=EpisodeReport)
         if report.reason == POLICY_FAILED and not child.task.reports_failure:
@@ -277,7 +299,7 @@ def _finish(child: _Worker) -> EpisodeReport:
     release_if_empty(child.task.folder)
     code = child.process.wait()
     if code == ExitCode.INTERRUPTED:
-        raise KeyboardInterrupt
+        raise _ChildInterrupted
     if code <= ExitCode.OK:
         return without_result(child.task, end_without_result(code))
     said, _, hint = complaint.partition("\nhint: ")

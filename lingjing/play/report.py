@@ -24,6 +24,10 @@ POLICY_FAILED = "policy-failure"
 """The reason of an episode that did not begin, because the code of a policy failed where it was loaded, built or given
 its brief. It counts as lost and has no trace."""
 
+SIGNALLED = "its process was interrupted by another process"
+SERVER_KILLED = "the process that it was forked from was killed"
+"""The details of aborts by a signal that the command itself has not sent."""
+
 
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode: what `lingjing run --json` prints, `lingjing.run` returns and a study keeps as a row.

@@ -71,7 +71,9 @@ def _summary(evidence: ReportEvidence) -> Iterator[str]:
     if any(row.privileged for row in counted):
         notes.append("† has access to the truth and is never marked as best")
     if unresolved_entrants(rows):
-        notes.append(f"{UNRESOLVED} has episodes that are lost, or were played again because its own service was gone")
+        notes.append(
+            f"{UNRESOLVED} has episodes that are lost, or were played again after an abort that it may have caused"
+        )
     notes += [words for maps in dict.fromkeys(row.report.attribution for row in counted) if (words := credit(maps))]
     if notes:
         yield f"<ul class='notes'>{''.join(f'<li>{_text(note)}</li>' for note in notes)}</ul>"

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.bench.exports import to_markdown
 from lingjing.bench.folder import read_results
 from lingjing.bench.leaderboard import leaderboard
 from lingjing.bench.rows import SuiteRow
+from lingjing.bench.tables import make_tables
+from lingjing.bench.unresolved import unresolved_entrants
 from lingjing.cli.bench import KINDS
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
@@ -180,6 +183,96 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
     (folder / "read").unlink()
     assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
     assert f"trips: {len(names)} episodes are there, 0 to play" in capsys.readouterr().err
+
+
+STRIKING = """\
+import os
+import signal
+from pathlib import Path
+from lingjing.plugins.policy import Action, Decision
+
+
+def siblings():
+    "The processes of the episode: the player and its world."
+    server = os.getppid()
+    pids = Path(f"/proc/{server}/task/{server}/children").read_text().split()
+    return [int(pid) for pid in pids if int(pid) != os.getpid()]
+
+
+def players():
+    "The processes that write a trace."
+    for pid in siblings():
+        if any("trace.mcap" in os.readlink(descriptor) for descriptor in Path(f"/proc/{pid}/fd").iterdir()):
+            yield pid
+
+
+class Strikes:
+    "Wins but for the first time, when it ends its own episode."
+
+    def __init__(self):
+        self.strike_once("build")
+
+    def strike_once(self, at):
+        mark = Path(__file__).with_name(f"{type(self).__name__}-{at}")
+        if at == getattr(self, "at", "act") and not mark.exists():
+            mark.touch()
+            self.strike()
+
+    def strike(self): ...
+
+    async def reset(self, brief):
+        self.strike_once("reset")
+
+    async def act(self, observation, inbox):
+        self.strike_once("act")
+        return Decision(command=Action(verb="moveTo", arguments={"x": 12.4, "y": -1299.8}))
+
+
+class Interrupts(Strikes):
+    def strike(self):
+        for pid in list(players()):
+            os.kill(pid, signal.SIGTERM)
+
+
+class InterruptsEarly(Strikes):
+    at = "build"
+
+    def strike(self):
+        for pid in siblings():
+            os.kill(pid, signal.SIGTERM)
+
+
+class Kills(Strikes):
+    def strike(self):
+        for pid in list(players()):
+            os.kill(pid, signal.SIGKILL)
+
+
+class KillsWorld(Strikes):
+    def strike(self):
+        for pid in set(siblings()) - set(players()):
+            os.kill(pid, signal.SIGKILL)
+"""
+
+STRIKES = ("Interrupts", "InterruptsEarly", "Kills", "KillsWorld")
+
+
+def test_who_ends_its_own_episode_gains_no_second_try(folder: Path) -> None:
+    """Each is played again, none is left out, and the worst case takes the second try for a failure."""
+    (folder / "striking.py").write_text(STRIKING)
+    suite = 'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 1\n'
+    for name in ("Strikes", *STRIKES):
+        suite += f'[[entrants]]\nname = "{name}"\npolicy = "striking.py:{name}"\n'
+    (folder / "suite.toml").write_text(suite)
+    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    rows = read_results(folder / "out")
+    tries = {name: [row for row in rows if row.entrant == name] for name in ("Strikes", *STRIKES)}
+    assert [row.standing for row in tries["Strikes"]] == ["counted"]
+    for name in STRIKES:
+        assert [row.standing for row in tries[name]] == ["aborted", "counted"], name
+        alone = [*tries["Strikes"], *tries[name]]
+        assert unresolved_entrants(alone) == {name}, tries[name][0].report.detail
+        assert f"| {name} ‡ | 100 (0..100) |" in to_markdown(make_tables(alone, ("success",))[0])
 
 
 LATER_PRIVILEGED = """\

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+from pathlib import Path
+
 import pytest
 
 from lingjing.bench.exports import to_latex
@@ -10,7 +13,8 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.tables import make_tables
 from lingjing.bench.unresolved import AT_ONCE_S, open_rows, unresolved_entrants
 from lingjing.play.outages import SERVICE_GONE
-from lingjing.play.report import ABORTED
+from lingjing.play.report import ABORTED, SERVER_KILLED, SIGNALLED, end_without_result
+from lingjing.trace.writer import trace_removed_error, trace_tampered_error
 from tests.bench.suite_kit import made_row
 from tests.play.report_kit import made_report
 
@@ -81,6 +85,26 @@ def test_several_entrants_at_once_show_that_it_was_the_infrastructure(other: dic
     entrant = str(other.pop("entrant"))
     aborted = [ended("sly", 3, "aborted", ended_unix_s=1e9), ended(entrant, 4, "aborted", **other)]
     assert ("sly" in unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted])) is is_open
+
+
+@pytest.mark.parametrize(
+    "detail",
+    [
+        end_without_result(-signal.SIGKILL),
+        SIGNALLED,
+        SERVER_KILLED,
+        str(trace_removed_error(Path("trace.mcap.part"))),
+        str(trace_tampered_error(Path("trace.mcap"), "it holds no episode")),
+        "the world process died (SIGKILL)",
+        "the process that starts others is gone: [Errno 32] Broken pipe",
+    ],
+)
+def test_a_win_after_a_process_or_the_trace_was_taken_away_is_a_failure_in_the_worst_case(detail: str) -> None:
+    aborted = ended("sly", 3, "aborted", detail, ended_unix_s=1e9)
+    another = ended("a", 4, "aborted", "engine `uav` failed in step: it died", ended_unix_s=1e9)
+    rows = [*won("a", 9, 10), *won("sly", 10, 10), aborted, another]
+    assert unresolved_entrants(rows) == {"sly"}
+    assert cells(rows)["sly ‡"][0] == ("100 (90..100)", "")
 
 
 def test_an_abort_of_an_engine_leaves_nothing_open() -> None:

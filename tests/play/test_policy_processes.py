@@ -376,6 +376,17 @@ def test_python_marks_the_use_of_a_global_generator(
     assert any("draws from a global random generator" in line for line in report.warnings) == bool(names)
 
 
+@pytest.mark.parametrize("draw", [random.random, np.random.random])
+def test_python_marks_a_draw_while_a_policy_is_built(draw: Callable[[], float], tmp_path: Path) -> None:
+    def build() -> Drawing:
+        draw()
+        return Drawing(lambda: None)
+
+    mission = lingjing.compile(write_mission(tmp_path, 1, 1, 60.0))
+    report = lingjing.run(mission, policy=build, out=tmp_path / "out", overview=False)
+    assert report.ambient_random == ("skipper[1]",)
+
+
 def test_a_folder_is_that_of_the_start_wherever_a_policy_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "start").mkdir()
     mission = lingjing.compile(write_mission(tmp_path, 1, 2, 60.0))
