@@ -58,7 +58,7 @@ class SharedCamera:
         self._asking = Channel(ours)
         self._channel: tuple[int, Channel] | None = None
         parent = os.getpid()
-        self._process = fork()
+        self._process = fork(with_threads=True)  # policies may hold threads; `branch_process` refuses them later
         if self._process == 0:
             self._asking.close()
             _serve(Channel(theirs), trace, city, host, parent)

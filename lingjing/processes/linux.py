@@ -29,14 +29,15 @@ class SeveralThreadsError(Exception):
         self.count = count
 
 
-def fork(*, keep_random: bool = False) -> int:
+def fork(*, keep_random: bool = False, with_threads: bool = False) -> int:
     """Fork this process; 0 in the copy, else the copy's process id.
 
     With `keep_random` the copy goes on with the stream of `random` where its original stands; Python seeds it anew
-    otherwise. Raises `SeveralThreadsError`, and `OSError` if the system refuses.
+    otherwise. `with_threads` is for a copy that needs no lock which another thread may hold. Raises
+    `SeveralThreadsError` otherwise, and `OSError` if the system refuses.
     """
     count = thread_count()
-    if count != 1:
+    if count != 1 and not with_threads:
         raise SeveralThreadsError(count)
     state = random.getstate() if keep_random else None
     pid = os.fork()

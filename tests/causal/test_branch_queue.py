@@ -12,6 +12,7 @@ import pytest
 from lingjing.causal.branch_queue import BranchQueue, introduce
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan
+from lingjing.processes.channel import Channel
 
 ENDLESS = 90
 """A branch that leaves from here never ends."""
@@ -26,8 +27,8 @@ class Branches:
         self.begun: list[int] = []
         self.pids: list[int] = []
 
-    def begin(self, plan: BranchPlan) -> socket.socket:
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    def begin(self, plan: BranchPlan) -> Channel:
+        ours, theirs = map(Channel, socket.socketpair())
         self.begun.append(plan.at)
         pid = os.fork()
         if pid == 0:
@@ -39,7 +40,7 @@ class Branches:
                     introduce(theirs)
                     while plan.at == ENDLESS:
                         time.sleep(60.0)
-                    theirs.sendall(msgspec.msgpack.encode(BranchResult(ticks=plan.at, cpu_s=1.0)))
+                    theirs.send(msgspec.msgpack.encode(BranchResult(ticks=plan.at, cpu_s=1.0)))
             finally:
                 os._exit(0)
         self.pids.append(pid)

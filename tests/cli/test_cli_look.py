@@ -188,7 +188,7 @@ def test_doctor_says_where_digests_are_the_machines_own(monkeypatch) -> None:
 
 
 def test_doctor_says_where_waits_for_a_processor_are_not_counted(monkeypatch) -> None:
-    from lingjing.kernel.world import deadlines
+    from lingjing.processes import deadlines
 
     monkeypatch.setattr(deadlines, "_threads", lambda pid: {})
     finding = doctor.check_queues()
