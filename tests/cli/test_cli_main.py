@@ -81,7 +81,11 @@ def test_an_unknown_verb_is_a_usage_error() -> None:
         (MissionError("wrong mission"), 1, "error: wrong mission\n"),
         (InfrastructureError("engine `vessel` died"), 3, "error: engine `vessel` died\n"),
         (KeyboardInterrupt(), 130, "interrupted\n"),
-        (PermissionError(13, "Permission denied", "/there"), 2, "error: the system refuses `/there`: Permission denied\n"),
+        (
+            PermissionError(13, "Permission denied", "/there"),
+            2,
+            "error: the system refuses `/there`: Permission denied\n",
+        ),
     ],
 )
 def test_errors_become_a_message_and_a_code(run_verb, capsys, error, code, said) -> None:

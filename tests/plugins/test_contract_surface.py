@@ -72,7 +72,7 @@ def imported(node: ast.stmt, exported: Collection[str]) -> tuple[str, ...]:
     """The names that a statement imports and the module exports as its own."""
     match node:
         case ast.ImportFrom(names=names):
-            return tuple(alias.name for alias in names if alias.name in exported)
+            return tuple(name for alias in names if (name := alias.asname or alias.name) in exported)
     return ()
 
 
