@@ -286,7 +286,7 @@ def test_a_sea_that_would_flood_the_town_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "level"),
+    ("scene", "level"),
     [
         ("coastal { extent = 800 m }", -3.0),
         ("city { extent = 1 km }", -3.0),
