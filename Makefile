@@ -2,7 +2,7 @@
 PYTHON3 ?= python3
 BIN := .venv/bin
 STUDY ?= reference -j 2
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q --durations 30
 
 .PHONY: help setup demo test check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck faults clean
 
