@@ -62,7 +62,7 @@ class CacheChoice(NamedTuple):
 
 
 def user_cache_folder() -> str:
-    """Where this project keeps what can be made again.
+    """The folder of files that the project can make again.
 
     A relative XDG_CACHE_HOME is ignored, as the XDG base directory specification says: processes of one episode have
     working folders of their own.

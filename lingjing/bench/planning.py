@@ -249,7 +249,7 @@ class _Reader:
             self._say(place, Fault(fault.where, f"{named}{fault.message}", fault.hint))
 
     def _option_faults(self, at: int, player: Player, given: Mapping[str, GivenOption]) -> tuple[Fault, ...]:
-        """What is wrong with options; a policy whose own check of them fails is a fault itself."""
+        """Return the faults of options; a check of the policy that raises is a fault as well."""
         try:
             return self._declarations.option_faults(player.policy, given)
         except LingjingError as error:

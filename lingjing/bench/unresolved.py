@@ -32,8 +32,8 @@ _WITHIN_REACH = (
     "the world process died",
     "the camera process died",
 )
-"""How the details of aborts begin that a policy can cause: its service, and the processes and files on its machine. The
-error of an engine is none of them."""
+"""The beginnings of the details of aborts that a policy can cause: by its service, or by the processes and files on its
+machine. An error of an engine is not among them."""
 
 
 def open_rows(rows: Iterable[SuiteRow]) -> list[SuiteRow]:

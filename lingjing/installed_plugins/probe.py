@@ -55,7 +55,7 @@ def main(descriptor: int, name: str, value: str) -> None:
 
 
 def _process_state() -> dict[str, object]:
-    """What a plug-in must leave as it is, because commands that do not use it rely on it."""
+    """The state of the process that a plug-in must not change, because commands that do not use it rely on it."""
     return {
         "the working folder": _folder(),
         "the standard streams": [_file_of(descriptor) for descriptor in range(3)],

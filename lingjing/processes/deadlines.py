@@ -57,7 +57,7 @@ class OwnDeadline:
     """So many seconds of a process's own time from now."""
 
     def __init__(self, pid: int, allowed_s: float, *, already_s: float = 0.0, watched: bool = False) -> None:
-        """`already_s` of them are spent; `watched`: look at the process at once, for nobody asks before the end."""
+        """`already_s` of them are spent; `watched`: read its counters at once, because the next read is at the end."""
         self.allowed_s = allowed_s
         self._already_s = already_s
         self._pid = pid
@@ -70,7 +70,7 @@ class OwnDeadline:
         if self._first is None:
             if time.monotonic() - self._started < _UNWATCHED_S:
                 return min(self.allowed_s - self._already_s, _UNWATCHED_S)
-            # Who asks may have been kept from it for long. What the process did meanwhile nobody can tell any more.
+            # The caller may have waited for a processor for long. The process's time until now is not known any more.
             self._first, self._started = _threads(self._pid), time.monotonic() - _UNWATCHED_S
         left = self.allowed_s - self.spent_s()
         if left > 0.0:

@@ -60,7 +60,7 @@ class StartFunction(msgspec.Struct, frozen=True, tag=True):
     """As `module:name`."""
     argument: bytes = b""
     surroundings: Surroundings | None = None
-    """Those of the server if absent."""
+    """The surroundings of the server if absent."""
     reuse: bool = False
     """Take a process that has served such a request before and is idle, if there is one (`idle_processes`)."""
     template: Template | None = None

@@ -35,7 +35,7 @@ class Templates:
     forks: Forks
     channels: dict[tuple[Template, bytes], Channel] = field(default_factory=dict)
     failed: set[tuple[Template, bytes]] = field(default_factory=set)
-    """Those that ended with an error. The processes that want them are started without."""
+    """Templates that ended with an error. Processes that name them are started without a template."""
 
     def start(self, request: StartFunction, template: Template, descriptors: Sequence[int], server: int) -> bool:
         """Have the template start the process; False if there is none and none can be made. `server`: the process id of

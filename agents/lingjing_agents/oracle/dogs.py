@@ -77,7 +77,7 @@ class DogPath:
         return self._towards(truth, here, self._path[0])
 
     def _near_m(self, task: Task) -> float:
-        """How near to its target the dog goes, metres."""
+        """The distance from its target at which the dog stops, metres."""
         return self._inner_m.get(task.target, max(0.6 * task.within_m, task.within_m - 4.0))
 
     def _way(self, truth: PrivilegedState, task: Task, here: GroundPoint, goal: GroundPoint) -> list[GroundPoint]:
@@ -97,7 +97,7 @@ class DogPath:
         return any(not inside(region.polygon, here) for region in entry_regions(task, self._plan.instance))
 
     def _depth_m(self, task: Task, goal: GroundPoint) -> float:
-        """How near to the target the dog is surely within those regions, metres; 0 where the target is not."""
+        """The distance from the target within which the dog is in those regions, metres; 0 if the target is in none."""
         rims = [region.polygon for region in entry_regions(task, self._plan.instance)]
         if not all(inside(rim, goal) for rim in rims):
             return 0.0

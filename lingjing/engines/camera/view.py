@@ -62,11 +62,11 @@ class TownView:
     full: tuple[TileKey, ...]
     """Full tiles, near to far."""
     shaded: frozenset[TileKey]
-    """Those within reach of the shadow map."""
+    """The instances within reach of the shadow map."""
     detailed: frozenset[TileKey]
-    """Those with details."""
+    """The instances with details."""
     blunt: frozenset[TileKey]
-    """Those without grain."""
+    """The instances without grain."""
     far: tuple[tuple[int, int], ...]
     """Ranges of far blocks, near to far."""
     farther: tuple[tuple[int, int], ...]
