@@ -269,5 +269,5 @@ def _fixed(part: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[
             about = any(isinstance(argument, Ref) and argument.name == report for argument in given)
             return about and name in rules and settles_at_once(rules[name], rules, kinds)
         case Call(function=name):
-            return OPERATIONS[name].settled
+            return OPERATIONS[name].stable
     return True

@@ -1,37 +1,42 @@
-"""The mission: the one intermediate representation between every spelling and everything that runs.
+"""The compiled mission: the typed intermediate representation between the mission language and everything that runs.
 
-Modules in the order a mission passes them:
+Concepts. A `Mission` is a compiled template: it still holds parameters, modes (variants such as team layouts) and
+seeded draws. An `Instance` is one concrete episode of it: (mission, seed, mode, settings) with every value drawn. The
+paper calls it the reset specification. An expression is a typed tree. The same tree is evaluated with several
+semantics: exact values before the first tick, bounds that hold in every run, a run's facts, or plain words.
 
-- `units`, `diagnostics`: dimensions and spellings of units, faults as data.
-- `expression`, `model`: the typed graph `Mission`, a template that still holds parameters, modes and seeded draws.
-- `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
-  functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
-  `feasibility.condition_needs` (what must have happened), the kernel's rules and `condition_words` (conditions in plain
-  words, and the bounds they set).
-- `expression_text`: expressions in the language's own spelling; `instance_text`: those of an instance.
-- `hidden_reads`: whether a condition reads what agents may not know.
-- `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
-  data; `kinds_format`: the file that says it; `kinds_file`: a plug-in's, checked.
-- `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
-  JSON value, by its schema; `strict_schema`: schemas as strict validators take them.
-- `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with places,
-  words for weather, two-line elements.
-- `reset`: `resetScenario` documents in and out.
-- `seeding`, `draws`: named random streams, and what is drawn from them.
-- `appearance`: colours, shapes and looks that a type may have.
-- `vocabulary`: words that several packages spell alike. `spec_schema`: JSON Schemas of action and message specs.
-- `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
-- `footprint`: the room that bodies take up where they begin, and whether they stand there.
-- `clock`: how tick and macro-step fit.
-- `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: (mission, seed, mode,
-  settings) to an `Instance` of `instance`, the reset specification: its entities, its agents and messages, its events
-  and limits, its texts. `trial`: what playing would refuse, found without playing.
-- `settings`: values of parameters as people write them. `schedule`: the weather at a time, and who is there.
-- `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
-- `wording`: holes in texts, and values in words.
-- `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
+Modules in control-flow order:
+
+- `units`, `diagnostics`: dimensions and spellings of units; user errors as data.
+- `expression`, `model`: expression trees and the typed graph `Mission`.
+- `values`, `operations`, `intervals`, `functions`: the values of expressions, and the one table of operators and
+  functions. `fold`: the one traversal of expressions. Its semantics are `evaluate` (before the first tick), `certain`
+  (bounds that hold in every run), `feasibility.condition_needs` (events that a condition needs), the kernel's rules,
+  and `condition_words` (conditions in plain words, with the bounds that they set).
+- `expression_text`, `instance_text`: expressions and the rules of an instance in the language's own spelling.
+- `hidden_reads`: detects conditions that read values hidden from agents.
+- `interactions`: errors of interactions, and their permissions at the start. `kinds`: the features of scenes and
+  engines, as data; `kinds_format`: the file format of these; `kinds_file`: the checked reader of a plug-in's file.
+- `document`: reads and writes `mission.json` and the generated JSON Schemas. `faults`: errors of a JSON value against
+  its schema. `strict_schema`: schemas in the form that strict validators accept.
+- `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with
+  positions, weather words, two-line elements.
+- `reset`: reads and writes `resetScenario` documents.
+- `seeding`, `draws`: named random streams, and seeded draws from them.
+- `appearance`: colours, shapes and models of bodies.
+- `vocabulary`: words that several packages must spell alike. `spec_schema`: JSON Schemas of action and message specs.
+- `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and points with a minimum distance.
+- `footprint`: the ground area of bodies at their start, and whether it is free.
+- `clock`: the relation of tick and macro-step.
+- `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: the parts of an
+  `instance.Instance`: entities, agents and messages, events and limits, texts. `trial`: errors that playing would
+  report, found without playing.
+- `settings`: parameter values as text. `schedule`: weather and presence of entities at a given time.
+- `feasibility`: proofs that a mission cannot be won. `tasks`: the members of each group that success requires.
+- `wording`: placeholders in texts, and values in words.
+- `graph`, `draw`: the mission as typed nodes and edges, and its pictures in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.
-Invariants: all values are frozen; SI units and degrees; the same arguments give an equal `Instance` in every process;
-nothing here imports numpy (but `seeding.generator`, when called) or anything else heavy.
+Invariants: all values are frozen; lengths are in SI units and angles in degrees; the same arguments give an equal
+`Instance` in every process; no module imports a heavy dependency. (`seeding.generator` imports numpy when called.)
 """

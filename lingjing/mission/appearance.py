@@ -1,4 +1,6 @@
-"""What a type may say of its body: measures, colour, shape, look. Data alone, for checker, camera and engines."""
+"""Properties of a body that a type may declare: size, colour, shape, model. The checker, the camera and the engines use
+these constants.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,13 @@ COLOURS: Mapping[str, LinearRgb] = {
 """The colours that a type, a part or a building can have, by name."""
 
 SHAPES = ("box", "cylinder", "sphere", "cone")
-"""What a part or a whole body can be: each fills the box of its length, width and height."""
+"""Shapes of a part or of a whole body. Each fills the box of its length, width and height."""
 
 ORIGINS = ("base", "middle")
-"""Where in its body an entity's position lies."""
+"""Points of a body that an entity's position may refer to."""
 
 BARE = "none"
-"""The `look` of what shows nothing but its parts, and the `shape` of what nobody bumps into."""
+"""The `look` of a body that shows only its parts, and the `shape` of a body without collisions."""
 
 MODELS = (
     "bicycle",
@@ -64,16 +66,18 @@ MEASURES = ("length", "width", "height")
 """A body's measures along, across and up, in the author's words."""
 
 LEAST_M = 0.001
-"""The least measure of a body or a part, metres: less has no surface that could be drawn."""
+"""The smallest size of a body or a part, metres (chosen): a smaller one has no surface that can be drawn."""
 
 MOST_M = 1000.0
-"""The largest measure of a body or a part, and the farthest that a part lies from its body's position, metres."""
+"""The largest size of a body or a part, and the largest distance of a part from its body's position, metres (chosen).
+"""
 
 UNSAID_M = 0.5
-"""A measure of a body that says another one, or none, metres."""
+"""The default of each measure that a type with a body leaves out, metres (chosen)."""
 
 RESHAPING = frozenset((*MEASURES, "shape"))
-"""Words that say another body: with one of them and no `look` of its own, a type does not look like its base."""
+"""Properties that define another body: a type with one of them and without a `look` does not inherit its base's look.
+"""
 
 PHYSICAL = frozenset(
     (
@@ -89,4 +93,4 @@ PHYSICAL = frozenset(
         "braking_mps2",
     )
 )
-"""Properties that are for engines alone: agents are not told them."""
+"""Properties for engines alone: they are left out of what agents receive."""

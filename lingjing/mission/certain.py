@@ -1,8 +1,8 @@
-"""What is certain of an expression whatever happens: truth as true, false or None, numbers as bounds.
+"""Evaluation that holds in every run: truth as true, false or None, numbers as bounds.
 
-`certain(expr, names, knowledge)` folds the expression over bounds. `Knowledge` says what is known of names, fields and
-places; what nothing is known of is None. Whether success holds at the start, which members of a group a rule can be
-true of and in which modes a declaration exists are answered by it.
+`certain(expr, names, knowledge)` evaluates an expression over bounds. A `Knowledge` supplies what is known of names,
+fields and places. An unknown value is None. The checker uses it to decide whether success holds at the start, which
+members of a group a rule can be true of, and in which modes a declaration exists.
 """
 
 from __future__ import annotations
@@ -20,49 +20,49 @@ from lingjing.mission.values import Area, EvaluationContext, Interval, Place, Va
 
 
 class Knowledge:
-    """What is known: nothing, so that constants alone are certain; the base of what knows something.
+    """The facts that are known before a run. This base class knows none, so that only constants are certain.
 
-    Numbers are `Bounds`; None is what is not known.
+    Numbers are `Bounds`; None is an unknown value.
     """
 
     def name(self, ref: ex.Ref) -> Value:
-        """What a reference means that is bound to nothing here."""
+        """Return the value of a reference that is not bound by the expression."""
         return None
 
     def field(self, value: Value, name: str) -> Value:
-        """A field of an entity."""
+        """Return a field of an entity."""
         return None
 
     def members(self, domain: str) -> Sequence[Value] | None:
-        """The members of a group, or the messages of a kind; None if they are not known."""
+        """Return the members of a group or the messages of a kind; None if they are unknown."""
         return None
 
     def spot(self, value: Value) -> Estimate | None:
-        """Where an entity is."""
+        """Return the position of an entity."""
         return None
 
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
-        """What a rule answers, or a function of a running mission."""
+        """Return the value of a call of a rule or of a function of the running mission."""
         return None
 
 
 def certain(expr: ex.Expr, names: Mapping[str, Value], knowledge: Knowledge) -> Value:
-    """The value of an expression as far as it is certain: `Bounds` for a number, None where nothing is."""
+    """The value of an expression as far as it is certain: `Bounds` for a number, None if unknown."""
     return _MEANINGS.of(expr)(names, knowledge)
 
 
 def truth(condition: ex.Expr, names: Mapping[str, Value], knowledge: Knowledge) -> bool | None:
-    """Whether a condition certainly holds, certainly does not, or neither."""
+    """True or False if the condition has this value in every run, otherwise None."""
     return _flag(certain(condition, names, knowledge))
 
 
 def known(value: Value) -> Value:
-    """A plain value as this reading has it: a number as its bounds."""
+    """A plain value in the form of this evaluation: a number becomes its bounds."""
     return exactly(value) if is_number(value) else value
 
 
 _NO_SCOPE = Scope()
-"""The world of operations whose operands are all exact."""
+"""The scope of operations that have exact operands and need no other facts."""
 
 
 class _Certain:
@@ -97,21 +97,21 @@ class _Certain:
                 return _negation(operands[0])
             case ex.Call(rule=True):
                 return lambda names, known: known.answer(node, [operand(names, known) for operand in operands])
-        done = operation(node)
-        if done is None:
+        operation_entry = operation(node)
+        if operation_entry is None:
             return lambda names, known: None
 
-        def applied(names: Mapping[str, Value], knowledge: Knowledge) -> Value:
+        def value_of(names: Mapping[str, Value], knowledge: Knowledge) -> Value:
             values = [operand(names, knowledge) for operand in operands]
-            if done.bounds is not None:
-                seen = [_estimate(value, knowledge) for value in values]
-                if all(isinstance(value, Bounds | Estimate) for value in seen):
-                    return done.bounds(*seen)
-            if isinstance(node, ex.Call) and done.running:
+            if operation_entry.bounds is not None:
+                estimates = [_estimate(value, knowledge) for value in values]
+                if all(isinstance(value, Bounds | Estimate) for value in estimates):
+                    return operation_entry.bounds(*estimates)
+            if isinstance(node, ex.Call) and operation_entry.running:
                 return known(knowledge.answer(node, values))
-            return exact(done.value, _NO_SCOPE, values)
+            return exact(operation_entry.value, _NO_SCOPE, values)
 
-        return applied
+        return value_of
 
     def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
         def each(names: Mapping[str, Value], knowledge: Knowledge) -> Value:
@@ -140,7 +140,7 @@ def _negation(operand: Meaning) -> Meaning:
 
 
 def _estimate(value: Value, knowledge: Knowledge) -> Value:
-    """An operand as the functions over bounds take it: a place is where it is and how far off that may be."""
+    """An operand in the form of the functions over bounds: a place becomes an estimate with a radius of 0 m."""
     if value is None:
         return ANYTHING
     if isinstance(value, Place):
@@ -149,7 +149,8 @@ def _estimate(value: Value, knowledge: Knowledge) -> Value:
 
 
 def exact(function: operations.Function, context: EvaluationContext, values: Sequence[Value]) -> Value:
-    """What a function gives of values that are all exact; None where one is not, or where it has no value."""
+    """The value of a function of exact operands; None if an operand is not exact or the function has no value for these
+    operands."""
     if any(value is None or (isinstance(value, Bounds) and not value.exact) for value in values):
         return None
     plain = [value.low if isinstance(value, Bounds) else value for value in values]

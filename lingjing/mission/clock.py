@@ -1,16 +1,18 @@
-"""How a decision tick and the macro-step in it must fit: one rule for the checker and for instances."""
+"""The relation of decision tick and macro-step: one rule for the checker and for instances."""
 
 from __future__ import annotations
 
 MOST_STEPS = 100_000
-"""Macro-steps of one tick: an hour in steps of 36 ms. Beyond that a unit was mistaken, and a tick would never end."""
+"""The largest number of macro-steps of one tick (chosen): an hour in steps of 36 ms. A larger number comes from a
+mistaken unit, and such a tick would not end in practice."""
 
 TOLERANCE = 1e-9
-"""Relative: how far tick / sync may be from a whole number, because neither is exact in binary."""
+"""Relative deviation of tick / sync from a whole number that is accepted, because neither is exact in binary (chosen).
+"""
 
 
 def clock_fault(tick_s: float, sync_s: float) -> str:
-    """What is wrong with a clock, or ""; seconds."""
+    """The error of a clock as text, or "" if it has none. Both arguments in seconds."""
     if not (tick_s > 0 and sync_s > 0):
         return f"tick = {tick_s:g} s and sync = {sync_s:g} s must be above 0"
     steps = tick_s / sync_s

@@ -1,7 +1,7 @@
-"""Diagnostics: a user's mistakes as data.
+"""Diagnostics: a user's errors as data.
 
-A diagnostic carries a stable code, a primary span, related spans, what is wrong, what to do, and where one is safe
-or likely, the edit that does it. `lingjing.dsl.diagnostics` lists the codes and prints them.
+A diagnostic carries a stable code, a primary span, related spans, a message, a hint, and, if a safe or likely one
+exists, the edit that repairs the text. `lingjing.dsl.diagnostics` lists the codes and prints diagnostics.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ class Span(msgspec.Struct, frozen=True, order=True):
 
 
 class Related(msgspec.Struct, frozen=True):
-    """Another place that explains the error, with what it has to do with it."""
+    """Another place that explains the error."""
 
     span: Span
     message: str
+    """Its relation to the error."""
 
 
 class Edit(msgspec.Struct, frozen=True):
@@ -43,33 +44,40 @@ class Edit(msgspec.Struct, frozen=True):
 
 
 class Fix(msgspec.Struct, frozen=True):
-    """Edits that mend the error. `safe` means the meaning can only be what the author wrote."""
+    """Edits that repair the error."""
 
     title: str
     edits: tuple[Edit, ...]
     safe: bool = False
+    """True if the fix is the only possible meaning of the text, so that it can be applied without a question."""
 
 
 class Diagnostic(msgspec.Struct, frozen=True):
-    """One mistake. `message` names the thing at fault, `hint` the way out."""
+    """One error of a user."""
 
     code: str
+    """Stable identifier, such as `E0101`. `docs/` lists all of them."""
     span: Span
     message: str
+    """Names the element at fault and its error."""
     hint: str = ""
+    """The way out; "" if there is none to give."""
     severity: Severity = "error"
+    """Only an `error` prevents compilation."""
     related: tuple[Related, ...] = ()
     fix: Fix | None = None
 
 
 def in_source_order(diagnostics: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
-    """Sorted by place, then code; exact repeats removed."""
-    seen: dict[tuple[str, int, str, str], Diagnostic] = {}
-    for item in sorted(diagnostics, key=lambda d: (d.span.start, d.span.end, d.code)):
-        seen.setdefault((item.span.path, item.span.start, item.code, item.message), item)
-    return tuple(seen.values())
+    """The diagnostics sorted by place, then code, without exact repeats."""
+    by_place: dict[tuple[str, int, str, str], Diagnostic] = {}
+    for diagnostic in sorted(diagnostics, key=lambda d: (d.span.start, d.span.end, d.code)):
+        by_place.setdefault(
+            (diagnostic.span.path, diagnostic.span.start, diagnostic.code, diagnostic.message), diagnostic
+        )
+    return tuple(by_place.values())
 
 
 def has_errors(diagnostics: tuple[Diagnostic, ...]) -> bool:
-    """Whether any of them keeps the mission from being compiled."""
+    """True if one of the diagnostics prevents compilation."""
     return any(item.severity == "error" for item in diagnostics)

@@ -1,4 +1,4 @@
-"""`mission.json` in and out, and the JSON Schemas of what this package reads and writes.
+"""Read and write `mission.json`; generate the JSON Schemas of the formats that this package reads and writes.
 
 `python -m lingjing.mission.document [DIR]` writes the schemas to `schemas/`; a test compares them with the code.
 """
@@ -22,14 +22,15 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def encode(mission: Mission) -> str:
-    """The mission as `mission.json`: indented, keys in the order of the model, a newline at the end."""
+    """The mission as `mission.json`: indented, keys in the order of the model, with a final newline."""
     return msgspec.json.format(msgspec.json.encode(mission), indent=2).decode() + "\n"
 
 
 def decode(text: str, path: str) -> Mission:
-    """The mission of a `mission.json`; `path` stands in messages.
+    """The mission of a `mission.json`. `path` is used in messages.
 
-    `UsageError` if the text is not JSON (line and column), `MissionError` with every fault of one that is no mission.
+    Raises `UsageError` (line and column) if the text is not JSON, and `MissionError` with all errors if it is no
+    mission.
     """
     try:
         return msgspec.json.decode(text.removeprefix("\ufeff").encode("utf-8", "surrogatepass"), type=Mission)
@@ -43,7 +44,7 @@ def decode(text: str, path: str) -> Mission:
 
 
 def _faults(value: object) -> tuple[Fault, ...]:
-    """What makes a JSON value no mission, all of it; none where it is nested too deep to be looked through."""
+    """All errors of a JSON value that is no mission; none if it is nested too deep to be examined."""
     try:
         return schema_faults(value, Mission)
     except RecursionError:
@@ -51,9 +52,9 @@ def _faults(value: object) -> tuple[Fault, ...]:
 
 
 def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mission, tuple[str, ...]]:
-    """The mission of any JSON text, a `mission.json` or a `resetScenario`, and notes on how it was understood.
+    """The mission of any JSON text, a `mission.json` or a `resetScenario`, and notes on its interpretation.
 
-    Errors are those of `decode` and of `reset.reading.instantiate_document`, which also defines `templates`.
+    Raises the errors of `decode` and of `reset.reading.instantiate_document`, which also defines `templates`.
     """
     value = jsontext.load(text, path, notes=[], faults=[])
     if isinstance(value, dict) and str(value.get("format", "")).startswith("lingjing-mission"):
@@ -66,7 +67,7 @@ def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mis
 
 
 def schemas() -> dict[str, bytes]:
-    """File name to contents of every schema of this package, formatted as they are committed."""
+    """Each schema of this package by file name, formatted as it is committed."""
     return {
         "mission.schema.json": _formatted({"$schema": DIALECT, **msgspec.json.schema(Mission)}),
         "diagnostics.schema.json": _formatted(_diagnostics()),
@@ -83,12 +84,12 @@ def main(arguments: Sequence[str] = ()) -> None:
 
 
 def _diagnostics() -> dict[str, object]:
-    """What `lingjing validate --output-format json` prints."""
+    """The schema of the output of `lingjing validate --output-format json`."""
     return {"$schema": DIALECT, "title": "diagnostics", **msgspec.json.schema(tuple[Diagnostic, ...])}
 
 
 def _reset_scenario() -> dict[str, object]:
-    """An envelope or a bare scenario; fields that are not named here are allowed and kept."""
+    """The schema of an envelope or a bare scenario. Unknown fields are allowed and kept."""
     from lingjing.mission.reset.schema import reset_scenario
 
     return {"$schema": DIALECT, "title": "resetScenario", **reset_scenario()}

@@ -1,8 +1,8 @@
 """Seeded draws: `~ uniform(a, b)`, `normal(mean, deviation)`, `choice([…])`, `subset([…])`, `sites(region, apart)`.
 
-`draw` gives the values of one property for all members of a group. Member *k* of a smaller group gets what member
-*k* of a larger one gets: numbers are taken in order from one stream, and sites are thrown one after the other.
-Places are rounded to a millimetre, so that every spelling of a mission can hold them exactly.
+`draw` gives the values of one property for all members of a group. Member *k* gets the same value in a smaller and in a
+larger group: numbers are taken in order from one stream, and sites are drawn one after the other. Places are rounded to
+a millimetre, so that every text form of a mission can hold them exactly.
 """
 
 from __future__ import annotations
@@ -18,14 +18,18 @@ from lingjing.mission.seeding import Stream
 from lingjing.mission.spacing import Spacing
 
 SITE_TRIES = 2_000
-"""Darts thrown for one site before an attempt is given up."""
+"""Random points tried for one site before the attempt is given up (chosen)."""
 SITE_ATTEMPTS = 8
-"""Fresh attempts at a whole group; the first that places everyone counts."""
+"""Independent attempts at a whole group; the first complete one is used (chosen)."""
 NORMAL_TRIES = 1_000
+"""Draws from a bounded normal distribution before an error is reported (chosen)."""
 
 
 def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> tuple[Value, ...]:
-    """The values of `count` members of a group for the property at `path` (`ssr/victim/position`)."""
+    """The values of `count` members of a group for the property at `path` (`ssr/victim/position`).
+
+    Raises `MissionError` if the distribution is unknown or cannot give these values.
+    """
     if expr.distribution not in _DISTRIBUTIONS:
         known = ", ".join(_DISTRIBUTIONS)
         raise MissionError(f"there is no distribution '{expr.distribution}'", hint=f"draw from one of {known}")
@@ -33,7 +37,7 @@ def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> tu
 
 
 def outline(expr: ex.Expr, scope: Scope) -> geometry2d.Polygon:
-    """What `sites(…)` draws from; empty for any other expression."""
+    """The polygon from which `sites(…)` draws; empty for any other expression."""
     if not isinstance(expr, ex.Draw) or expr.distribution != "sites":
         return ()
     return area(_one(expr), scope).polygon
@@ -44,9 +48,9 @@ def sites(
 ) -> tuple[geometry2d.Vector2, ...]:
     """`count` places in the polygon, uniform and pairwise at least `apart` metres from each other.
 
-    Sequential dart throwing: a dart outside the polygon, too near to its edge or to an earlier place is thrown again.
-    If an attempt gets stuck, the next one starts over on a stream of its own (only then may a larger group begin
-    otherwise than a smaller one). `MissionError` if all of them do.
+    Sequential dart throwing: a point outside the polygon, nearer than `clear` metres to its edge, or too near to an
+    earlier place is drawn again. A failed attempt is followed by one on a stream of its own; only then the places of a
+    larger group may differ from those of a smaller one. Raises `MissionError` if all attempts fail.
     """
     best = 0
     for attempt in range(SITE_ATTEMPTS):
@@ -155,11 +159,11 @@ def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tu
 
 
 def _picked(values: Sequence[Value], apart: float, stream: Stream, count: int) -> tuple[Value, ...]:
-    """Items of the list one after the other, each far enough from those before; fewer if it gets stuck."""
-    left = list(values)
+    """Items of the list one after the other, each far enough from the earlier ones; fewer than `count` if none fits."""
+    remaining = list(values)
     picked: list[Place] = []
-    while left and len(picked) < count:
-        item = left.pop(stream.below(len(left)))
+    while remaining and len(picked) < count:
+        item = remaining.pop(stream.below(len(remaining)))
         if not isinstance(item, Place):
             raise MissionError(f"'apart' is for places, this is {describe(item)}")
         if all(math.hypot(item.east - p.east, item.north - p.north) >= apart for p in picked):

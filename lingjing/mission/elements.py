@@ -1,7 +1,7 @@
-"""Two-line elements and epochs as texts: what is wrong with one, without the library that flies by them.
+"""Checks of two-line elements and epochs as texts, without the library that propagates orbits.
 
-The format of the lines is NORAD's (Hoots and Roehrich, Spacetrack Report No. 3): 69 characters, a line number first and
-a checksum last, the sum of all digits, with 1 for each minus, modulo 10.
+The format of the lines is NORAD's (Hoots and Roehrich, Spacetrack Report No. 3): 69 characters that begin with the line
+number and end with a checksum. The checksum is the sum of all digits, with 1 for each minus, modulo 10.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from datetime import datetime
 from lingjing.mission.instance import Datum
 
 LENGTH = 69
+"""Characters of a line (Spacetrack Report No. 3)."""
 
 
 def line_fault(number: int, line: str) -> tuple[str, str]:
-    """What is wrong with line 1 or 2 of a satellite's elements, and the way out; ("", "") if nothing is."""
+    """The error of line 1 or 2 of a satellite's elements, and its hint; ("", "") if the line is correct."""
     if len(line) != LENGTH or not line.isascii() or not line.startswith(f"{number} ") or not line[-1].isdigit():
         return (
             f"is not {LENGTH} characters that begin with `{number} ` and end in a digit",
@@ -28,12 +29,12 @@ def line_fault(number: int, line: str) -> tuple[str, str]:
 
 
 def checksum(line: str) -> str:
-    """The last digit of a line, from what stands before it."""
+    """The checksum digit of a line. `line` holds the characters before it."""
     return str(sum(int(letter) if letter.isdigit() else letter == "-" for letter in line) % 10)
 
 
 def epoch_fault(text: str) -> tuple[str, str]:
-    """What is wrong with an epoch, and the way out; ("", "") if it is a date and time in ISO 8601."""
+    """The error of an epoch, and its hint; ("", "") if it is a date and time in ISO 8601."""
     try:
         datetime.fromisoformat(text)
     except ValueError:
@@ -42,7 +43,7 @@ def epoch_fault(text: str) -> tuple[str, str]:
 
 
 def faults(properties: Mapping[str, Datum]) -> Iterator[tuple[str, str, str]]:
-    """Property, message and way out of what a satellite's texts have wrong."""
+    """(property, message, hint) of each error in a satellite's texts."""
     lines = {number: str(properties.get(f"tle{number}") or "").strip() for number in (1, 2)}
     for number, line in lines.items() if any(lines.values()) else ():
         message, hint = line_fault(number, line)

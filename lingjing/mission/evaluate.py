@@ -1,8 +1,8 @@
-"""Evaluate the static expressions of a mission: everything known before the first tick.
+"""Evaluation of a mission's static expressions, which depend on nothing after the start.
 
-`evaluate(expr, scope)` gives a plain value: a flag, a number (SI, angles in degrees), a word, a `Place`, an
-`Interval`, an `Area`, the `Members` of a group, or a tuple of values. What only a running mission knows (events,
-reports, sensors) is the adjudicator's business; meeting it here raises `MissionError`.
+`evaluate(expr, scope)` gives a plain value: a flag, a number (SI, angles in degrees), a word, a `Place`, an `Interval`,
+an `Area`, the `Members` of a group, or a tuple of values. An expression over facts of a run (events, reports, sensors)
+is evaluated by the kernel; here it raises `MissionError`.
 """
 
 from __future__ import annotations
@@ -48,26 +48,29 @@ __all__ = [
 
 
 class Scope(msgspec.Struct, frozen=True):
-    """What a static expression may refer to.
-
-    `members` maps a group (or a single entity) to its entity ids; `names` binds index variables; `places` says where
-    entities stand, once that is known.
-    """
+    """The facts that a static expression may refer to."""
 
     parameters: Mapping[str, float] = {}
+    """Values of the mission's parameters."""
     mode: str = ""
+    """Name of the active mode."""
     areas: Mapping[str, Area] = {}
+    """Regions by name, as far as their polygons are known."""
     members: Mapping[str, tuple[str, ...]] = {}
+    """A group or a single entity → the ids of its entities."""
     names: Mapping[str, float] = {}
+    """Values of bound index variables."""
     tick_s: float = 1.0
+    """Length of a decision tick, seconds."""
     places: Mapping[str, Place] = {}
+    """Entity id → its position, as far as it is known."""
 
     def binding(self, name: str, value: float) -> Scope:
         """The same scope with one more index variable."""
         return msgspec.structs.replace(self, names={**self.names, name: value})
 
     def refer(self, ref: ex.Ref) -> Value:
-        """What a reference means; `MissionError` if there is nothing of that name."""
+        """The value of a reference. Raises `MissionError` if there is no declaration of this name."""
         match ref.kind:
             case "param" if ref.name in self.parameters:
                 return self.parameters[ref.name]
@@ -89,21 +92,21 @@ class Scope(msgspec.Struct, frozen=True):
         raise MissionError(f"there is no {ref.kind} '{ref.name}' here", hint=f"declare '{ref.name}' or check its guard")
 
     def place(self, value: Value) -> Place | None:
-        """A point as it is, an entity as the place where it stands once that is known."""
+        """A point itself, or the position of an entity if it is known."""
         if isinstance(value, Members) and len(value.ids) == 1:
             return self.places.get(value.ids[0])
         return value if isinstance(value, Place) else None
 
     def note(self, name: str, number: float) -> None:
-        """Nothing is decided here, so nothing is kept."""
+        """Discard a measured number: static evaluation records no evidence."""
 
     def fact(self, name: str, arguments: Sequence[Value]) -> Value:
-        """No mission runs."""
+        """Raise `MissionError`: facts of a run do not exist before the first tick."""
         raise MissionError(f"'{name}(…)' needs a running mission and cannot stand in a declaration")
 
 
 class _Static:
-    """Expressions as values before the run; faults are `MissionError`s."""
+    """Semantics of expressions before the run. Errors are `MissionError`s."""
 
     def literal(self, node: Literal) -> Meaning:
         value = float(node.value) if isinstance(node, ex.Number) else getattr(node, "value", None)
@@ -131,13 +134,13 @@ class _Static:
         fault = miscounted(node)
         if fault:
             return _refused(fault)
-        given, named = operands[: len(node.arguments)], [name for name, _ in node.named]
+        arguments, named = operands[: len(node.arguments)], [name for name, _ in node.named]
         options = dict(zip(named, operands[len(node.arguments) :], strict=True))
         if node.function == "at":
-            given = (given[0], _items(node.arguments[1], given[1]))
+            arguments = (arguments[0], _items(node.arguments[1], arguments[1]))
         return lambda names, scope: value(
             scope,
-            *[operand(names, scope) for operand in given],
+            *[operand(names, scope) for operand in arguments],
             **{name: operand(names, scope) for name, operand in options.items()},
         )
 
@@ -154,14 +157,14 @@ def _logic(both: bool, left: Meaning, right: Meaning) -> Meaning:
 
 
 def _refused(message: str) -> Meaning:
-    def refuse(names: object, scope: object) -> Value:
+    def raise_error(names: object, scope: object) -> Value:
         raise MissionError(message)
 
-    return refuse
+    return raise_error
 
 
 def _items(node: ex.Expr, operand: Meaning) -> Meaning:
-    """A list that names nothing is worked out once: a group of thousands asks for its items one after the other."""
+    """A list without references is evaluated once, because a large group reads its items one after the other."""
     if any(isinstance(part, ex.Ref) for part in ex.parts(node)):
         return operand
     known: list[Value] = []
@@ -175,26 +178,26 @@ def _items(node: ex.Expr, operand: Meaning) -> Meaning:
 
 
 def miscounted(node: ex.Call) -> str:
-    """What is wrong with the number of a call's arguments, or nothing."""
+    """The error in the number of a call's arguments, or ""."""
     signature = FUNCTIONS.get(node.function)
     if signature is None:
         return ""
-    given = len(node.arguments)
+    count = len(node.arguments)
     least = signature.least or sum(not parameter.optional for parameter in signature.parameters)
     if signature.variadic:
         # a polygon also takes one list of its corners
-        short = given < least and not (node.function == "polygon" and given == 1)
-        return f"{node.function}(…) takes {least} and more arguments, {given} are given" if short else ""
-    if least <= given <= len(signature.parameters):
+        short = count < least and not (node.function == "polygon" and count == 1)
+        return f"{node.function}(…) takes {least} and more arguments, {count} are given" if short else ""
+    if least <= count <= len(signature.parameters):
         return ""
-    return f"{node.function}(…) takes {len(signature.parameters)} arguments, {given} are given"
+    return f"{node.function}(…) takes {len(signature.parameters)} arguments, {count} are given"
 
 
 _MEANINGS = Meanings(_Static())
 
 
 def evaluate(expr: ex.Expr, scope: Scope) -> Value:
-    """The value of a static expression; `MissionError` says what cannot be evaluated and why."""
+    """The value of a static expression. Raises `MissionError` with the reason if it has none."""
     return _MEANINGS.of(expr)(scope.names, scope)
 
 
@@ -219,7 +222,7 @@ def area(expr: ex.Expr, scope: Scope) -> Area:
 
 
 def members(expr: ex.Expr, scope: Scope) -> tuple[str, ...]:
-    """The ids of the entities the expression names."""
+    """The ids of the entities that the expression names."""
     value = evaluate(expr, scope)
     if not isinstance(value, Members):
         raise MissionError(f"an asset or a target is due here, this is {describe(value)}")

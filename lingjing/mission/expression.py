@@ -1,7 +1,7 @@
 """Expressions of the mission graph: a closed, total, typed tree.
 
-Lowered by the language, evaluated by `lingjing.mission.evaluate` (parameters, positions, draws) and by the kernel's
-adjudicator (rules). Quantities are held in SI base units with the author's unit beside them, angles in degrees.
+The compiler of the language builds it; `lingjing.mission.evaluate` evaluates parameters, positions and draws, and the
+kernel evaluates rules. Quantities are in SI base units together with the author's unit, angles in degrees.
 
 Invariants: every tree is finite and immutable; `Draw` appears only at the root of a property; a `Quantified` and an
 `Aggregate` bind exactly one name.
@@ -16,14 +16,16 @@ import msgspec
 
 
 class Node(msgspec.Struct, frozen=True, tag=True, tag_field="node"):
-    """Base of every expression node; the tag in JSON is the class name."""
+    """Base of every expression node; its tag in JSON is the class name."""
 
 
 class Number(Node, frozen=True):
-    """A quantity: `value` in SI base units (metre, second, kilogram, degree, …), `unit` as the author wrote it."""
+    """A quantity."""
 
     value: float
+    """In SI base units (metre, second, kilogram, …); angles in degrees."""
     unit: str = ""
+    """The unit as the author wrote it; "" for a number without unit."""
 
 
 class Text(Node, frozen=True):
@@ -45,10 +47,11 @@ class Symbol(Node, frozen=True):
 
 
 class Ref(Node, frozen=True):
-    """A reference to a declaration or to a bound variable; `kind` says which table the checker found it in."""
+    """A reference to a declaration or to a bound variable."""
 
     name: str
     kind: Literal["param", "region", "grid", "group", "entity", "role", "mode", "local", "clock"]
+    """The table in which the checker resolved the name."""
 
 
 class Index(Node, frozen=True):
@@ -85,12 +88,14 @@ class Range(Node, frozen=True):
 
 
 class Call(Node, frozen=True):
-    """A built-in function, or a rule of this mission when `rule` is true. Named arguments keep their names."""
+    """A call of a built-in function, or of a rule of this mission."""
 
     function: str
     arguments: tuple[Expr, ...] = ()
     named: tuple[tuple[str, Expr], ...] = ()
+    """Named arguments in the order of the text."""
     rule: bool = False
+    """True for a rule of this mission."""
 
 
 class Unary(Node, frozen=True):
@@ -109,19 +114,20 @@ class Binary(Node, frozen=True):
 
 
 class Quantified(Node, frozen=True):
-    """`exists r: body` or `forall v in domain: body`; `domain` names a group or a message kind."""
+    """`exists r: body` or `forall v in domain: body`."""
 
     quantifier: Literal["exists", "forall"]
     variable: str
     domain: str
+    """Name of a group or of a message kind."""
     body: Expr
 
 
 class Aggregate(Node, frozen=True):
     """`sum(o.demand for o in order)`: one number over a group or a message kind.
 
-    `count` counts the bindings for which the body, a condition, is true; of nothing `sum` and `count` are 0, `min` and
-    `max` are undefined.
+    `count` counts the bindings for which the body, a condition, is true. Over an empty domain `sum` and `count` are 0,
+    and `min` and `max` are undefined.
     """
 
     function: Literal["count", "sum", "min", "max"]
@@ -131,11 +137,12 @@ class Aggregate(Node, frozen=True):
 
 
 class Draw(Node, frozen=True):
-    """A seeded draw: `~ uniform(a, b)`, `~ sites(region, apart >= 80 m)`; `named` holds `apart` and the like."""
+    """A seeded draw: `~ uniform(a, b)`, `~ sites(region, apart >= 80 m)`."""
 
     distribution: str
     arguments: tuple[Expr, ...] = ()
     named: tuple[tuple[str, Expr], ...] = ()
+    """Named arguments, such as `apart`."""
 
 
 Expr = (
@@ -181,30 +188,30 @@ def children(expr: Expr) -> tuple[Expr, ...]:
 
 
 def parts(expr: Expr) -> tuple[Expr, ...]:
-    """The expression and everything in it, outermost first, in the order it is read."""
-    found, waiting = [], [expr]
-    while waiting:
-        part = waiting.pop()
-        found.append(part)
-        waiting.extend(reversed(children(part)))
-    return tuple(found)
+    """The expression and all its sub-expressions, outermost first, in reading order."""
+    visited, stack = [], [expr]
+    while stack:
+        part = stack.pop()
+        visited.append(part)
+        stack.extend(reversed(children(part)))
+    return tuple(visited)
 
 
 def leaves(expr: Expr) -> tuple[Expr, ...]:
-    """What of it has no sub-expressions."""
+    """The sub-expressions that have none themselves."""
     return tuple(part for part in parts(expr) if not children(part))
 
 
 def conjuncts(expr: Expr) -> tuple[Expr, ...]:
-    """What must hold each: the sides of its outermost `and`s, in order."""
+    """The sides of the outermost `and`s of a condition, in order."""
     if isinstance(expr, Binary) and expr.operator == "and":
         return (*conjuncts(expr.left), *conjuncts(expr.right))
     return (expr,)
 
 
 def components(condition: Expr) -> Iterator[tuple[Quantified | None, Expr]]:
-    """What score and subtasks count of a condition: its conjuncts, where one is a `forall` what it asks of each member,
-    together with it."""
+    """The parts of a condition that score and subtasks count: its conjuncts. A conjunct `forall` gives the quantifier
+    and its body, any other one None and itself."""
     for part in conjuncts(condition):
         if isinstance(part, Quantified) and part.quantifier == "forall":
             yield part, part.body

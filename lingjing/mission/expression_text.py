@@ -1,7 +1,7 @@
-"""Expressions as text: one walk over the tree, for which each writer says what it writes its own way.
+"""Expressions as text: one traversal of the tree, with methods that writers override.
 
-`ExpressionWriter` writes for people who read the language (`spell`), `instance_text` the rules of one instance,
-`lingjing.dsl.printing.phrases` what compiles to the same expression again.
+`ExpressionWriter` writes for readers of the language (`spell`). `instance_text` writes the rules of one instance.
+`lingjing.dsl.printing.phrases` writes text that compiles to the same expression again.
 """
 
 from __future__ import annotations
@@ -12,8 +12,12 @@ from lingjing.mission import expression as ex
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, RANKS, Signature
 from lingjing.mission.units import unit_of
 
-RANGE, SUM, OPERAND = RANKS[".."], RANKS["+"], 1 + max(RANKS.values())
-"""Ranks: of a range, of its ends, and of what binds tighter than any operator."""
+RANGE = RANKS[".."]
+"""Rank of a range."""
+SUM = RANKS["+"]
+"""Rank of the operands of a range."""
+OPERAND = 1 + max(RANKS.values())
+"""Rank of an operand that binds tighter than any operator."""
 
 LocalNames = Mapping[str, str]
 """Bound names → the group or the message kind they range over."""
@@ -22,17 +26,17 @@ _SIGNS = {"=": "=", ">=": "≥", "<=": "≤"}
 
 
 class ExpressionWriter:
-    """Writes expressions in the language's own spelling, with no more brackets than they need."""
+    """Writes expressions in the language's own spelling, with the fewest brackets."""
 
     def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
         """The expression; in brackets if it binds looser than `rank`."""
         written, binds = self._written(node, rank, names or {})
         return f"({written})" if binds < rank else written
 
-    # -- what a writer may write its own way
+    # -- methods that a writer may override
 
     def number(self, value: float, unit: str) -> str:
-        """A number in the unit its author used; the value is held in SI."""
+        """A number in the unit of its author. `value` is in SI units."""
         known = unit_of(unit) if unit else None
         amount = f"{value / known.factor if known else value:.10g}"
         if unit == "ticks" and amount == "1":
@@ -62,11 +66,11 @@ class ExpressionWriter:
         return f"-{self.text(node.operand, OPERAND, names)}"
 
     def right(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
-        """What stands behind an operator, in an expression of which `rank` is asked."""
+        """The right operand of an operator. `rank` is the rank of the context of the whole expression."""
         return self.text(node.right, RANKS[node.operator] + 1, names)
 
     def quantified(self, node: ex.Quantified, body: str) -> tuple[str, int]:
-        """A quantifier over its written body, and how tightly that binds."""
+        """A quantifier over its written body, and its rank."""
         span = f" in {node.domain}" if node.quantifier == "forall" else ""
         return f"{node.quantifier} {node.variable}{span}: {body}", 0
 
@@ -74,10 +78,10 @@ class ExpressionWriter:
         """An aggregate over its written body."""
         return f"{node.function}({body} for {node.variable} in {node.domain})"
 
-    # -- the walk
+    # -- the traversal
 
     def _written(self, node: ex.Expr, rank: int, names: LocalNames) -> tuple[str, int]:
-        """The text and how tightly it binds."""
+        """The text and its rank."""
         match node:
             case ex.Unary(operator=operator):
                 return self.unary(node, names), RANKS["not"] if operator == "not" else OPERAND
@@ -94,7 +98,7 @@ class ExpressionWriter:
         return self._whole(node, names), OPERAND
 
     def _whole(self, node: ex.Expr, names: LocalNames) -> str:
-        """The text of what needs no brackets anywhere."""
+        """The text of a node that never needs brackets."""
         match node:
             case ex.Number(value=value, unit=unit):
                 return self.number(value, unit)
@@ -126,9 +130,9 @@ class ExpressionWriter:
 
     def _arguments(self, node: ex.Call | ex.Draw, signature: Signature | None, names: LocalNames) -> str:
         relations = {option.name: option.relation for option in signature.options} if signature else {}
-        given = [self.text(argument, 0, names) for argument in node.arguments]
-        given += [self.option(name, relations.get(name, "="), value, names) for name, value in node.named]
-        return ", ".join(given)
+        arguments = [self.text(argument, 0, names) for argument in node.arguments]
+        arguments += [self.option(name, relations.get(name, "="), value, names) for name, value in node.named]
+        return ", ".join(arguments)
 
 
 _SPELLING = ExpressionWriter()

@@ -1,7 +1,7 @@
-"""What is wrong with a JSON value that should have been of a type: every fault, with its path and the way out.
+"""Errors of a JSON value that does not match a type: each with its path and a hint.
 
-A value is compared with the JSON Schema of the type (draft 2020-12), which `jsonschema` does; it is loaded only here,
-when something is wrong.
+The value is validated against the JSON Schema of the type (draft 2020-12) by `jsonschema`. That library is loaded here
+and only after an error.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ _DUE = {
     "boolean": "true or false",
     "null": "null",
 }
-"""What is due, by the types of JSON Schema."""
+"""Names of the types of JSON Schema in messages."""
 
 
 def schema_faults(value: object, kind: Any) -> tuple[Fault, ...]:
-    """Every fault of a decoded JSON value that is no `kind` (a type that msgspec knows), by its place in the value."""
+    """Every error of a decoded JSON value that is no `kind`, in no particular order. `kind` is a type that msgspec
+    supports."""
     from jsonschema import Draft202012Validator
 
     validator = Draft202012Validator(msgspec.json.schema(kind))
@@ -39,18 +40,18 @@ def schema_faults(value: object, kind: Any) -> tuple[Fault, ...]:
 
 
 def faults_of(errors: Iterable[ValidationError]) -> Iterator[Fault]:
-    """The faults that a validator of draft 2020-12 found, in words."""
+    """The errors of a validator of draft 2020-12, in words."""
     for error in errors:
         yield from _faults(error)
 
 
 def lines_of(faults: Iterable[Fault], path: str = "") -> str:
-    """The faults in words, a line each, after the name of the document."""
-    return "\n".join(": ".join(part for part in (path, one.where, one.message) if part) for one in faults)
+    """The errors in words, one a line, after the name of the document."""
+    return "\n".join(": ".join(part for part in (path, fault.where, fault.message) if part) for fault in faults)
 
 
 def kind_of(value: object) -> str:
-    """What a JSON value is, in words."""
+    """A JSON value in words, for messages."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -64,55 +65,59 @@ def kind_of(value: object) -> str:
 
 
 def _faults(error: ValidationError) -> Iterator[Fault]:
-    """The faults behind one error: of a value that may be one of several types, those of the type that it means."""
+    """The faults behind one validation error. If a value may have one of several types, those of the type that it most
+    probably should have."""
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)[:200]
     where = where.removeprefix(".")
-    given, schema = error.instance, error.schema
+    value, schema = error.instance, error.schema
     if error.validator == "anyOf":
-        yield from _of_the_meant(error, where)
+        yield from _union_faults(error, where)
     elif error.validator == "required":
-        (name,) = [one for one in error.validator_value if error.message.startswith(f"{one!r} is")]
+        (name,) = [field for field in error.validator_value if error.message.startswith(f"{field!r} is")]
         yield Fault(where, f"'{name}' is missing", "add the field")
     elif error.validator == "additionalProperties":
         known = schema.get("properties", {})
-        for name in given:
+        for name in value:
             if name not in known:
                 yield Fault(where, f"there is no field '{name[:80]}'", _nearest(name, known))
-    elif error.validator == "enum" and isinstance(given, str):
-        yield Fault(where, _worded(error), _nearest(given, map(str, error.validator_value)))
+    elif error.validator == "enum" and isinstance(value, str):
+        yield Fault(where, _worded(error), _nearest(value, map(str, error.validator_value)))
     else:
         yield Fault(where, _worded(error), "")
 
 
-def _of_the_meant(error: ValidationError, where: str) -> Iterator[Fault]:
-    """A tagged object is of the type that its tags name; of anything else it is said what could stand there."""
+def _union_faults(error: ValidationError, where: str) -> Iterator[Fault]:
+    """The faults of a value of a union type. The tag of an object selects its type; without one, the message lists the
+    types."""
     tag = error.schema.get("discriminator", {}).get("propertyName", "")
     branches: dict[int, list[ValidationError]] = {}
-    for one in error.context or ():
-        branches.setdefault(int(one.relative_schema_path[0]), []).append(one)
-    meant = [found for found in branches.values() if not any(_rules_out(one, tag) for one in found)]
-    if len(meant) == 1:
-        yield from faults_of(meant[0])
+    for suberror in error.context or ():
+        branches.setdefault(int(suberror.relative_schema_path[0]), []).append(suberror)
+    candidates = [branch for branch in branches.values() if not any(_rules_out(each, tag) for each in branch)]
+    if len(candidates) == 1:
+        yield from faults_of(candidates[0])
         return
-    wrong = [[one for one in found if _is_other_tag(one, tag)] for found in branches.values()]
-    fewest = min((len(found) for found in wrong if found), default=0)
-    nearest = [found[0] for found in wrong if len(found) == fewest > 0]
+    wrong_tags = [[each for each in branch if _is_other_tag(each, tag)] for branch in branches.values()]
+    fewest = min((len(branch) for branch in wrong_tags if branch), default=0)
+    nearest = [branch[0] for branch in wrong_tags if len(branch) == fewest > 0]
     if nearest and isinstance(error.instance, Mapping):
         name = nearest[0].relative_path[0]
-        tags = sorted({_tag_due(one) for one in nearest if one.relative_path[0] == name})
-        given = error.instance.get(name)
+        tags = sorted({_expected_tag(each) for each in nearest if each.relative_path[0] == name})
+        value = error.instance.get(name)
         yield Fault(
-            f"{where}.{name}".lstrip("."), f"{_either(tags)} is due, this is {kind_of(given)}", _nearest(given, tags)
+            f"{where}.{name}".lstrip("."), f"{_either(tags)} is due, this is {kind_of(value)}", _nearest(value, tags)
         )
         return
     kinds = [
-        _DUE[one.validator_value] for one in error.context or () if not one.relative_path and one.validator == "type"
+        _DUE[each.validator_value]
+        for each in error.context or ()
+        if not each.relative_path and each.validator == "type"
     ]
     yield Fault(where, f"{_either(kinds)} is due, this is {kind_of(error.instance)}", "")
 
 
 def _rules_out(error: ValidationError, tag: str) -> bool:
-    """Whether it says that a branch was not meant at all: the value is of another JSON type, or has another tag."""
+    """True if the error excludes a branch of the union: the value has another JSON type or another tag."""
     kind = str(error.validator)
     if error.relative_path:
         return _is_other_tag(error, tag)
@@ -120,27 +125,28 @@ def _rules_out(error: ValidationError, tag: str) -> bool:
 
 
 def _is_other_tag(error: ValidationError, tag: str) -> bool:
-    """Whether it says that a tag is another one: a property that only one value may have (`tag`, if it is known)."""
+    """True if the error is about a tag: a property with exactly one allowed value. `tag` is its name, or "" if
+    unknown."""
     alone = error.validator == "const" or (error.validator == "enum" and list(error.relative_path) == [tag])
     return alone and len(error.relative_path) == 1
 
 
-def _tag_due(error: ValidationError) -> str:
+def _expected_tag(error: ValidationError) -> str:
     return str(error.validator_value if error.validator == "const" else error.validator_value[0])
 
 
 def _worded(error: ValidationError) -> str:
-    given, due = error.instance, error.validator_value
+    value, due = error.instance, error.validator_value
     match error.validator:
         case "type":
-            kinds = [_DUE[one] for one in ([due] if isinstance(due, str) else due)]
-            return f"{_either(kinds)} is due, this is {kind_of(given)}"
+            kinds = [_DUE[item] for item in ([due] if isinstance(due, str) else due)]
+            return f"{_either(kinds)} is due, this is {kind_of(value)}"
         case "enum":
-            return f"{_either([str(one) or 'an empty text' for one in due])} is due, this is {kind_of(given)}"
+            return f"{_either([str(item) or 'an empty text' for item in due])} is due, this is {kind_of(value)}"
         case "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum":
-            return f"{BOUNDS[error.validator]} {due} is due, this is {given}"
+            return f"{BOUNDS[error.validator]} {due} is due, this is {value}"
         case "minItems" | "maxItems":
-            return f"a list of {due} is due, this one has {len(given)}"
+            return f"a list of {due} is due, this one has {len(value)}"
     return str(error.message)[:200]
 
 

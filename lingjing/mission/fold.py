@@ -1,9 +1,9 @@
-"""The one evaluator: an expression becomes a function of bound names and a world, as a reading understands it.
+"""The one traversal of expressions: an expression becomes a function of bound names and a world, under given semantics.
 
-A `Reading` says what the parts of an expression mean: values (`evaluate`, the kernel's rules), bounds before a mission
-runs (`bounds`), what must have happened (`feasibility.condition_needs`), words (`condition_words`). `meaning` walks the
-tree once and gives a `Meaning`, which is called as often as needed. What the operators and functions mean stands in
-`lingjing.mission.functions`; a reading adds what names and fields refer to.
+A `Semantics` defines the meaning of each kind of node: exact values (`evaluate`, the kernel's rules), bounds before a
+run (`certain`), needs (`feasibility.condition_needs`), words (`condition_words`). `meaning` traverses the tree once and
+gives a `Meaning`, which is called as often as needed. `lingjing.mission.functions` defines the operators and functions;
+a semantics adds the meaning of names and fields.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from lingjing.mission.expression import (
 Literal = Number | Text | Flag | Symbol
 Composite = Index | Point | Sequence | Range | Unary | Binary | Call | Draw
 Meaning = Callable[[Mapping[str, Any], Any], Any]
-"""What a part of an expression means: a function of the bound names (name → value) and the reading's world."""
+"""The meaning of an expression: a function of the bound names (name → value) and the world of the semantics."""
 
 V = TypeVar("V", covariant=True)
 
 
-class Reading(Protocol):
-    """One way to understand expressions. Each method is called once for each node and gives its `Meaning`."""
+class Semantics(Protocol):
+    """One interpretation of expressions. Each method is called once for each node and gives its `Meaning`."""
 
     def literal(self, node: Literal) -> Meaning:
         """A number, a text, a flag or a word that stands for itself."""
@@ -60,39 +60,40 @@ class Reading(Protocol):
         ...
 
     def over(self, node: Quantified | Aggregate, body: Meaning) -> Meaning:
-        """A body that is read once for each member of a group or each message of a kind."""
+        """A body that is evaluated once for each member of a group or each message of a kind."""
         ...
 
 
-def meaning(node: Expr, reading: Reading) -> Meaning:
-    """What the expression means in a reading."""
+def meaning(node: Expr, semantics: Semantics) -> Meaning:
+    """The meaning of an expression under a semantics."""
     if isinstance(node, Number | Text | Flag | Symbol):
-        return reading.literal(node)
+        return semantics.literal(node)
     if isinstance(node, Ref):
-        return reading.name(node)
+        return semantics.name(node)
     if isinstance(node, Attr):
-        return reading.field(node, meaning(node.base, reading))
+        return semantics.field(node, meaning(node.base, semantics))
     if isinstance(node, Quantified | Aggregate):
-        return reading.over(node, meaning(node.body, reading))
-    return reading.apply(node, tuple(meaning(child, reading) for child in children(node)))
+        return semantics.over(node, meaning(node.body, semantics))
+    return semantics.apply(node, tuple(meaning(child, semantics) for child in children(node)))
 
 
 class Meanings:
-    """The meanings of the expressions of one mission in one reading, each worked out once."""
+    """The meanings of one mission's expressions under one semantics, each computed once."""
 
     MOST = 1024
-    """Expressions that are kept: a few times those of a shipped mission (at most 329). Then all are forgotten, since
-    every episode and every trace brings expressions of its own and keeps its instance alive through them."""
+    """The largest number of cached expressions (chosen): a few times those of a shipped mission (at most 329). A full
+    cache is cleared, because every episode and every trace has its own expressions, and these keep its instance in
+    memory."""
 
-    def __init__(self, reading: Reading) -> None:
-        self._reading = reading
+    def __init__(self, semantics: Semantics) -> None:
+        self._semantics = semantics
         self._known: dict[int, tuple[Expr, Meaning]] = {}
 
     def of(self, node: Expr) -> Meaning:
-        """The meaning of this very expression; equal ones elsewhere are worked out for themselves."""
+        """The meaning of this expression object. An equal expression elsewhere is computed separately."""
         known = self._known.get(id(node))
         if known is None:
             if len(self._known) >= self.MOST:
                 self._known.clear()
-            known = self._known[id(node)] = node, meaning(node, self._reading)
+            known = self._known[id(node)] = node, meaning(node, self._semantics)
         return known[1]

@@ -1,7 +1,8 @@
-"""Where bodies begin: the room that each takes up, which of them would overlap, and which stand on a surface.
+"""The space of bodies at their start: their footprints, overlaps between them, and bodies that stand on a surface.
 
-One source for the check of a text (`lingjing.mission.feasibility.overlaps`), for the scene that puts bodies onto the
-city (`lingjing.scene.anchor`) and for the engines that begin with them standing or flying. All lengths are metres.
+It is used by the check of a mission's text (`lingjing.mission.feasibility.start_places`), by the scene that places
+bodies in the city (`lingjing.scene.anchor`), and by the engines that start them on the ground or in the air. All
+lengths are metres.
 """
 
 from __future__ import annotations
@@ -16,14 +17,15 @@ from lingjing.mission.instance import Entity
 from lingjing.mission.kinds import engine_kind
 
 STANDS_M = 1.0
-"""A body whose underside is no higher than this over a surface stands on it; a higher one begins in the air. Elevations
-in missions are rough by about as much (chosen)."""
+"""A body stands on a surface if its underside is at most this far above it; a higher one begins in the air. Elevations
+in missions have errors of about this size (chosen)."""
 
 _CELL_M = 20.0
+"""Side of a cell of the spatial index, metres (chosen: larger than most bodies)."""
 
 
 class Footprint(NamedTuple):
-    """The room of a body: an upright box about (`x`, `y`), from `low` to `high`, turned by `heading` (radians)."""
+    """The space of a body: an upright box about (`x`, `y`), from `low` to `high`, turned by `heading` (radians)."""
 
     x: float
     y: float
@@ -34,13 +36,13 @@ class Footprint(NamedTuple):
     heading: float
 
     def overlaps(self, other: Footprint) -> bool:
-        """True if the boxes share some room."""
+        """True if the boxes have a common volume."""
         if self.low >= other.high or other.low >= self.high:
             return False
-        return not any(_apart(self, other, axis) for one in (self, other) for axis in _axes(one))
+        return not any(_apart(self, other, axis) for box in (self, other) for axis in _axes(box))
 
     def grown(self, gap_m: float) -> Footprint:
-        """The box with so much more room on every side, and as much above and below."""
+        """The box enlarged by `gap_m` on every side, above and below."""
         return self._replace(
             low=self.low - gap_m,
             high=self.high + gap_m,
@@ -50,8 +52,7 @@ class Footprint(NamedTuple):
 
 
 def footprint(entity: Entity) -> Footprint | None:
-    """The room that an asset takes up when the mission begins; None for a target and for what is no body there: what
-    orbits or has no shape."""
+    """The space of an asset at the start; None for a target, a satellite and an entity without a shape."""
     kind = engine_kind(entity.engine)
     bare = entity.properties.get("shape") == BARE
     if entity.role != "asset" or kind.orbits or bare:
@@ -66,7 +67,7 @@ def footprint(entity: Entity) -> Footprint | None:
 
 
 def sunk_below_m(entity: Entity) -> float:
-    """How far a body reaches below its position: half of its height if its origin is its middle."""
+    """The part of a body below its position, metres: half of its height if its origin is its middle."""
     if entity.properties.get("origin") != "middle":
         return 0.0
     return (entity.number("height_m") or UNSAID_M) / 2.0
@@ -78,18 +79,18 @@ def stands(entity: Entity, surface_m: float) -> bool:
 
 
 class StartingBodies:
-    """The bodies that have a place, by id, looked up by cells so that thousands cost thousands."""
+    """Bodies by id with a spatial index, so that the cost is linear in their number."""
 
     def __init__(self) -> None:
         self._cells: dict[tuple[int, int], list[tuple[str, Footprint]]] = {}
 
     def add(self, name: str, body: Footprint) -> None:
-        """Let a body have its place."""
+        """Add a body."""
         for cell in _cells(body):
             self._cells.setdefault(cell, []).append((name, body))
 
-    def met(self, body: Footprint) -> str | None:
-        """The first body that one at this place would overlap; None if it is free."""
+    def overlapping(self, body: Footprint) -> str | None:
+        """The id of the first body that overlaps this space; None if it is free."""
         for cell in _cells(body):
             for name, other in self._cells.get(cell, ()):
                 if body.overlaps(other):
@@ -101,15 +102,15 @@ class StartingBodies:
 
 
 def _axes(body: Footprint) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Directions along and across a body."""
+    """Unit vectors along and across a body."""
     sine, cosine = math.sin(body.heading), math.cos(body.heading)
     return (sine, cosine), (cosine, -sine)
 
 
-def _apart(one: Footprint, other: Footprint, axis: tuple[float, float]) -> bool:
-    """True if a line across the axis parts the two (the theorem of the separating axis)."""
-    between = abs((other.x - one.x) * axis[0] + (other.y - one.y) * axis[1])
-    return between >= _reach(one, axis) + _reach(other, axis)
+def _apart(first: Footprint, second: Footprint, axis: tuple[float, float]) -> bool:
+    """True if a line across the axis separates the two (separating axis theorem)."""
+    between = abs((second.x - first.x) * axis[0] + (second.y - first.y) * axis[1])
+    return between >= _reach(first, axis) + _reach(second, axis)
 
 
 def _reach(body: Footprint, axis: tuple[float, float]) -> float:

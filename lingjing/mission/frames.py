@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 
 EQUATOR_M = 6_378_137.0
+"""Semi-major axis of WGS84, metres (NIMA TR8350.2)."""
 FLATTENING = 1.0 / 298.257223563
-"""WGS84 (NIMA TR8350.2)."""
+"""Flattening of WGS84 (NIMA TR8350.2)."""
 
 _N = FLATTENING / (2.0 - FLATTENING)
 _RECTIFYING_M = EQUATOR_M / (1.0 + _N) * (1.0 + _N**2 / 4.0 + _N**4 / 64.0)

@@ -1,10 +1,10 @@
-"""The operators, functions and distributions of the language: one table with everything that is said of each.
+"""The operators, functions and distributions of the language, in one table.
 
-A `Signature` holds the types that the checker reads, what the function means over values (`operations`) and over bounds
-(`intervals`), its wording, and what depends on it: whether it moves with time, whether it reads what is hidden. The
-readings that fold expressions over the table are `evaluate` (before the run), the kernel's rules (in the run), `bounds`
-(certain for every run), `feasibility.condition_needs` and `condition_words`. A type is a kind with, for quantities, a
-dimension (None: any, the same for every `same` parameter).
+A `Signature` holds the types for the checker. An `Operation` holds the function over values (`operations`) and over
+bounds (`intervals`), its wording, and properties such as whether its value changes with time or reveals hidden values.
+The evaluations that use the table are `evaluate` (before the run), the kernel's rules (in the run), `certain` (bounds
+for every run), `feasibility.condition_needs` and `condition_words`. A type is a kind with, for quantities, a dimension
+(None: any dimension, the same for every parameter with `same`).
 """
 
 from __future__ import annotations
@@ -52,21 +52,25 @@ Kind = Literal[
 
 
 class Type(msgspec.Struct, frozen=True):
-    """A kind, with a dimension for quantities and ranges, an item kind for lists, a name for entity and message."""
+    """The type of a value."""
 
     kind: Kind
     dimension: Dimension | None = None
+    """For quantities and ranges; None for any."""
     item: Kind | None = None
+    """Kind of a list's items; None for any."""
     of: str = ""
+    """Name of the entity's group or of the message kind."""
 
 
 class FunctionParameter(msgspec.Struct, frozen=True):
-    """One positional parameter. `same` ties the dimensions of all such parameters and the result together."""
+    """One positional parameter."""
 
     name: str
     type: Type
     optional: bool = False
     same: bool = False
+    """True if its dimension must equal that of all such parameters and of the result."""
 
 
 class FunctionOption(msgspec.Struct, frozen=True):
@@ -78,45 +82,50 @@ class FunctionOption(msgspec.Struct, frozen=True):
 
 
 class Operation(msgspec.Struct, frozen=True):
-    """What an operator or a function means.
-
-    `value` takes the world and the operands' values, `bounds` their bounds (None: known only of exact values). `words`
-    is its wording: `{0}` is the first operand, what is in brackets goes with the last one if it is there. `rank` says
-    how tightly an operator binds. `of_time` says that its answer changes while the mission runs, `running` that only a
-    running mission answers, `settled` that it answers the same at every later boundary, `secret` that it may tell of
-    what its operands do not name. `about` are the kinds of nodes of the graph that its first operand names, `at_start`
-    is its answer at boundary 0. A comparison that bounds its result is listed with `measure` before the bound.
-    """
+    """The meaning of an operator or a function."""
 
     name: str
     value: Callable[..., Any]
+    """Function of the world and the operands' values."""
     bounds: Callable[..., Any] | None = None
+    """Function of the operands' bounds; None if the result is known for exact operands only."""
     words: str = ""
+    """Its wording: `{0}` is the first operand. Text in brackets belongs to the last operand and is left out
+    without it."""
     rank: int = 0
+    """Binding strength of an operator: a higher rank binds tighter."""
     of_time: bool = False
+    """True if its value changes during the mission."""
     secret: bool = False
+    """True if it may reveal values that its operands do not name."""
     running: bool = False
-    settled: bool = True
+    """True if only a running mission has a value for it."""
+    stable: bool = True
+    """True if its value for the same operands is the same at every later boundary."""
     about: tuple[Literal["event", "inspection", "resource"], ...] = ()
+    """Kinds of graph nodes that its first operand names."""
     at_start: bool | float | None = None
+    """Its value at boundary 0; None if unknown."""
     measure: str | None = None
+    """Prefix of a bound of its result in a list of bounds; None if such bounds are not listed."""
 
 
 class Signature(msgspec.Struct, frozen=True):
-    """A built-in. `where` says where it may stand: in any expression, before the run only, after `~`, in rules only.
-
-    `variadic` repeats the last parameter; `least` is then the smallest number of arguments. With `same` the result's
-    dimension is that of the tied parameters.
-    """
+    """The types and the places of a built-in function."""
 
     name: str
     parameters: tuple[FunctionParameter, ...]
     result: Type
     options: tuple[FunctionOption, ...] = ()
+    """Named arguments."""
     where: Literal["anywhere", "static", "draw", "rule"] = "anywhere"
+    """Its allowed places: any expression, expressions before the run only, after `~`, rules only."""
     variadic: bool = False
+    """True if the last parameter may be repeated."""
     least: int = 0
+    """The smallest number of arguments of a variadic function."""
     same: bool = False
+    """True if the result's dimension is that of the parameters with `same`."""
     doc: str = ""
 
 
@@ -141,7 +150,7 @@ PLACE = Type("position", of="entity")
 """A position, or an entity or report that has one."""
 
 TRUTH_FIELDS: dict[str, Type] = {"box": BOX}
-"""What `truth(entity, frame)` tells: the entity as the frame's ground truth has it at capture time."""
+"""Fields of `truth(entity, frame)`: the entity in the frame's ground truth at capture time."""
 
 STATE_FIELDS: dict[str, tuple[str, Type]] = {
     "position": ("position", POSITION),
@@ -149,10 +158,10 @@ STATE_FIELDS: dict[str, tuple[str, Type]] = {
     "heading": ("heading_deg", DEGREES),
     "status": ("status", NAME),
 }
-"""What every entity has while a mission runs: the author's name → its name in the graph, and its type."""
+"""State of every entity during a mission: the author's name → its name in the graph, and its type."""
 
 OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route")
-"""What an observation channel of an entity or of `peers` may name; the author's spelling."""
+"""Fields that an observation channel of an entity or of `peers` may name, in the author's spelling."""
 
 FIELD_TYPES: dict[str, Type] = {
     "name": NAME,
@@ -287,17 +296,17 @@ _SIGNATURES = (
 )
 
 AGGREGATES: dict[str, Type] = {"count": FLAG, "sum": QUANTITY, "min": QUANTITY, "max": QUANTITY}
-"""Functions over a group: `sum(o.demand for o in order)`, and what their body is. They stand in rules only."""
+"""Functions over a group, `sum(o.demand for o in order)`, with the type of their body. They stand in rules only."""
 
 FUNCTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where != "draw"}
-"""What may be called in expressions, by name."""
+"""Functions of expressions, by name."""
 
 DISTRIBUTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where == "draw"}
-"""What may stand after `~`, by name."""
+"""Distributions after `~`, by name."""
 
 
-def _fact(name: str, *, settled: bool = False, **said: Any) -> Operation:
-    return Operation(name, operations.fact(name), running=True, settled=settled, **said)
+def _fact(name: str, *, stable: bool = False, **fields: Any) -> Operation:
+    return Operation(name, operations.fact(name), running=True, stable=stable, **fields)
 
 
 def _plain(name: str, function: Callable[..., float], bounds: Callable[..., Any]) -> Operation:
@@ -305,8 +314,8 @@ def _plain(name: str, function: Callable[..., float], bounds: Callable[..., Any]
 
 
 OPERATIONS: Mapping[str, Operation] = {
-    one.name: one
-    for one in (
+    entry.name: entry
+    for entry in (
         Operation("+", operations.plus, intervals.plus, rank=6),
         Operation("-", operations.minus, intervals.minus, rank=6),
         Operation("*", operations.times, intervals.times, rank=7),
@@ -349,7 +358,7 @@ OPERATIONS: Mapping[str, Operation] = {
         _plain("ceil", math.ceil, intervals.monotone(math.ceil)),
         _plain("round", round, intervals.monotone(round)),
         Operation("iou", operations.iou, words="the overlap of {0} with {1}", measure="IoU "),
-        _fact("truth", words="the true box of {0} in {1}", secret=True, settled=True),
+        _fact("truth", words="the true box of {0} in {1}", secret=True, stable=True),
         _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),
         _fact("alive", words="{0} is alive", of_time=True, at_start=True),
@@ -360,7 +369,7 @@ OPERATIONS: Mapping[str, Operation] = {
         _fact("used", words="what {0} has counted", about=("resource",), at_start=0.0),
     )
 }
-"""What every operator and function means, by name."""
+"""The meaning of every operator and function, by name."""
 
 RANKS: Mapping[str, int] = {
     "from": 0,
@@ -370,14 +379,14 @@ RANKS: Mapping[str, int] = {
     "and": 2,
     "..": 5,
     "by": 5,
-    **{name: one.rank for name, one in OPERATIONS.items() if one.rank},
+    **{name: entry.rank for name, entry in OPERATIONS.items() if entry.rank},
 }
-"""How tightly every operator of the language binds, also those that make no value: a higher rank binds tighter."""
+"""Binding strength of every operator and connecting word of the language: a higher rank binds tighter."""
 
 
 def operation(node: Expr) -> Operation | None:
-    """What is done by a node that is no name, literal, field or quantifier; None for a call of a rule, for a draw, and
-    for a function that this version does not know."""
+    """The operation of a node that is no name, literal, field or quantifier. None for a call of a rule, for a draw, and
+    for a function that this version does not have."""
     match node:
         case Binary(operator=symbol):
             return OPERATIONS.get(symbol)

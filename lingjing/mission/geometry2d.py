@@ -1,7 +1,7 @@
-"""Polygons of a mission: small exact-enough plane geometry in pure Python.
+"""Plane geometry of a mission's polygons, in pure Python.
 
-A polygon is a tuple of (east, north) in metres without the closing repeat. Missions hold polygons of a few vertices;
-the maps of a city are another matter and live in `lingjing.scene`.
+A polygon is a tuple of (east, north) in metres without the closing repeat. Missions have polygons of a few vertices;
+the maps of a city are larger and are in `lingjing.scene`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ Extent = tuple[float, float, float, float]
 """(west, south, east, north) in metres."""
 
 CIRCLE_VERTICES = 64
+"""Vertices of a circle (chosen)."""
 
 
 def signed_area(polygon: Sequence[Vector2]) -> float:
@@ -53,13 +54,15 @@ def centroid(polygon: Sequence[Vector2]) -> Vector2:
 
 
 MOST_CORNERS = 512
-"""Of what `buffer` and `union` give: round corners of round corners would multiply without end."""
+"""The largest number of corners of a result of `buffer` and `union` (chosen): nested round corners would multiply."""
 
 FINEST_M = 0.01
-"""How far an outline with more corners may be moved at first, to have fewer; twice as far each time."""
+"""First tolerance of the simplification of an outline with more corners, metres (chosen); each further pass
+doubles it."""
 
 FEW_SIDES = 64
-"""Up to so many edges of an outline, the first crossing in their order is named; of more, one in the west."""
+"""In an outline of up to this many edges, the first crossing in edge order is reported (chosen); in a larger one, the
+first that the sweep from the west meets."""
 
 
 def normalised(polygon: Sequence[Vector2]) -> Polygon:
@@ -74,7 +77,7 @@ def normalised(polygon: Sequence[Vector2]) -> Polygon:
 
 
 def fault(polygon: Sequence[Vector2]) -> str:
-    """Why the outline is not a simple polygon, or "" if it is one."""
+    """The reason why the outline is no simple polygon, or "" if it is one."""
     if not all(math.isfinite(value) for point in polygon for value in point):
         return "has a coordinate that is not a finite number"
     outline = normalised(polygon) if polygon else ()
@@ -89,7 +92,8 @@ def fault(polygon: Sequence[Vector2]) -> str:
 
 
 def left_of(line: Sequence[Vector2], reach: float) -> Polygon:
-    """What lies to the left of a line, up to `reach` metres from it; its ends run on straight as far."""
+    """The area to the left of a line, up to `reach` metres from it. Both ends are extended straight by `reach`
+    metres."""
     first, last = _beyond(line[1], line[0], reach), _beyond(line[-2], line[-1], reach)
     dx, dy = last[0] - first[0], last[1] - first[1]
     length = math.hypot(dx, dy)
@@ -99,7 +103,7 @@ def left_of(line: Sequence[Vector2], reach: float) -> Polygon:
 
 
 def contains(polygon: Sequence[Vector2], east: float, north: float) -> bool:
-    """Whether the point lies in the polygon or on its edge (even-odd rule)."""
+    """True if the point lies in the polygon or on its edge (even-odd rule)."""
     inside = False
     for (ax, ay), (bx, by) in edges(polygon):
         side = (bx - ax) * (north - ay) - (by - ay) * (east - ax)
@@ -145,7 +149,7 @@ def turn(a: Vector2, b: Vector2, c: Vector2) -> float:
 def clipped(polygon: Sequence[Vector2], box: Extent) -> Polygon:
     """The part of the polygon in the box (Sutherland and Hodgman), empty if they do not overlap.
 
-    Parts of a concave polygon that the box cuts asunder stay joined by edges along the box's border.
+    The pieces of a concave polygon that the box separates stay joined by edges along the box's border.
     """
     west, south, east, north = box
     outline = list(polygon)
@@ -156,7 +160,7 @@ def clipped(polygon: Sequence[Vector2], box: Extent) -> Polygon:
 
 
 def circle(centre: Vector2, radius: float, vertices: int = CIRCLE_VERTICES) -> Polygon:
-    """A regular polygon of the circle's own area, anticlockwise from east."""
+    """A regular polygon with the circle's area, anticlockwise from east."""
     step = 2.0 * math.pi / vertices
     reach = radius * math.sqrt(step / math.sin(step))
     return tuple(
@@ -164,17 +168,17 @@ def circle(centre: Vector2, radius: float, vertices: int = CIRCLE_VERTICES) -> P
     )
 
 
-def rectangle(one: Vector2, other: Vector2) -> Polygon:
+def rectangle(corner: Vector2, opposite: Vector2) -> Polygon:
     """The rectangle between two opposite corners, anticlockwise from its south-west."""
-    west, south, east, north = bounds((one, other))
+    west, south, east, north = bounds((corner, opposite))
     return (west, south), (east, south), (east, north), (west, north)
 
 
 def buffered(points: Sequence[Vector2], distance: float, *, closed: bool) -> Polygon:
-    """The outline of what lies within `distance` metres of a line, or of a polygon if `closed` (negative: shrunk).
+    """The outline of the area within `distance` metres of a line, or of a polygon if `closed` (negative: shrunk).
 
-    Round corners have 8 segments a quarter; millimetre steps. Raises `MissionError` if nothing or several pieces are
-    left. shapely is imported here and not before: few missions need it.
+    Round corners have 8 segments a quarter; coordinates are rounded to millimetres. Raises `MissionError` if nothing or
+    several pieces are left. shapely is imported here, because few missions need it.
     """
     import shapely
 
@@ -183,7 +187,8 @@ def buffered(points: Sequence[Vector2], distance: float, *, closed: bool) -> Pol
 
 
 def united(polygons: Sequence[Sequence[Vector2]]) -> Polygon:
-    """The outline around polygons that meet; raises `MissionError` if they do not, or leave a hole between them."""
+    """The outline around adjacent polygons. Raises `MissionError` if they are not adjacent or leave a hole between
+    them."""
     import shapely
 
     return _outline(shapely.union_all([shapely.Polygon(polygon) for polygon in polygons]), "union")
@@ -230,12 +235,12 @@ def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
 
 
 def _crossing(outline: Polygon) -> tuple[int, int] | None:
-    found = _crossings(tuple(edges(outline)))
-    return min(found, default=None) if len(outline) <= FEW_SIDES else next(found, None)
+    crossings = _crossings(tuple(edges(outline)))
+    return min(crossings, default=None) if len(outline) <= FEW_SIDES else next(crossings, None)
 
 
 def _crossings(sides: tuple[tuple[Vector2, Vector2], ...]) -> Iterator[tuple[int, int]]:
-    """The pairs of edges that meet, from west to east: only edges whose shadows on the west-east axis overlap are
+    """The pairs of edges that meet, from west to east (sweep): only edges that overlap on the west-east axis are
     compared."""
     last = len(sides) - 1
     order = sorted(range(len(sides)), key=lambda k: min(sides[k][0][0], sides[k][1][0]))
@@ -268,9 +273,9 @@ def _meet(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
 
 
 def _folds_back(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
-    """Whether two neighbouring edges, which share one corner, lie on top of each other."""
-    shared, one, other = (b, a, d) if b == c else (a, b, c)
-    if turn(shared, one, other) != 0:
+    """True if two neighbouring edges, which share one corner, lie on top of each other."""
+    shared, first, second = (b, a, d) if b == c else (a, b, c)
+    if turn(shared, first, second) != 0:
         return False
-    ahead = (one[0] - shared[0]) * (other[0] - shared[0]) + (one[1] - shared[1]) * (other[1] - shared[1])
+    ahead = (first[0] - shared[0]) * (second[0] - shared[0]) + (first[1] - shared[1]) * (second[1] - shared[1])
     return ahead > 0

@@ -1,9 +1,9 @@
-"""Cut a region into search cells.
+"""Search cells of a region.
 
-The region's bounding box is divided into `rows` by `columns` equal rectangles; row 1 is the southernmost, column 1
-the westernmost. Each rectangle is widened by overlap/2 of its own width and height on every side, so that neighbours
-share a strip as wide as `overlap` of a cell, and clipped to the region. `centre` is the middle of the rectangle before
-it was widened. A rectangle that misses the region altogether gives no cell; the others keep their row and column.
+The region's bounding box is divided into `rows` by `columns` equal rectangles. Row 1 is the southernmost, column 1 the
+westernmost. Each rectangle is widened by overlap/2 of its own width and height on every side, so that neighbours share
+a strip as wide as `overlap` of a cell, and then clipped to the region. `centre` is the middle of the rectangle before
+it was widened. A rectangle outside the region gives no cell; the others keep their row and column.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from lingjing.mission.instance import Cell
 def cells(
     grid: str, region: geometry2d.Polygon, rows: int, columns: int, overlap: float, *, hidden: bool = False
 ) -> tuple[Cell, ...]:
-    """The cells of a grid over an anticlockwise region, row by row from the south-west; `overlap` in 0..1. Those over
-    something `hidden` are hidden too."""
+    """The cells of a grid over an anticlockwise region, row by row from the south-west. `overlap` in 0..1.
+
+    Cells over a `hidden` region are hidden too.
+    """
     west, south, east, north = geometry2d.bounds(region)
     width, height = (east - west) / columns, (north - south) / rows
     made: list[Cell] = []

@@ -1,4 +1,6 @@
-"""Whether a condition reads what agents may not know: anything of who hides something, a message, a secret function."""
+"""Detection of conditions that read values hidden from agents: of entities with hidden properties, of messages, or of
+functions that reveal them.
+"""
 
 from __future__ import annotations
 
@@ -9,28 +11,28 @@ from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.model import Mission, Rule
 
 Rules = Mapping[str, Rule]
-"""Rules by name: what a condition calls."""
+"""The rules of a mission by name."""
 
 
 def secret_names(mission: Mission) -> set[str]:
-    """What agents of a mission may not know of: groups that hide something, their interactions, hidden regions, and
-    messages, which not everybody reads."""
+    """Names that agents must not learn about: groups with a hidden property, their interactions, hidden regions, and
+    message kinds, because not every agent receives them."""
     hiding = [group for group in mission.groups if any(prop.hidden for prop in group.properties)]
     return {
         *(group.name for group in hiding),
-        *(one.name for group in hiding for one in group.interactions),
+        *(interaction.name for group in hiding for interaction in group.interactions),
         *(region.name for region in mission.regions if region.hidden),
         *(message.name for message in mission.messages),
     }
 
 
 def rule_reads(rule: Rule, rules: Rules, secret: set[str]) -> bool:
-    """Whether a rule is over something of those names, or reads it."""
+    """True if a rule has a secret domain or a condition that reads a secret."""
     return any(parameter.domain in secret for parameter in rule.parameters) or reads(rule.condition, rules, secret)
 
 
 def reads(expr: Expr, rules: Rules, secret: set[str]) -> bool:
-    """Whether an expression names something secret, itself or through the rules that it calls."""
+    """True if an expression names a secret, itself or through the rules that it calls."""
     return any(_names(part, rules, secret) for part in parts(expr))
 
 

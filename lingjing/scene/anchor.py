@@ -29,7 +29,7 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.errors import MissionError
-from lingjing.mission.feasibility.standing import OFF_M, UNDER_M
+from lingjing.mission.feasibility.start_places import OFF_M, UNDER_M
 from lingjing.mission.footprint import StartingBodies, footprint, stands
 from lingjing.mission.geometry2d import area_distance, contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
@@ -213,7 +213,7 @@ class _Anchoring:
     def _is_free(self, entity: Entity) -> bool:
         """True if no other body begins at the entity's place; always True for an entity without a body."""
         room = footprint(entity)
-        return room is None or self._bodies.met(room) is None
+        return room is None or self._bodies.overlapping(room) is None
 
     def _apart(self, entity: Entity) -> Entity:
         """Return the entity, moved if necessary to the nearest similar place that no other body occupies."""
@@ -223,7 +223,7 @@ class _Anchoring:
         for x, y in rings(*entity.position[:2], APART_REACH_M):
             moved = _moved(entity, (x, y, entity.position[2]))
             room = footprint(moved)
-            if room is None or self._bodies.met(room.grown(APART_M)) is not None:
+            if room is None or self._bodies.overlapping(room.grown(APART_M)) is not None:
                 continue
             if self._is_in_city(x, y) and _in_region(entity, x, y) and alike.suits(x, y):
                 return moved

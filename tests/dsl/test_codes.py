@@ -96,7 +96,7 @@ CASES = [
     ("LJ0504", "mode broadcast in { star, broadcast }", "mode single in { single, star }", 15, 18, "excludes other"),
     ("LJ0507", "lifeboat {", "lifeboat when mode == star {", 27, 9, "in broadcast mode, there is no"),
     ("LJ0508", "bay { datum = sea level at -3.5 m }", "coastal { datum = sea level at 0 m }", 8, 19, "flood"),
-    ("LJ0510", "forall v in victim: rescued(v)", "now >= 0 s", 38, 3, "holds at the start, before anybody acts"),
+    ("LJ0510", "forall v in victim: rescued(v)", "now >= 0 s", 38, 3, "holds at the start, before any agent acts"),
     ("LJ0511", "  success", "  failure when now < 9 s\n  success", 38, 3, "failure holds at the start"),
     ("LJ0511", "  success", f"  {HARD.replace('>= 0', '> 0')}\n  success", 38, 19, "`dry` does not hold at the start"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),

@@ -12,9 +12,9 @@ CASES = [
     ("LJ0601", "-51.8 m", "-2951.8 m", 34, 14, "2,901.8 m at 3.5 m/s at most, margins included, take at least 829 s"),
     ("LJ0601", "ticks <= 60", "ticks <= 2", 34, 14, "the budget is 2 ticks of 10 s = 20 s"),
     ("LJ0602", "ticks <= 60", "ticks <= 1", 38, 3, "takes at least 2 ticks, the budget is 1 tick"),
-    ("LJ0605", "report from searcher", "report from coordinator", 33, 10, "in broadcast mode, nobody can send"),
+    ("LJ0605", "report from searcher", "report from coordinator", 33, 10, "in broadcast mode, no agent can send"),
     ("LJ0606", "per v\n  success", "per v\n  relation dependency execute -> detect\n  success", 37, 23, "`detect` ->"),
-    ("LJ0607", "emitted(rescue, v)", "emitted(rescue, v) and assigned(uav[1], v)", 34, 14, "nobody can assign"),
+    ("LJ0607", "emitted(rescue, v)", "emitted(rescue, v) and assigned(uav[1], v)", 34, 14, "no agent can assign"),
     ("LJ0608", "    camera", "    band = 2 km..3 km\n    camera", 33, 14, "1.007 px at most, 2 px are needed"),
     ("LJ0609", ", takePhoto }", " }", 32, 14, "`takePhoto` is not among its actions"),
     ("LJ0610", "  unlock", "  limit talk <= 2 counts detection\n  unlock", 33, 9, "(3 `detection`), `talk` allows 2"),
@@ -97,7 +97,7 @@ def test_every_code_is_here() -> None:
 def test_related_places_are_the_budget_the_vehicle_and_the_goal(small: str) -> None:
     (diagnostic,) = compile_text(small.replace("-51.8 m", "-2951.8 m")).diagnostics
     assert [(item.span.line, item.message) for item in diagnostic.related] == [
-        (10, "the budget"), (26, "the vehicle"), (18, "where it must go")
+        (10, "the budget"), (26, "the vehicle"), (18, "the destination")
     ]  # fmt: skip
 
 

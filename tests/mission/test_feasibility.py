@@ -192,7 +192,7 @@ def test_trips() -> None:
     assert codes(cargo("200 kg", orders=3)) == []
     (many,) = found(cargo("200 kg", orders=3, way=2401))
     assert many.code == "LJ0604"
-    assert "3 orders ask for 600 kg, but 1 vehicles bring 400 kg at most: 2 loads" in many.message
+    assert "3 orders require 600 kg, but 1 vehicles bring 400 kg at most: 2 loads" in many.message
     assert codes(cargo("201 kg", orders=3)) == ["LJ0604"]
     assert codes(cargo("200 kg", orders=9, store="buoy")) == []
 

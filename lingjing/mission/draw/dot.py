@@ -1,8 +1,8 @@
-"""The graph in DOT, Graphviz's language: a cluster for each lane, a table for each card. Text that ends in a newline.
+"""The graph in DOT, Graphviz's language: a cluster for each lane, a table for each card.
 
-A card is a node with the nodes that are within it, one row each; an edge between two rows of one card is not drawn,
-for the card says it. Graphviz ranks by the direction of an edge: so that lanes run from left to right, an edge that
-leads to an earlier lane is written from its target with `dir=back`, and the arrow drawn is the edge's own.
+A card is a node with the nodes inside it, one row each. An edge between two rows of one card is not drawn, because the
+card shows it. Graphviz ranks nodes by the direction of edges. An edge to an earlier lane is therefore written from its
+target with `dir=back`, so that lanes run from left to right and the arrow keeps its direction.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from lingjing.mission.draw.styles import EDGES, LANES, MUTED, NODES, guard_words
 from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph
 
 _LEGEND_COLUMNS = 5
+"""Cells of one row of the legend (chosen)."""
 _ARCS_ON_LEFT = (0, 2)
-"""Lanes whose inner edges run on the left: the first has nothing else there, the world nothing on its right."""
+"""Lanes that draw their inner edges on the left side, because no other edge runs there."""
 
 _Card = list[GraphNode]
 
 
 def dot(graph: MissionGraph) -> str:
-    """The digraph's text; the same graph gives the same text."""
+    """The digraph's text, which ends in a newline; the same graph gives the same text."""
     shown = readable(graph)
     cards = _cards(shown.nodes)
     lanes = [(title, [card for card in cards if lane_of(card[0]) == lane]) for lane, (title, _) in enumerate(LANES)]
@@ -36,7 +37,7 @@ def dot(graph: MissionGraph) -> str:
         "  node [shape=plain, fontname=Helvetica, fontsize=12]",
         "  edge [fontname=Helvetica, fontsize=9, arrowsize=0.6]",
         *(line for lane, (title, inside) in enumerate(lanes) if inside for line in _lane(lane, title, inside)),
-        *(f"  {quote(one.id)} -> {quote(other.id)} [style=invis]" for one, other in pairwise(heads)),
+        *(f"  {quote(head.id)} -> {quote(next_head.id)} [style=invis]" for head, next_head in pairwise(heads)),
         *(f"  {_edge(edge, cards)}" for edge in drawn),
         "}",
     ]
@@ -44,7 +45,7 @@ def dot(graph: MissionGraph) -> str:
 
 
 def quote(text: str) -> str:
-    """A double-quoted string in which nothing is special: backslashes, quotes and newlines are escaped."""
+    """A double-quoted string without special characters: backslashes, quotes and newlines are escaped."""
     plain = printable(text).replace("\\", "\\\\").replace('"', '\\"')
     return '"' + plain.replace("\n", "\\n") + '"'
 
@@ -53,7 +54,7 @@ def quote(text: str) -> str:
 
 
 def _cards(nodes: Iterable[GraphNode]) -> list[_Card]:
-    """Each node that is within no other, followed by those that are within it."""
+    """Each node that is inside no other, followed by the nodes inside it."""
     cards = {node.id: [node] for node in nodes if node.within is None}
     for node in nodes:
         if node.within is not None:
@@ -74,8 +75,8 @@ def _heading(graph: MissionGraph, drawn: list[GraphEdge]) -> str:
     cells = [f'<td align="left">{_font(words, 9, colour)}</td>' for colour, words in signs]
     rows = [cells[at : at + _LEGEND_COLUMNS] for at in range(0, len(cells), _LEGEND_COLUMNS)]
     modes = " and ".join(f"{mode} (default)" if mode == graph.default else mode for mode in graph.modes)
-    said = (f"<b>{_text(graph.title or graph.mission)}</b>", _font(f"mode {modes} · {graph.goal}", 10))
-    lines = [f'<td colspan="{_LEGEND_COLUMNS}" align="left">{line}</td>' for line in said]
+    header_lines = (f"<b>{_text(graph.title or graph.mission)}</b>", _font(f"mode {modes} · {graph.goal}", 10))
+    lines = [f'<td colspan="{_LEGEND_COLUMNS}" align="left">{line}</td>' for line in header_lines]
     return f'<table border="0">{"".join(f"<tr>{line}</tr>" for line in (*lines, *map("".join, rows)))}</table>'
 
 
@@ -93,31 +94,31 @@ def _lane(lane: int, title: str, cards: list[_Card]) -> Iterator[str]:
 def _row(node: GraphNode, port: int) -> str:
     fill, border = NODES[node.kind].light
     kind = f"{node.kind} · {guard_words(node.when)}" if node.when else node.kind
-    said = f"<b>{_text(node.title)}</b>  {_font(kind, 8)}"
+    label = f"<b>{_text(node.title)}</b>  {_font(kind, 8)}"
     if node.detail:
-        said += f'<br align="left"/>{_font(node.detail, 9)}'
+        label += f'<br align="left"/>{_font(node.detail, 9)}'
     dashed = ' style="dashed"' if node.when else ""
     look = f'bgcolor="{fill}" color="{border}" border="1"{dashed}'
-    return f'<td port="{_port(port)}" align="left" balign="left" {look}>{said}</td>'
+    return f'<td port="{_port(port)}" align="left" balign="left" {look}>{label}</td>'
 
 
 def _edge(edge: GraphEdge, cards: list[_Card]) -> str:
     style = EDGES[edge.kind]
     places = {node.id: (card[0], port) for card in cards for port, node in enumerate(card)}
     lanes = [lane_of(places[end][0]) for end in (edge.source, edge.target)]
-    given = {"color": style.light, "fontcolor": style.light, "penwidth": f"{style.width}"}
-    given |= {"tooltip": edge_sentence(edge), "xlabel": edge_words(edge), "class": edge.kind}
-    given |= {"style": "dashed"} if edge.when else {}
-    given |= {"dir": "both"} if edge.mutual else {"dir": "back"} if lanes[1] < lanes[0] else {}
+    attributes = {"color": style.light, "fontcolor": style.light, "penwidth": f"{style.width}"}
+    attributes |= {"tooltip": edge_sentence(edge), "xlabel": edge_words(edge), "class": edge.kind}
+    attributes |= {"style": "dashed"} if edge.when else {}
+    attributes |= {"dir": "both"} if edge.mutual else {"dir": "back"} if lanes[1] < lanes[0] else {}
     ends = (edge.target, edge.source) if lanes[1] < lanes[0] else (edge.source, edge.target)
     sides = (":e", ":w")
     if lanes[0] == lanes[1]:
-        given["constraint"] = "false"
+        attributes["constraint"] = "false"
         sides = (":w", ":w") if lanes[0] in _ARCS_ON_LEFT else (":e", ":e")
     written = [
         f"{quote(places[end][0].id)}:{_port(places[end][1])}{side}" for end, side in zip(ends, sides, strict=True)
     ]
-    return f"{written[0]} -> {written[1]} {_attributes(given)}"
+    return f"{written[0]} -> {written[1]} {_attributes(attributes)}"
 
 
 def _port(row: int) -> str:
@@ -133,5 +134,5 @@ def _font(text: str, size: int, colour: str = MUTED) -> str:
     return f'<font point-size="{size}" color="{colour}">{_text(text)}</font>' if text else ""
 
 
-def _attributes(given: Mapping[str, str]) -> str:
-    return "[" + ", ".join(f"{name}={quote(value)}" for name, value in given.items() if value) + "]"
+def _attributes(attributes: Mapping[str, str]) -> str:
+    return "[" + ", ".join(f"{name}={quote(value)}" for name, value in attributes.items() if value) + "]"

@@ -1,4 +1,4 @@
-"""The graph as a Mermaid flowchart: a subgraph a lane, a colour an edge kind. Plain text, ends in a newline."""
+"""The graph as a Mermaid flowchart: a subgraph for each lane, a colour for each kind of edge."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ENTITIES = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", "`": "#96;", 
 
 
 def mermaid(graph: MissionGraph) -> str:
-    """The flowchart's text; the same graph gives the same text."""
+    """The flowchart's text, which ends in a newline; the same graph gives the same text."""
     shown = readable(graph)
     names = _names(shown.nodes)
     lines = ["---", f"title: {_yaml(shown.title or shown.mission)}", "---", "flowchart LR"]
@@ -29,7 +29,7 @@ def mermaid(graph: MissionGraph) -> str:
 
 
 def escape(text: str) -> str:
-    """Text for between quotes: Mermaid reads entities with `#` and nothing else as special there."""
+    """Text for a quoted label: Mermaid's only special syntax there is entities with `#`."""
     return "".join(_ENTITIES.get(letter, letter) for letter in printable(text))
 
 
@@ -48,11 +48,11 @@ def _edge(edge: GraphEdge, names: Mapping[str, str]) -> str:
 
 def _styles(graph: MissionGraph, names: Mapping[str, str]) -> Iterator[str]:
     for sort, style in NODES.items():
-        found = [names[node.id] for node in graph.nodes if node.kind == sort]
-        if found:
+        names_of_kind = [names[node.id] for node in graph.nodes if node.kind == sort]
+        if names_of_kind:
             fill, border = style.light
             yield f"classDef {sort} fill:{fill},stroke:{border},color:#0f172a"
-            yield f"class {','.join(found)} {sort}"
+            yield f"class {','.join(names_of_kind)} {sort}"
     for kind, look in EDGES.items():
         places = [str(place) for place, edge in enumerate(graph.edges) if edge.kind == kind]
         if places:
@@ -60,16 +60,16 @@ def _styles(graph: MissionGraph, names: Mapping[str, str]) -> Iterator[str]:
 
 
 def _names(nodes: tuple[GraphNode, ...]) -> dict[str, str]:
-    """An id of ASCII letters, digits and underscores for each node, numbered where two would be the same."""
-    taken: dict[str, str] = {}
+    """An id of ASCII letters, digits and underscores for each node. Equal ids get a number."""
+    identities: dict[str, str] = {}
     for node in nodes:
         plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in node.id)
         name, copies = plain, 1
-        while name in taken:
+        while name in identities:
             copies += 1
             name = f"{plain}_{copies}"
-        taken[name] = node.id
-    return {identity: name for name, identity in taken.items()}
+        identities[name] = node.id
+    return {identity: name for name, identity in identities.items()}
 
 
 def _yaml(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The graph as people read it: what every reader can add in his head is said on the node, not drawn as an edge."""
+"""Words and sentences of the picture. An edge from a channel to every role is replaced by `to all` on the node."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from lingjing.mission.draw.styles import EDGES, guard_words
 from lingjing.mission.graph.types import GraphEdge, GraphNode, MissionGraph
 
 _UNHELD = frozenset(("Cc", "Cs", "Cn"))
-"""Unicode categories: control characters, surrogates, and code points that are no characters."""
+"""Unicode categories of code points without a glyph: control characters, surrogates, unassigned code points."""
 
 
 def readable(graph: MissionGraph) -> MissionGraph:
-    """The same graph with `to all` on a channel that every role reads, in place of an edge to each of them."""
+    """The graph with `to all` on each channel that every role reads, in place of an edge to each role."""
     public = {node.id for node in graph.nodes if node.kind == "channel" and _read_by_all(node, graph)}
     return msgspec.structs.replace(
         graph,
@@ -24,39 +24,41 @@ def readable(graph: MissionGraph) -> MissionGraph:
 
 
 def edge_words(edge: GraphEdge, *, always: bool = False) -> str:
-    """What stands beside an edge whose kind its colour says: a relation's name and means, a guard, other particulars.
+    """The label of an edge. Its colour shows its kind; the label adds a relation's name and medium, a guard, other
+    details.
 
-    With `always` the kind of any edge, for pictures without a legend.
+    With `always`, the label names the kind of any edge, for pictures without a legend.
     """
     style = EDGES[edge.kind]
-    said = [style.words] if always or style.relation or (edge.when and not edge.label) else []
+    words = [style.words] if always or style.relation or (edge.when and not edge.label) else []
     if edge.label and (always or edge.kind != "controls"):
-        said.append(f"{edge.label} {_name(edge.via)}" if edge.via else edge.label)
+        words.append(f"{edge.label} {_name(edge.via)}" if edge.via else edge.label)
     if edge.when:
-        said.append(f"({guard_words(edge.when)})")
-    return " ".join(said)
+        words.append(f"({guard_words(edge.when)})")
+    return " ".join(words)
 
 
 def edge_sentence(edge: GraphEdge) -> str:
-    """The edge as a sentence for whoever points at it: `searcher may command boat, when mode == broadcast`."""
+    """The edge as a sentence for its tooltip: `searcher may command boat, when mode == broadcast`."""
     words = EDGES[edge.kind].words
     both = "↔" if edge.mutual else "→"
-    says = f"{_name(edge.source)} {words} {_name(edge.target)}"
+    sentence = f"{_name(edge.source)} {words} {_name(edge.target)}"
     if EDGES[edge.kind].relation:
-        says = f"{words}: {_name(edge.source)} {both} {_name(edge.target)}"
+        sentence = f"{words}: {_name(edge.source)} {both} {_name(edge.target)}"
     if edge.label:
-        says += f" ({edge.label} {_name(edge.via)})" if edge.via else f" ({edge.label})"
-    return f"{says}, when {edge.when}" if edge.when else says
+        sentence += f" ({edge.label} {_name(edge.via)})" if edge.via else f" ({edge.label})"
+    return f"{sentence}, when {edge.when}" if edge.when else sentence
 
 
 def node_sentence(node: GraphNode) -> str:
-    """Everything about a node, a line each."""
+    """All details of a node, one a line."""
     lines = [f"{node.kind} {node.title}", node.detail, node.text, f"when {node.when}" if node.when else ""]
     return "\n".join(line for line in lines if line)
 
 
 def printable(text: str) -> str:
-    """The text with a space for whatever no format can hold: control characters but newlines, lone surrogates."""
+    """The text with a space for each character that no format can hold: control characters but newlines, lone
+    surrogates."""
     return "".join(letter if letter == "\n" or category(letter) not in _UNHELD else " " for letter in text)
 
 

@@ -1,4 +1,4 @@
-"""How every kind of node and edge looks, the same in all formats: lanes, colours, words."""
+"""Appearance of every kind of node and edge, the same in all formats: lanes, colours, words."""
 
 from __future__ import annotations
 
@@ -10,29 +10,37 @@ from lingjing.mission.graph.types import EdgeKind, GraphNode, NodeKind
 
 @dataclass(frozen=True, slots=True)
 class EdgeStyle:
-    """`words` name the kind in a legend, `means` explains it; two colours, for a light and a dark page."""
+    """The appearance of a kind of edge."""
 
     words: str
+    """Its name in a legend."""
     means: str
+    """Its explanation in a legend."""
     light: str
+    """Its colour on a light page, `#rrggbb`."""
     dark: str
+    """Its colour on a dark page, `#rrggbb`."""
     width: float = 1.6
+    """Line width, pixels."""
     relation: bool = False
+    """True for a relation between agents (such as `guidance`), which the label names."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeStyle:
-    """The fill and the border of a node's box, each for a light and a dark page."""
+    """The fill and the border of a node's box."""
 
     light: tuple[str, str]
+    """(fill, border) on a light page, `#rrggbb`."""
     dark: tuple[str, str]
+    """(fill, border) on a dark page, `#rrggbb`."""
 
 
 MUTED = "#5b6878"
-"""The colour of what is said in small letters."""
+"""The colour of small letters."""
 
 PLAIN = "#ffffff"
-"""The fill of nodes that only their border tells apart."""
+"""The fill of nodes that differ from others by their border alone."""
 
 EDGES: dict[EdgeKind, EdgeStyle] = {
     "plays": EdgeStyle("plays", "the agent plays the role", "#94a3b8", "#64748b", 1.2),
@@ -52,6 +60,7 @@ EDGES: dict[EdgeKind, EdgeStyle] = {
     "guidance": EdgeStyle("guidance", "assigns work", "#4338ca", "#a5b4fc", 2.4, True),
     "dependency": EdgeStyle("dependency", "must come first", "#1e293b", "#e2e8f0", 2.4, True),
 }
+"""The style of every kind of edge, in the order of the legend. Colours are chosen for contrast on both pages."""
 
 NODES: dict[NodeKind, NodeStyle] = {
     "role": NodeStyle(("#eef2ff", "#818cf8"), ("#1e2140", "#6670d6")),
@@ -70,6 +79,7 @@ NODES: dict[NodeKind, NodeStyle] = {
     "stage": NodeStyle(("#f7fee7", "#84cc16"), ("#212e0c", "#6ba314")),
     "outcome": NodeStyle(("#dcfce7", "#16a34a"), ("#0f331d", "#22a352")),
 }
+"""The style of every kind of node. Colours are chosen for contrast on both pages."""
 
 LANES: tuple[tuple[str, tuple[NodeKind, ...]], ...] = (
     ("Roles and agents", ("role", "agent")),
@@ -79,13 +89,13 @@ LANES: tuple[tuple[str, tuple[NodeKind, ...]], ...] = (
     ("Stages", ("stage",)),
     ("Outcome", ("outcome",)),
 )
-"""Columns from left to right, each with the kinds it holds."""
+"""Lanes from left to right: title and kinds of nodes."""
 
 _LANE_OF = {kind: place for place, (_, kinds) in enumerate(LANES) for kind in kinds}
 
 
 def lane_of(node: GraphNode) -> int:
-    """The lane of a node; what is within another node stands in that one's lane."""
+    """The lane of a node; a node inside another has the lane of that node."""
     if node.within is not None:
         kind = node.within.partition(":")[0]
         return next(place for known, place in _LANE_OF.items() if known == kind)
@@ -93,7 +103,7 @@ def lane_of(node: GraphNode) -> int:
 
 
 def dark_colours() -> Iterator[tuple[str, str, str]]:
-    """(`fill` or `stroke`, a colour on a light page, its counterpart on a dark one), each once."""
+    """(`fill` or `stroke`, colour on a light page, colour on a dark page), each once."""
     page = [("fill", "white", "#0d1117"), ("fill", "#f8fafc", "#141a23"), ("stroke", "#e2e8f0", "#242c38")]
     page += [("fill", MUTED, "#9aa7b6"), ("fill", PLAIN, "#232b3a")]
     nodes = [
@@ -107,5 +117,5 @@ def dark_colours() -> Iterator[tuple[str, str, str]]:
 
 
 def guard_words(when: str) -> str:
-    """A guard as short as it can be read: `mode == star` is `star`."""
+    """The short form of a guard: `star` for `mode == star`."""
     return when.removeprefix("mode == ") if when.count("==") == 1 else when

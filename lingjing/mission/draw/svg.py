@@ -1,7 +1,7 @@
-"""The graph as an SVG document that stands alone, laid out by Graphviz, for light and dark pages.
+"""The graph as a self-contained SVG document, laid out by Graphviz, for light and dark pages.
 
-The program is `graphviz-pure`, a port of Graphviz with fonts of its own that writes the same bytes on every machine;
-where it is not installed, the system's `dot`.
+The program is `graphviz-pure`, a port of Graphviz with its own fonts that writes the same bytes on every machine. If it
+is not installed, the system's `dot` is used.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from lingjing.mission.draw.styles import dark_colours
 from lingjing.mission.graph.types import MissionGraph
 
 _SECONDS_MOST = 120.0
+"""The time limit of one layout, seconds (chosen)."""
 
 
 def svg(graph: MissionGraph) -> str:
-    """The document's text, the same for the same graph; `InfrastructureError` where no Graphviz can be run."""
+    """The document's text, the same for the same graph. Raises `InfrastructureError` if no Graphviz can be run."""
     command = [_program(), "-Tsvg"]
     try:
         run = subprocess.run(command, input=dot(graph).encode(), capture_output=True, check=True, timeout=_SECONDS_MOST)
     except (OSError, subprocess.SubprocessError) as error:
-        said = getattr(error, "stderr", b"") or str(error).encode()
-        raise InfrastructureError(f"{command[0]} drew no graph: {said.decode(errors='replace').strip()}") from error
+        output = getattr(error, "stderr", b"") or str(error).encode()
+        raise InfrastructureError(f"{command[0]} drew no graph: {output.decode(errors='replace').strip()}") from error
     document = re.sub(r"\A.*?(?=<svg)|<!--.*?-->\n?", "", run.stdout.decode(), flags=re.DOTALL)
     return document.replace('<g id="graph0"', f"<style>{_dark_style()}</style>\n" + '<g id="graph0"', 1)
 
@@ -37,14 +38,14 @@ def svg(graph: MissionGraph) -> str:
 
 def _program() -> str:
     beside = Path(sys.executable).parent
-    found = shutil.which("graphviz-pure", path=str(beside)) or shutil.which("graphviz-pure") or shutil.which("dot")
-    if found is None:
+    program = shutil.which("graphviz-pure", path=str(beside)) or shutil.which("graphviz-pure") or shutil.which("dot")
+    if program is None:
         hint = "install it with: pip install graphviz-pure; or write the graph as .mmd or .dot"
         raise InfrastructureError("Graphviz, which lays out graphs, is not installed", hint=hint)
-    return found
+    return program
 
 
 def _dark_style() -> str:
-    """Rules that give each colour of a light page its counterpart where the reader's page is dark."""
+    """CSS rules that replace each colour of a light page if the reader's page is dark."""
     rules = [f'[{what}="{light}"]{{{what}:{dark}}}' for what, light, dark in dark_colours()]
     return "@media (prefers-color-scheme: dark) {" + "".join(("text:not([fill]){fill:#e6edf3}", *rules)) + "}"

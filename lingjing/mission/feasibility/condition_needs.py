@@ -1,11 +1,11 @@
-"""What must have happened once a condition is true: a condition becomes a tree of `Need`s.
+"""Events that must have happened once a condition is true: a condition becomes a tree of `Need`s.
 
-Every need is *necessary*: if the condition holds at some moment of the mission, the need was met by then. What is not
-understood (a field that changes while the mission runs, `not`, an aggregate, a plug-in's function) asks for nothing and
-can never be refuted; so a missing case makes a proof weaker, never wrong.
+Every need is *necessary*: if the condition holds at some moment, the need was met by then. An expression that this
+module does not model (a field that changes during the mission, `not`, an aggregate, a plug-in's function) has no needs
+and can never be refuted. A missing case therefore weakens a proof and never makes it wrong.
 
-`of_groups` unfolds a condition once for a group instead of once for each member; `mentions` lists who does what to whom
-in it, for whoever plays or judges.
+`of_groups` unfolds a condition once for a group instead of once for each member. `mentions` lists the actions in a
+condition (visits, reports, interactions), for agents and graders.
 """
 
 from __future__ import annotations
@@ -43,46 +43,46 @@ from lingjing.mission.model import Rule, Unlock
 from lingjing.mission.values import Area, Interval, Place, Value, is_number
 
 NODES_MOST = 20_000
-"""Conditions are unfolded to at most this many nodes; beyond, a part asks for nothing."""
+"""A condition is unfolded to at most this many nodes (chosen); a larger part has no needs."""
 
 
 def needs(expr: ex.Expr, outline: Outline, at: str) -> Need:
-    """What the condition of the declaration at path `at` requires."""
+    """The needs of a condition. `at` is the path of its declaration."""
     return ConditionNeeds(outline).need(expr, {}, at)
 
 
 def some_member(condition: ex.Expr, variable: str | None, domain: str | None, outline: Outline, at: str) -> Need:
-    """What a condition requires that is stated per member of a group: of one member at least, for a start."""
-    reading = ConditionNeeds(outline)
+    """The needs of a condition that is stated per member of a group: those of at least one member."""
+    builder = ConditionNeeds(outline)
     if variable is None or domain is None:
-        return reading.need(condition, {}, at)
+        return builder.need(condition, {}, at)
     members = outline.groups.get(domain, ())
     if not members:
         return NOTHING
-    return AtLeast(1, tuple(reading.need(condition, {variable: member}, at) for member in members))
+    return AtLeast(1, tuple(builder.need(condition, {variable: member}, at) for member in members))
 
 
 def of_groups(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> Need:
-    """What a condition requires of groups: a body whose id is that of its group stands for each member, and what must
-    come before an interaction is left out. `domains` are the groups of bound names."""
-    reading = ConditionNeeds(outline, whole_groups=True)
-    names = {name: reading.member(group) for name, group in (domains or {}).items()}
-    return reading.need(expr, names, "")
+    """The needs of a condition in terms of groups. One body with the group's id stands for each member. Unlocks of
+    interactions are left out. `domains` maps bound names to their groups."""
+    builder = ConditionNeeds(outline, whole_groups=True)
+    names = {name: builder.member(group) for name, group in (domains or {}).items()}
+    return builder.need(expr, names, "")
 
 
 def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> tuple[NeedLeaf, ...]:
-    """Who does what to whom in a condition, needed or not, in its order; what it says itself is `at` no path."""
+    """All leaves of a condition, needed or not, in its order. A leaf of the condition itself has the path ""."""
     return tuple(leaves(of_groups(expr, outline, domains)))
 
 
 class _Declared(Knowledge):
-    """What is known all the time: what is declared, and that time has begun."""
+    """Facts that hold at all times: declared values, and that time is not negative."""
 
     def __init__(self, outline: Outline) -> None:
         self._outline = outline
 
     def name(self, ref: ex.Ref) -> Value:
-        """A param, the mode, a duration of the clock."""
+        """A parameter, the mode, or a duration of the clock."""
         if ref.name == "now":
             return Bounds(0.0, math.inf)
         try:
@@ -92,7 +92,8 @@ class _Declared(Knowledge):
 
 
 class ConditionNeeds:
-    """What one condition of an outline needs; rules and, unless `whole_groups`, unlocks are looked through."""
+    """Builds the needs of one condition of an outline. Rules are expanded, and unlocks too, unless `whole_groups` is
+    set."""
 
     def __init__(self, outline: Outline, *, whole_groups: bool = False) -> None:
         self.outline = outline
@@ -100,10 +101,10 @@ class ConditionNeeds:
         self.rules: dict[str, Rule] = {rule.name: rule for rule in outline.instance.rules}
         self.unlocks: dict[str, list[Unlock]] = {}
         for unlock in outline.instance.unlocks:
-            if unlock.condition != ex.Flag(value=True):  # which asks for nothing
+            if unlock.condition != ex.Flag(value=True):  # `true` has no needs
                 self.unlocks.setdefault(unlock.interaction, []).append(unlock)
         self.declared = _Declared(outline)
-        self.meanings = Meanings(_READING)  # which go with it: every trace that is read has expressions of its own
+        self.meanings = Meanings(_SEMANTICS)  # not shared: every trace has its own expressions, which are kept alive
         self.at = ""
         self._left = NODES_MOST
         self._open: list[str] = []
@@ -117,80 +118,81 @@ class ConditionNeeds:
             self.at = before
 
     def exhausted(self) -> bool:
-        """Whether the condition is too large to be unfolded further; counts one node."""
+        """True if the condition is too large to be unfolded further. Counts one node."""
         self._left -= 1
         return self._left < 0
 
     def inside(self, path: str, condition: ex.Expr, names: Mapping[str, Value]) -> Need:
-        """The need of a declaration that the condition leads to; nothing if it leads back to itself."""
+        """The needs of a declaration that the condition uses; none if the declaration uses itself."""
         if path in self._open:
             return NOTHING
         self._open.append(path)
-        found = self.need(condition, names, path)
+        need = self.need(condition, names, path)
         self._open.pop()
-        return found
+        return need
 
     def members(self, domain: str) -> tuple[Body, ...]:
-        """The bodies that a bound name ranges over."""
-        one = self.member(domain) if self.whole_groups else None
-        return self.outline.groups.get(domain, ()) if one is None else (one,)
+        """The bodies of a bound name's domain."""
+        representative = self.member(domain) if self.whole_groups else None
+        return self.outline.groups.get(domain, ()) if representative is None else (representative,)
 
     def member(self, group: str) -> Body | None:
-        """One body for each member of a group, under the group's name; None for a message kind."""
-        there = self.outline.groups.get(group, ())
-        if not there:
+        """One body that stands for each member of a group, with the group's name as id; None for a message kind."""
+        bodies = self.outline.groups.get(group, ())
+        if not bodies:
             return None
-        return msgspec.structs.replace(there[0], entity=msgspec.structs.replace(there[0].entity, id=group))
+        return msgspec.structs.replace(bodies[0], entity=msgspec.structs.replace(bodies[0].entity, id=group))
 
     def is_kind(self, domain: str) -> bool:
-        """Whether a name ranges over messages."""
+        """True if the domain is a message kind."""
         return domain in self.outline.kinds
 
 
-# -- values of the reading: needs, bodies, bounds, plain values, and numbers of which it is known what they measure ----
+# -- values of this evaluation: needs, bodies, bounds, plain values, and the measured quantities below ----------------
 
 
 class _Position(msgspec.Struct, frozen=True):
-    """Where a body is."""
+    """The position of a body."""
 
     body: Body
 
 
 class _Distance(msgspec.Struct, frozen=True):
-    """Metres between two of bodies, positions and places."""
+    """The distance in metres between two values, each a body, a position or a place."""
 
-    one: Value
-    other: Value
+    first: Value
+    second: Value
 
 
 class _Amount(msgspec.Struct, frozen=True):
-    """A state of a body, which changes while the mission runs."""
+    """A state of a body, which changes during the mission."""
 
     body: Body
     name: str
 
 
 class _Count(msgspec.Struct, frozen=True):
-    """How many of some needs are met; `of` is what they range over."""
+    """The number of needs that are met."""
 
     parts: tuple[Need, ...]
     of: str
+    """Name of the domain of the needs."""
 
 
-class _Least(msgspec.Struct, frozen=True):
+class _Minimum(msgspec.Struct, frozen=True):
     """The smallest of several values."""
 
     parts: tuple[Value, ...]
 
 
-class _Seen(msgspec.Struct, frozen=True):
-    """Something read from the true boxes of a picture: with no box of the body in it, nothing is true."""
+class _PictureValue(msgspec.Struct, frozen=True):
+    """A value from the true boxes of a picture. A condition of it is true only if the body has a box in the picture."""
 
     body: Body
 
 
 def as_need(value: Value) -> Need:
-    """A condition's value as a need."""
+    """The value of a condition as a need."""
     return value if isinstance(value, Need) else NOTHING
 
 
@@ -201,7 +203,7 @@ def _body(value: Value) -> Body | None:
 
 
 def _bounds(value: Value) -> Bounds:
-    """Between which bounds a number lies all the time."""
+    """Bounds of a number that hold at all times."""
     if isinstance(value, _Distance):
         return Bounds(0.0, math.inf)
     if isinstance(value, Bounds):
@@ -220,12 +222,12 @@ def _any(parts: tuple[Need, ...]) -> Need:
 
 
 def _mentioned(parts: tuple[Need, ...]) -> Need:
-    """No requirement, with what is named in it."""
+    """No requirement, but with the leaves of these parts for `mentions`."""
     named = tuple(part for part in parts if part != NOTHING)
     return AtLeast(0, named) if named else NOTHING
 
 
-# -- the reading ----------------------------------------------------------------------------------------------------
+# -- the semantics --------------------------------------------------------------------------------------------------
 
 
 class _Needs:
@@ -246,33 +248,33 @@ class _Needs:
         return lambda names, on: _field(base(names, on), node.name)
 
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
-        made = _applied(node, operands)
+        need_of = _applied(node, operands)
 
-        def counted(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
-            return NOTHING if on.exhausted() else made(names, on)
+        def need_within_limit(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
+            return NOTHING if on.exhausted() else need_of(names, on)
 
-        return counted
+        return need_within_limit
 
     def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
-        def each(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
+        def need_of_domain(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
             if on.exhausted():
                 return NOTHING
             if isinstance(node, ex.Quantified):
                 return _quantified(node, body, names, on)
             return _aggregated(node, body, names, on)
 
-        return each
+        return need_of_domain
 
 
-_READING = _Needs()
+_SEMANTICS = _Needs()
 
 
 def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
     match node:
         case ex.Binary(operator="and"):
-            return lambda names, on: _all(tuple(as_need(one(names, on)) for one in operands))
+            return lambda names, on: _all(tuple(as_need(operand(names, on)) for operand in operands))
         case ex.Binary(operator="or"):
-            return lambda names, on: _any(tuple(as_need(one(names, on)) for one in operands))
+            return lambda names, on: _any(tuple(as_need(operand(names, on)) for operand in operands))
         case ex.Unary(operator="not"):
             return lambda names, on: _never(node, on) or _mentioned((as_need(operands[0](names, on)),))
         case ex.Binary(operator="in" | "==" | "!=" | "<" | "<=" | ">" | ">=" as symbol):
@@ -281,15 +283,15 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         case ex.Index(base=ex.Ref(name=group)):
             return lambda names, on: _picked(group, operands[1](names, on), on)
         case ex.Call(rule=True):
-            return lambda names, on: _ruled(node, [one(names, on) for one in operands], on)
+            return lambda names, on: _ruled(node, [operand(names, on) for operand in operands], on)
         case ex.Call(function=name) if name in _CALLS:
-            return lambda names, on: _CALLS[name](on, *[one(names, on) for one in operands])
-    return lambda names, on: _computed(node, [one(names, on) for one in operands], on)
+            return lambda names, on: _CALLS[name](on, *[operand(names, on) for operand in operands])
+    return lambda names, on: _computed(node, [operand(names, on) for operand in operands], on)
 
 
-def _sole(members: tuple[Body, ...], name: str) -> Value:
-    """A group's name means its one member; a name of no group stands for itself."""
-    return members[0] if len(members) == 1 else None if members else name
+def _sole(bodies: tuple[Body, ...], name: str) -> Value:
+    """The one member of a group; a name of no group stands for itself."""
+    return bodies[0] if len(bodies) == 1 else None if bodies else name
 
 
 def _picked(group: str, index: Value, on: ConditionNeeds) -> Body | None:
@@ -304,7 +306,7 @@ def _field(base: Value, name: str) -> Value:
             return _Position(base)
         case Body(entity=entity):
             return _Amount(base, name) if entity.state_of(name) is not None else base.bounds(name)
-        case _Seen():
+        case _PictureValue():
             return base
         case Place() | Area() | Interval():
             try:
@@ -315,15 +317,17 @@ def _field(base: Value, name: str) -> Value:
 
 
 def _computed(node: Composite, values: list[Value], on: ConditionNeeds) -> Value:
-    seen = next((value for value in values if isinstance(value, _Seen)), None)
-    if seen is not None:
-        return seen
-    done = operation(node)
-    if done is None or done.running:
+    picture_value = next((value for value in values if isinstance(value, _PictureValue)), None)
+    if picture_value is not None:
+        return picture_value
+    operation_entry = operation(node)
+    if operation_entry is None or operation_entry.running:
         return None
-    if done.bounds is not None and all(isinstance(known(value), Bounds) or value is None for value in values):
-        return done.bounds(*[_bounds(value) for value in values])
-    return exact(done.value, on.outline.scope, values)
+    if operation_entry.bounds is not None and all(
+        isinstance(known(value), Bounds) or value is None for value in values
+    ):
+        return operation_entry.bounds(*[_bounds(value) for value in values])
+    return exact(operation_entry.value, on.outline.scope, values)
 
 
 def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: ConditionNeeds) -> Need:
@@ -345,21 +349,21 @@ def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], o
     parts = tuple(body({**names, node.variable: member}, on) for member in on.members(node.domain))
     if node.function == "count":
         return _Count(tuple(as_need(part) for part in parts), node.domain)
-    return _Least(parts) if node.function == "min" and parts else None
+    return _Minimum(parts) if node.function == "min" and parts else None
 
 
 def _about(node: ex.Quantified, names: Mapping[str, Value], on: ConditionNeeds) -> tuple[str, bool]:
-    """The one entity that a report of a matching rule is about."""
+    """The entity that a report of a matching rule is about, and True; ("", False) if it is not exactly one entity."""
     call = node.body
     if not isinstance(call, ex.Call) or not call.rule or not _matching(call.function, on):
         return "", False
     values = (on.meanings.of(argument)({**names, node.variable: None}, on) for argument in call.arguments)
-    found = [body.id for value in values if (body := _body(value)) is not None]
-    return (found[0], True) if len(found) == 1 else ("", False)
+    ids = [body.id for value in values if (body := _body(value)) is not None]
+    return (ids[0], True) if len(ids) == 1 else ("", False)
 
 
 def _matching(name: str, on: ConditionNeeds) -> bool:
-    """Whether the rule is matched one to one, or needs one that is, on the same two parameters."""
+    """True if the rule is matched one to one, or requires a rule that is, on the same two parameters."""
     rule = on.rules.get(name)
     if rule is None or len(rule.parameters) != 2:
         return False
@@ -367,8 +371,8 @@ def _matching(name: str, on: ConditionNeeds) -> bool:
         return True
     both = {parameter.name for parameter in rule.parameters}
     calls = [part for part in ex.conjuncts(rule.condition) if isinstance(part, ex.Call) and part.rule]
-    inner = [one for one in calls if {a.name for a in one.arguments if isinstance(a, ex.Ref)} == both]
-    return any(on.rules[one.function].matching for one in inner if one.function in on.rules)
+    inner = [call for call in calls if {a.name for a in call.arguments if isinstance(a, ex.Ref)} == both]
+    return any(on.rules[call.function].matching for call in inner if call.function in on.rules)
 
 
 def _ruled(call: ex.Call, values: list[Value], on: ConditionNeeds) -> Need:
@@ -381,42 +385,46 @@ def _ruled(call: ex.Call, values: list[Value], on: ConditionNeeds) -> Need:
 
 def _truth(on: ConditionNeeds, entity: Value, frame: Value = None) -> Value:
     body = _body(entity)
-    return None if body is None else _Seen(body)
+    return None if body is None else _PictureValue(body)
 
 
 def _assigned(on: ConditionNeeds, asset: Value, target: Value) -> Value:
-    one, other = _body(asset), _body(target)
-    return Handover(one, other, on.at) if one and other else NOTHING
+    asset_body, target_body = _body(asset), _body(target)
+    return Handover(asset_body, target_body, on.at) if asset_body and target_body else NOTHING
 
 
 def _emitted(on: ConditionNeeds, name: Value, target: Value = None) -> Need:
-    """An interaction was performed: someone able to came near enough, and it was unlocked."""
+    """An interaction was performed: an actor came near enough, and the interaction was unlocked."""
     body = _body(target)
-    done = Performed(str(name), body, on.at)
+    performed = Performed(str(name), body, on.at)
     if body is None or body.entity.engine != "city":
-        return done
-    visits = [_visit(one, body, on) for one in body.entity.interactions if one.name == name]
-    return _all((done, *visits, *(() if on.whole_groups else (_unlocked(str(name), body, on),))))
+        return performed
+    visits = [_visit(spec, body, on) for spec in body.entity.interactions if spec.name == name]
+    return _all((performed, *visits, *(() if on.whole_groups else (_unlocked(str(name), body, on),))))
 
 
-def _visit(one: InteractionSpec, target: Body, on: ConditionNeeds) -> Need:
-    movers = on.outline.actors(one)
+def _visit(spec: InteractionSpec, target: Body, on: ConditionNeeds) -> Need:
+    movers = on.outline.actors(spec)
     if not movers:
-        what = f"`{one.name}` of `{target.id}` takes an asset of the engine or role `{one.by}`"
-        return Impossible(f"{what}, and there is none", on.at)
-    return VisitNeed(movers, target, one.within_m, on.at)
+        action = f"`{spec.name}` of `{target.id}` takes an asset of the engine or role `{spec.by}`"
+        return Impossible(f"{action}, and there is none", on.at)
+    return VisitNeed(movers, target, spec.within_m, on.at)
 
 
 def _unlocked(name: str, target: Body, on: ConditionNeeds) -> Need:
     unlocks = on.unlocks.get(name, ())
-    rules = [one for one in unlocks if len(one.parameters) == 1 and one.parameters[0].domain == target.entity.group]
-    if len(rules) != 1 or len(unlocks) != 1:
+    matching = [
+        unlock
+        for unlock in unlocks
+        if len(unlock.parameters) == 1 and unlock.parameters[0].domain == target.entity.group
+    ]
+    if len(matching) != 1 or len(unlocks) != 1:
         return NOTHING
-    return on.inside(f"unlock/{name}", rules[0].condition, {rules[0].parameters[0].name: target})
+    return on.inside(f"unlock/{name}", matching[0].condition, {matching[0].parameters[0].name: target})
 
 
-def _distance(on: ConditionNeeds, one: Value, other: Value) -> Value:
-    return _Distance(one, other)
+def _distance(on: ConditionNeeds, first: Value, second: Value) -> Value:
+    return _Distance(first, second)
 
 
 _CALLS: Mapping[str, Callable[..., Value]] = {
@@ -426,20 +434,21 @@ _CALLS: Mapping[str, Callable[..., Value]] = {
     "distance": _distance,
     "distance_xy": _distance,
 }
-"""What is not computed but has to be brought about."""
+"""Functions that agents make true by acting, in contrast to computed ones."""
 
-_TURNED = (">", ">=")
+_REVERSED = (">", ">=")
+"""Comparisons that are evaluated with exchanged operands."""
 
 
 def _compared(symbol: str, left: Value, right: Value, on: ConditionNeeds) -> Need:
-    seen = tuple(PictureNeed(value.body, on.at) for value in (left, right) if isinstance(value, _Seen))
-    if seen:
-        return _all(seen)
+    pictures = tuple(PictureNeed(value.body, on.at) for value in (left, right) if isinstance(value, _PictureValue))
+    if pictures:
+        return _all(pictures)
     if symbol == "in":
         return _inside(left, right, on)
     if symbol == "!=":
         return NOTHING
-    if symbol in _TURNED:
+    if symbol in _REVERSED:
         left, right = right, left
     if symbol == "==":
         return _all((_at_most(left, right, on), _at_most(right, left, on)))
@@ -447,7 +456,7 @@ def _compared(symbol: str, left: Value, right: Value, on: ConditionNeeds) -> Nee
 
 
 def _never(node: Composite, on: ConditionNeeds) -> Need | None:
-    """That a condition is false by what is declared alone, if it is."""
+    """An impossible need if the condition is false for all declared values, else None."""
     if on.whole_groups or truth(node, {}, on.declared) is not False:
         return None
     from lingjing.mission.expression_text import spell  # only a faulty mission needs it
@@ -462,11 +471,12 @@ def _inside(item: Value, whole: Value, on: ConditionNeeds) -> Need:
 
 
 def _at_most(left: Value, right: Value, on: ConditionNeeds) -> Need:
-    """`left <= right`: a distance that must become small, a lack that must be filled, a number of things."""
+    """The need of `left <= right`: a distance that must become small, an amount that must be supplied, a count of
+    needs."""
     match left, right:
-        case _Distance(one=one, other=other), _:
-            return _near(one, other, _bounds(right).high, on)
-        case _Least(parts=parts), _:
+        case _Distance(first=first, second=second), _:
+            return _near(first, second, _bounds(right).high, on)
+        case _Minimum(parts=parts), _:
             return _any(tuple(_at_most(part, right, on) for part in parts))
         case _Amount(), _:
             return _filled(left, _bounds(right).high, on)
@@ -477,14 +487,15 @@ def _at_most(left: Value, right: Value, on: ConditionNeeds) -> Need:
     return NOTHING
 
 
-def _near(one: Value, other: Value, radius: float, on: ConditionNeeds) -> Need:
-    first, second = _body(one), _body(other)
+def _near(first: Value, second: Value, radius: float, on: ConditionNeeds) -> Need:
+    first_body, second_body = _body(first), _body(second)
     if radius == math.inf:
         return NOTHING
-    if first is not None and second is not None:
-        mover, goal = (second, first) if first.entity.role == "target" else (first, second)
+    if first_body is not None and second_body is not None:
+        swapped = first_body.entity.role == "target"
+        mover, goal = (second_body, first_body) if swapped else (first_body, second_body)
         return VisitNeed((mover,), goal, radius, on.at)
-    body, place = (first, other) if first is not None else (second, one)
+    body, place = (first_body, second) if first_body is not None else (second_body, first)
     if body is None or not isinstance(place, Place):
         return NOTHING
     return VisitNeed((body,), point(place.east, place.north), radius, on.at)
@@ -502,5 +513,5 @@ def _counted(count: _Count, least: float, on: ConditionNeeds) -> Need:
         return _mentioned(count.parts)
     number = max(0, math.ceil(least - 1e-9))
     if number > len(count.parts):
-        return Impossible(f"{number} of `{count.of}` are asked for, there are {len(count.parts)}", on.at)
+        return Impossible(f"{number} of `{count.of}` are required, and there are {len(count.parts)}", on.at)
     return AtLeast(number, count.parts)

@@ -1,4 +1,4 @@
-"""Counted budgets: fewer messages or commands than any way to success needs; fewer ticks than its steps take."""
+"""Counted budgets: limits of messages and commands below the minimum of every successful episode, and too few ticks."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from lingjing.mission.instance import LimitSpec, VerbSpec
 from lingjing.mission.kinds import engine_kind
 
 SWING_M = 2.0
-"""So far a command carries its vehicle beyond its length times the engine's overshoot, and a turn may swing it."""
+"""Metres added to the displacement of a command for the vehicle's turn (chosen). The engine's overshoot comes
+on top."""
 
 
 def refute_ticks(need: Need, limit: TimeLimit, outline: Outline, at: str) -> Proof | None:
-    """Too few ticks for a picture to be asked for, seen and reported."""
+    """A proof that there are too few ticks to request a picture, receive it and report it; None if there are enough."""
     least = _ticks(need, 1 if takes_pictures_by_itself(outline) else 2)
     if not exceeds(least, limit.ticks):
         return None
     return Proof(
         "LJ0602",
         at,
-        f"no schedule fits: to ask for a picture, to see it and to report it takes at least {least} ticks, "
+        f"no schedule fits: to request a picture, to receive it and to report it takes at least {least} ticks, "
         f"{limit.words}",
         "raise the budget",
         ((limit.at, "the budget"),),
@@ -35,13 +36,13 @@ def refute_ticks(need: Need, limit: TimeLimit, outline: Outline, at: str) -> Pro
 
 
 def refute_counts(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
-    """Counted budgets of the episode, and its budget of messages, below what is needed."""
+    """Proofs that a counted budget of the episode, or its budget of messages, is below the needed number."""
     reports = _reports(leaves)
-    found = [_messages(counted, reports) for counted in outline.instance.limits if not counted.stage]
-    found += [_commands(counted, leaves, limit, outline) for counted in outline.instance.limits if not counted.stage]
+    proofs = [_messages(counted, reports) for counted in outline.instance.limits if not counted.stage]
+    proofs += [_commands(counted, leaves, limit, outline) for counted in outline.instance.limits if not counted.stage]
     most, needed = outline.instance.budget.messages, sum(reports.values())
     if most is not None and needed > most:
-        found.append(
+        proofs.append(
             Proof(
                 "LJ0610",
                 "budget/messages",
@@ -49,7 +50,7 @@ def refute_counts(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline
                 "raise the budget",
             )
         )
-    return [proof for proof in found if proof]
+    return [proof for proof in proofs if proof]
 
 
 def _ticks(need: Need, picture: int) -> int:
@@ -64,7 +65,7 @@ def _ticks(need: Need, picture: int) -> int:
 
 
 def _reports(leaves: Sequence[NeedLeaf]) -> dict[str, int]:
-    """Messages of each kind that are needed at least: one for each entity where they are matched one to one."""
+    """The minimum number of messages of each kind: one for each entity if they are matched one to one, else one."""
     about: dict[str, set[str]] = {}
     for leaf in leaves:
         if isinstance(leaf, ReportNeed):
@@ -91,7 +92,8 @@ def _spelled(reports: dict[str, int]) -> str:
 
 
 def _commands(counted: LimitSpec, leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> Proof | None:
-    """A way that takes more steps than the limit allows, if every command that moves the vehicle counts."""
+    """A proof that a way takes more commands than the limit allows. It requires that every command that moves the
+    vehicle is counted."""
     for body in outline.bodies.values():
         step = _longest_step(body, counted)
         visits = tuple(leaf for leaf in leaves if isinstance(leaf, VisitNeed) and leaf.movers == (body,))
@@ -112,7 +114,8 @@ def _commands(counted: LimitSpec, leaves: Sequence[NeedLeaf], limit: TimeLimit, 
 
 
 def _longest_step(body: Body, counted: LimitSpec) -> float:
-    """How far one counted command takes the vehicle, metres; infinity if that is not bounded or not all count."""
+    """The longest displacement of one counted command, metres; infinity if it has no bound or not all commands are
+    counted."""
     names = {item.name for item in counted.counts if item.kind == "command" and item.resource == body.id}
     moving = [verb for verb in body.entity.verbs if verb.name not in IDLE_VERBS]
     overshoot = engine_kind(body.entity.engine).overshoot
@@ -124,7 +127,7 @@ def _longest_step(body: Body, counted: LimitSpec) -> float:
 
 
 def _step(verb: VerbSpec, overshoot: float) -> float:
-    """A verb's longest displacement: by its one bounded length; none if it only turns."""
+    """The longest displacement of a verb, from its one bounded length; the swing alone if it only turns."""
     if verb.motion == "turn":
         return SWING_M
     length = verb.arguments[0] if len(verb.arguments) == 1 and verb.arguments[0].unit == "m" else None

@@ -1,4 +1,4 @@
-"""`TimeLimit`: the time that a condition has, in mission time and in words."""
+"""`TimeLimit`: the time available for a condition, in ticks, seconds and words."""
 
 from __future__ import annotations
 
@@ -9,21 +9,24 @@ from lingjing.mission.feasibility.proof import spelled
 
 
 class TimeLimit(msgspec.Struct, frozen=True):
-    """Ticks and the seconds they last; `at` is the path of the budget."""
+    """A budget of ticks."""
 
     ticks: float
     seconds: float
+    """The duration of these ticks in simulated seconds."""
     at: str
+    """The path of the budget."""
     words: str
+    """The budget in words, for messages."""
 
 
 def episode(outline: Outline) -> TimeLimit:
-    """The whole episode's."""
+    """The limit of the whole episode."""
     return _limit(outline, outline.ticks, "budget/ticks", "the budget")
 
 
 def of_stage(outline: Outline, name: str, ticks: float) -> TimeLimit:
-    """A stage's own, if that is shorter."""
+    """The limit of a stage, or that of the episode if it is shorter."""
     whole = episode(outline)
     return _limit(outline, ticks, f"stage/{name}", f"the budget of stage `{name}`") if ticks < whole.ticks else whole
 

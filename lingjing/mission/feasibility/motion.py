@@ -1,9 +1,9 @@
-"""How fast an entity can be at most, and how long it can fly: the ceilings that every bound on time rests on.
+"""Upper bounds of an entity's speed and flight time, on which every bound of time depends.
 
-A ceiling is the declared top speed plus what wind, current and a controller's overshoot may add; the allowances are
-generous on purpose, because a proof must hold whatever the engine does. An engine whose kind declares none
-(`lingjing.mission.kinds_format.EngineKind`), or an entity that declares no speed, has no ceiling: nothing is ever
-proved about its travel.
+The bound is the declared top speed plus allowances for wind, current and a controller's overshoot. The allowances are
+generous on purpose, because a proof must hold for every engine. An engine without declared allowances
+(`lingjing.mission.kinds_format.EngineKind`) and an entity without a declared speed have no bound, so that nothing is
+proved about their travel.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lingjing.mission.kinds import engine_kind
 from lingjing.mission.vocabulary import PHOTO, STOP
 
 IDLE_VERBS = frozenset((STOP, PHOTO))
-"""Commands that take nobody anywhere."""
+"""Commands that do not move the asset."""
 
 _DRIFT = "drift_mps"
 
@@ -31,7 +31,7 @@ class Air(msgspec.Struct, frozen=True):
 
 
 def bounds(entity: Entity, drawn: dict[str, Bounds], name: str) -> Bounds:
-    """Between which bounds a property lies when the mission begins."""
+    """The bounds of a property at the start. `drawn` has the bounds of properties that are drawn."""
     if name in drawn:
         return drawn[name]
     value = entity.properties.get(name)
@@ -41,9 +41,9 @@ def bounds(entity: Entity, drawn: dict[str, Bounds], name: str) -> Bounds:
 
 
 def ceiling(entity: Entity, drawn: dict[str, Bounds], air: Air, *, driven: bool) -> float:
-    """The speed over ground that the entity can reach, m/s; infinity if that is not known.
+    """An upper bound of the entity's speed over ground, m/s; infinity if none is known.
 
-    `driven` says whether some agent may command it to move.
+    `driven` is True if some agent may command it to move.
     """
     kind = engine_kind(entity.engine)
     if kind.drift_factor is not None:
@@ -66,5 +66,5 @@ def flight_s(entity: Entity, drawn: dict[str, Bounds]) -> float:
 
 
 def drives(entity: Entity) -> bool:
-    """Whether the entity has a command that moves it."""
+    """True if the entity has a command that moves it."""
     return any(verb.name not in IDLE_VERBS for verb in entity.verbs)

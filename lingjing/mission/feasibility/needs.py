@@ -1,4 +1,4 @@
-"""What must have happened for a condition to be true: the tree of `Need`s that `condition_needs` makes of it."""
+"""The tree of `Need`s of a condition: events that must have happened for it to be true. `condition_needs` builds it."""
 
 from __future__ import annotations
 
@@ -17,26 +17,29 @@ class VisitNeed(msgspec.Struct, frozen=True):
     goal: Body | PossiblePlaces
     radius_m: float
     at: str
+    """Here and in the other needs: the path of the declaration that has the need."""
 
 
 class ReportNeed(msgspec.Struct, frozen=True):
-    """A message of a kind must be sent; a `matching` one is about exactly one entity."""
+    """A message of a kind must be sent."""
 
     kind: str
     at: str
     about: str = ""
+    """Id of the entity that a `matching` report is about; "" if unknown."""
     matching: bool = False
+    """True if each report counts for exactly one entity."""
 
 
 class PictureNeed(msgspec.Struct, frozen=True):
-    """A picture must be taken in which the entity covers pixels."""
+    """A picture in which the entity covers pixels must be taken."""
 
     target: Body
     at: str
 
 
 class Handover(msgspec.Struct, frozen=True):
-    """A destination for the asset that means the target must be given, by command or by message."""
+    """The asset must be assigned to the target, by a command or by a message."""
 
     asset: Body
     target: Body
@@ -44,33 +47,36 @@ class Handover(msgspec.Struct, frozen=True):
 
 
 class Supply(msgspec.Struct, frozen=True):
-    """A stock that the target lacks must be brought: `amount` of its property `name` is missing at least, `most` may be
-    left."""
+    """Goods that the target lacks must be brought."""
 
     target: Body
     name: str
+    """Name of the target's property that measures the lack."""
     amount: float
+    """Least amount to bring, in the property's unit."""
     at: str
     most: float = 0.0
+    """Amount of the lack that may remain."""
 
 
 class Performed(msgspec.Struct, frozen=True):
-    """An interaction must be performed, on the target if it is known which."""
+    """An interaction must be performed."""
 
     interaction: str
     target: Body | None
+    """Its target; None if unknown."""
     at: str
 
 
 class Impossible(msgspec.Struct, frozen=True):
-    """What cannot happen."""
+    """A need that cannot be met."""
 
     message: str
     at: str
 
 
 class AtLeast(msgspec.Struct, frozen=True):
-    """At least `least` of the parts: all of them, one of them, some number in between; 0 asks for nothing."""
+    """At least `least` of the parts must be met; 0 for no requirement."""
 
     least: int
     parts: tuple[Need, ...]
@@ -80,11 +86,11 @@ NeedLeaf = VisitNeed | ReportNeed | PictureNeed | Handover | Supply | Performed 
 Need = NeedLeaf | AtLeast
 
 NOTHING = AtLeast(0, ())
-"""No requirement, or none that is understood."""
+"""No requirement, or none that this package models."""
 
 
 def mandatory(need: Need) -> list[NeedLeaf]:
-    """The leaves that every way of meeting the need goes through."""
+    """The leaves that every way to meet the need includes."""
     if not isinstance(need, AtLeast):
         return [need]
     if need.least < len(need.parts):

@@ -1,7 +1,7 @@
-"""`Outline`: an instance with everything that depends on the seed widened to all that it can be.
+"""`Outline`: an instance in which every value that depends on the seed is widened to its possible values.
 
-`of_instance` widens nothing: what is proved of it holds for that instance. `of_mission` puts the default settings in
-and leaves every draw open: what is proved of it holds for every seed. All checks read an outline and nothing else.
+`of_instance` widens nothing: a proof holds for that instance. `of_mission` uses the default settings and leaves every
+draw open: a proof holds for every seed. Checks read only outlines.
 """
 
 from __future__ import annotations
@@ -19,27 +19,31 @@ from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.intervals import Bounds
 
 ENTITIES_MOST = 150
-"""A mission with more entities, or agents, is not looked at: compiling it must stay fast."""
+"""A mission with more entities or agents is not checked, because compilation must stay fast (chosen)."""
 
 MOVED_M = {"ground": GROUND_REACH_M} | dict.fromkeys(("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0)
-"""How far at most the scene moves what is declared `on` a surface: only the built city knows where that is."""
+"""The largest distance, metres, by which the scene moves an entity declared `on` a surface: only the built city has the
+surface's position."""
 
 
 class Body(msgspec.Struct, frozen=True):
-    """An entity with what it can do at most: places, speed over ground (m/s), seconds of flight on one battery.
-
-    `drawn` bounds the properties that are drawn.
-    `aboard` names the entities that may carry it away, from no farther than `aboard_m`.
-    """
+    """An entity with bounds of what it can do."""
 
     entity: Entity
     where: PossiblePlaces
+    """Its possible start positions."""
     drawn: dict[str, Bounds]
+    """Bounds of its properties that are drawn."""
     speed_mps: float
+    """Upper bound of its speed over ground, m/s."""
     flight_s: float
+    """Upper bound of its flight time on one battery, seconds."""
     driven: bool
+    """True if some agent may command it to move."""
     aboard: frozenset[str] = frozenset()
+    """Ids of the entities that may carry it away."""
     aboard_m: float = 0.0
+    """The largest distance from which it can be taken aboard, metres."""
 
     @property
     def id(self) -> str:
@@ -52,23 +56,22 @@ class Body(msgspec.Struct, frozen=True):
         return f"{self.entity.role}/{self.entity.group}"
 
     def bounds(self, name: str) -> Bounds:
-        """Between which bounds a property lies when the mission begins."""
+        """The bounds of a property at the start."""
         return bounds(self.entity, self.drawn, name)
 
 
 class Outline(msgspec.Struct, frozen=True):
-    """What the checks read.
-
-    `groups` holds the members of every group that exists in this mode, `kinds` the message kinds that are known,
-    closed ones included, `drawn_sites` the groups whose places are drawn: name, members, where.
-    """
+    """The input of the checks."""
 
     instance: Instance
     scope: Scope
     bodies: dict[str, Body]
     groups: dict[str, tuple[Body, ...]]
+    """The members of every group that exists in this mode."""
     kinds: frozenset[str]
+    """The declared message kinds, including those without a sender in this mode."""
     drawn_sites: tuple[tuple[str, int, PossiblePlaces], ...] = ()
+    """(name, number of members, region) of each group with drawn places."""
 
     @property
     def ticks(self) -> int:
@@ -85,14 +88,15 @@ class Outline(msgspec.Struct, frozen=True):
 
 
 def of_instance(instance: Instance) -> Outline:
-    """The outline of one instance, exact."""
+    """The exact outline of one instance."""
     weathers = (instance.weather, *(event.weather for event in instance.events if event.weather is not None))
-    air = Air(max(w.wind_mps for w in weathers), max(w.current_mps for w in weathers))
+    air = Air(max(weather.wind_mps for weather in weathers), max(weather.current_mps for weather in weathers))
     return _outline(instance, _scope(instance), air, {}, frozenset(message.kind for message in instance.messages))
 
 
 def of_mission(mission: model.Mission, mode: str) -> Outline:
-    """The outline of a mission at its default settings, for every seed. `MissionError` if it cannot be evaluated."""
+    """The outline of a mission at its default settings, for every seed. Raises `MissionError` if it cannot be
+    evaluated."""
     instance = instantiate(_without_draws(mission), mode=mode)
     scope = _scope(instance, _open_regions(mission))
     opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
@@ -100,7 +104,8 @@ def of_mission(mission: model.Mission, mode: str) -> Outline:
 
 
 def too_large(mission: model.Mission, mode: str) -> bool:
-    """Whether the mission has more entities or agents than are looked at. `MissionError` if they cannot be counted."""
+    """True if the mission has more entities or agents than are checked. Raises `MissionError` if they cannot be
+    counted."""
     if max(len(mission.groups), len(mission.agents)) > ENTITIES_MOST:
         return True
     scope = Scope(parameters=parameters(mission, mode, {}), mode=mode)
@@ -110,7 +115,7 @@ def too_large(mission: model.Mission, mode: str) -> bool:
 
 
 _Opened = tuple[PossiblePlaces | None, dict[str, Bounds]]
-"""Of a group: where its members are drawn, and the bounds of its drawn numbers."""
+"""For a group: the possible places of its members if they are drawn, and the bounds of its drawn numbers."""
 
 
 def _outline(instance: Instance, scope: Scope, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
@@ -119,7 +124,7 @@ def _outline(instance: Instance, scope: Scope, air: Air, opened: dict[str, _Open
     groups: dict[str, list[Body]] = {}
     for body in bodies.values():
         groups.setdefault(body.entity.group, []).append(body)
-    whole = {name: tuple(found) for name, found in groups.items()}
+    whole = {name: tuple(bodies_of_group) for name, bodies_of_group in groups.items()}
     sites = tuple((name, len(whole.get(name, ())), where) for name, (where, _) in opened.items() if where)
     return Outline(instance, scope, bodies, whole, kinds, sites)
 
@@ -128,7 +133,7 @@ def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str]
     where, drawn = opened.get(entity.group, (None, {}))
     place = point(entity.position[0], entity.position[1]) if where is None else where
     moves = entity.id in driven and drives(entity)
-    carrying = [one for one in entity.interactions if one.aboard]
+    carrying = [interaction for interaction in entity.interactions if interaction.aboard]
     return Body(
         entity=entity,
         where=msgspec.structs.replace(place, loose_m=MOVED_M.get(str(entity.properties.get("on")), 0.0)),
@@ -136,37 +141,41 @@ def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str]
         speed_mps=ceiling(entity, drawn, air, driven=moves),
         flight_s=flight_s(entity, drawn),
         driven=moves,
-        aboard=frozenset(actor.id for one in carrying for actor in instance.actors(one)),
-        aboard_m=max((one.within_m for one in carrying), default=0.0),
+        aboard=frozenset(actor.id for interaction in carrying for actor in instance.actors(interaction)),
+        aboard_m=max((interaction.within_m for interaction in carrying), default=0.0),
     )
 
 
 def _scope(instance: Instance, unknown: frozenset[str] = frozenset()) -> Scope:
-    """What static expressions may refer to; regions that are not known yet are left out."""
+    """The scope of static expressions; regions that are not known yet are left out."""
     ids: dict[str, list[str]] = {}
     for entity in instance.entities:
         ids.setdefault(entity.group, []).append(entity.id)
     return Scope(
         parameters=instance.settings,
         mode=instance.mode,
-        areas={r.name: Area(r.polygon) for r in instance.regions if r.polygon and r.name not in unknown},
-        members={name: tuple(found) for name, found in ids.items()},
+        areas={
+            region.name: Area(region.polygon)
+            for region in instance.regions
+            if region.polygon and region.name not in unknown
+        },
+        members={name: tuple(members) for name, members in ids.items()},
         tick_s=instance.clock.tick_s,
     )
 
 
 def _open_regions(mission: model.Mission) -> frozenset[str]:
-    """Regions around entities whose places are drawn or found by the scene, directly or through other regions."""
+    """Regions around entities with places that are drawn or found by the scene, directly or through other regions."""
     loose = {
         group.name
         for group in mission.groups
         if any(p.name == "on" or (p.name == "position" and isinstance(p.value, ex.Draw)) for p in group.properties)
     }
-    found: set[str] = set()
+    open_names: set[str] = set()
     for region in mission.regions:
-        if any(isinstance(leaf, ex.Ref) and leaf.name in loose | found for leaf in ex.leaves(region.shape)):
-            found.add(region.name)
-    return frozenset(found)
+        if any(isinstance(leaf, ex.Ref) and leaf.name in loose | open_names for leaf in ex.leaves(region.shape)):
+            open_names.add(region.name)
+    return frozenset(open_names)
 
 
 def _is_there(group: str, instance: Instance) -> bool:
@@ -189,13 +198,13 @@ def _opened(group: model.Group, scope: Scope) -> _Opened:
 def _air(mission: model.Mission, scope: Scope) -> Air:
     weathers = [mission.weather, *(change.weather for event in mission.events for change in event.changes)]
     wind, current = (
-        max((_most(prop, scope) for weather in weathers for prop in weather if prop.name == name), default=0.0)
+        max((_upper_bound(prop, scope) for weather in weathers for prop in weather if prop.name == name), default=0.0)
         for name in ("wind_mps", "current_mps")
     )
     return Air(wind, current)
 
 
-def _most(prop: model.Property, scope: Scope) -> float:
+def _upper_bound(prop: model.Property, scope: Scope) -> float:
     return numbers(prop.value, scope)[1] if isinstance(prop.value, ex.Draw) else number(prop.value, scope)
 
 
@@ -206,17 +215,18 @@ _ZERO = ex.Number(0.0)
 
 
 def _without_draws(mission: model.Mission) -> model.Mission:
-    """The same mission with a stand-in for every draw: instantiating it throws no darts and cannot fail by chance."""
+    """The same mission with a constant in place of every draw: to instantiate it needs no random numbers and cannot
+    fail by chance."""
     return msgspec.structs.replace(
         mission,
-        groups=tuple(msgspec.structs.replace(g, properties=_settled(g.properties)) for g in mission.groups),
-        weather=_settled(mission.weather),
-        scene=msgspec.structs.replace(mission.scene, options=_settled(mission.scene.options)),
-        events=tuple(_settled_event(event) for event in mission.events),
+        groups=tuple(msgspec.structs.replace(g, properties=_constant_properties(g.properties)) for g in mission.groups),
+        weather=_constant_properties(mission.weather),
+        scene=msgspec.structs.replace(mission.scene, options=_constant_properties(mission.scene.options)),
+        events=tuple(_constant_event(event) for event in mission.events),
     )
 
 
-def _settled(properties: tuple[model.Property, ...]) -> tuple[model.Property, ...]:
+def _constant_properties(properties: tuple[model.Property, ...]) -> tuple[model.Property, ...]:
     return tuple(
         msgspec.structs.replace(prop, value=_ORIGIN if prop.name == "position" else _ZERO, relation="=")
         if isinstance(prop.value, ex.Draw)
@@ -225,7 +235,7 @@ def _settled(properties: tuple[model.Property, ...]) -> tuple[model.Property, ..
     )
 
 
-def _settled_event(event: model.EventDeclaration) -> model.EventDeclaration:
-    changes = tuple(msgspec.structs.replace(c, weather=_settled(c.weather)) for c in event.changes)
+def _constant_event(event: model.EventDeclaration) -> model.EventDeclaration:
+    changes = tuple(msgspec.structs.replace(c, weather=_constant_properties(c.weather)) for c in event.changes)
     at = _ZERO if isinstance(event.at, ex.Draw) else event.at
     return msgspec.structs.replace(event, at=at, changes=changes)

@@ -1,9 +1,9 @@
-"""Payload: what must be brought does not fit into all the trips that there is time for.
+"""Payload: the required goods exceed the stock, or exceed the capacity of all trips within the available time.
 
-A target lacks a state (`demand`) that its interactions take out of a state of the actor (`load`), the goods. What an
-actor holds of them is the limit up to which interactions give them (`payload`), what there is of them the states that
-these give from. An order of 250 kg that does not fit into a vehicle of 200 kg is split among loads: it is infeasible
-only if all vehicles together cannot make the trips.
+A target has a state that measures its demand (`demand`). Its interactions take goods out of a state of the actor
+(`load`). An actor holds at most the limit up to which interactions load it (`payload`). The stock is the state that
+these interactions load from. An order of 250 kg that does not fit into a vehicle of 200 kg is split into several loads:
+it is infeasible only if all vehicles together cannot make the trips.
 """
 
 from __future__ import annotations
@@ -21,20 +21,23 @@ from lingjing.mission.instance import InteractionSpec
 from lingjing.mission.units import field_named
 
 _TRIPS_MOST = 1e6
+"""Trips of a vehicle without a known minimum distance (chosen): more than any mission needs."""
 
 
 class _Goods(NamedTuple):
-    """One kind of goods: who needs it, who carries it and how much of it at most at once, who gives it."""
+    """One kind of goods with its demand, carriers and stores."""
 
     name: str
     unit: str
     supplies: list[Supply]
     carriers: dict[str, float]
+    """Id of a carrier → the largest amount that it holds at once."""
     stores: list[tuple[Body, InteractionSpec]]
+    """The bodies with an interaction that loads these goods."""
 
 
 def refute_supplies(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
-    """Why the supplies that are all needed cannot be brought within the limit, if that is so."""
+    """Proofs that mandatory supplies cannot be brought within the limit."""
     supplies = list({leaf.target.id: leaf for leaf in leaves if isinstance(leaf, Supply)}.values())
     proofs = []
     for goods in _kinds(supplies, outline):
@@ -43,17 +46,17 @@ def refute_supplies(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outli
 
 
 def _kinds(supplies: list[Supply], outline: Outline) -> Iterator[_Goods]:
-    """The goods that the supplies are, with those of their carriers whose limit is known."""
+    """The kinds of goods of the supplies, with their carriers and stores."""
     named: dict[tuple[str, str], list[Supply]] = {}
     for supply in supplies:
         state = supply.target.entity.state_of(supply.name)
-        lowering = [one for one in supply.target.entity.interactions if state is not None and one.own == state.name]
-        sources = {one.source if one.takes else "" for one in lowering}
-        if state is not None and len(sources) == 1 and all(sources):  # else something lowers it that nobody brings
+        lowering = [spec for spec in supply.target.entity.interactions if state is not None and spec.own == state.name]
+        sources = {spec.source if spec.takes else "" for spec in lowering}
+        if state is not None and len(sources) == 1 and all(sources):  # else the demand also falls without a delivery
             named.setdefault((sources.pop(), state.unit), []).append(supply)
     for (name, unit), wanted in named.items():
-        stores = [(body, one) for body in outline.bodies.values() for one in body.entity.interactions]
-        giving = [(body, one) for body, one in stores if one.gives == name]
+        stores = [(body, spec) for body in outline.bodies.values() for spec in body.entity.interactions]
+        giving = [(body, spec) for body, spec in stores if spec.gives == name]
         carriers = {body.id: _most_held(body, name, giving, outline) for body in _carriers(wanted, name, outline)}
         if carriers and giving:
             yield _Goods(name, unit, wanted, carriers, giving)
@@ -61,46 +64,48 @@ def _kinds(supplies: list[Supply], outline: Outline) -> Iterator[_Goods]:
 
 def _carriers(wanted: list[Supply], name: str, outline: Outline) -> Iterator[Body]:
     """The bodies that have the goods as a state and may hand them over to one of the targets."""
-    able = {actor.id for supply in wanted for one in supply.target.entity.interactions for actor in outline.actors(one)}
+    interactions = [spec for supply in wanted for spec in supply.target.entity.interactions]
+    able = {actor.id for spec in interactions for actor in outline.actors(spec)}
     for body in outline.bodies.values():
-        if body.id in able and any(one.name == name for one in body.entity.state):
+        if body.id in able and any(state.name == name for state in body.entity.state):
             yield body
 
 
 def _most_held(body: Body, name: str, giving: list[tuple[Body, InteractionSpec]], outline: Outline) -> float:
-    """How much of the goods the body can be given until it is full; infinity if nothing bounds that."""
-    limits = [one.up_to for _, one in giving if body in outline.actors(one)]
+    """The largest amount of the goods that the body can hold; infinity if it has no limit."""
+    limits = [spec.up_to for _, spec in giving if body in outline.actors(spec)]
     fields = [field_named(limit, body.entity.properties) if limit else None for limit in limits]
     return max((math.inf if field is None else body.bounds(field)[1] for field in fields), default=0.0)
 
 
 def _initially(body: Body, name: str) -> float:
-    """How much of the goods the body begins with at most."""
-    return sum(max(body.bounds(one.field)[1], 0.0) for one in body.entity.state if one.name == name)
+    """Upper bound of the amount of the goods that the body has at the start."""
+    return sum(max(body.bounds(state.field)[1], 0.0) for state in body.entity.state if state.name == name)
 
 
 def _stock(goods: _Goods, outline: Outline) -> Proof | None:
-    """More demanded than all that gives the goods holds."""
+    """A proof that the demand exceeds all stock."""
     held = {
-        (body.id, one.source): _initially(body, one.source) if one.source and goods.unit else math.inf
-        for body, one in goods.stores
+        (body.id, spec.source): _initially(body, spec.source) if spec.source and goods.unit else math.inf
+        for body, spec in goods.stores
     }
-    there = sum(held.values()) + sum(_initially(outline.bodies[name], goods.name) for name in goods.carriers)
+    stock = sum(held.values()) + sum(_initially(outline.bodies[name], goods.name) for name in goods.carriers)
     wanted = sum(supply.amount for supply in goods.supplies)
-    if math.isinf(there) or not exceeds(wanted, there):
+    if math.isinf(stock) or not exceeds(wanted, stock):
         return None
     return Proof(
         "LJ0604",
         goods.supplies[0].at,
-        f"{len(goods.supplies)} orders ask for {spelled(wanted)} {goods.unit}, the warehouses hold "
-        f"{spelled(there)} {goods.unit}",
+        f"{len(goods.supplies)} orders require {spelled(wanted)} {goods.unit}, and the warehouses hold "
+        f"{spelled(stock)} {goods.unit}",
         "raise the stock or lower the demand",
         tuple((path, "a warehouse") for path in dict.fromkeys(body.path for body, _ in goods.stores)),
     )
 
 
 def _trips(goods: _Goods, limit: TimeLimit, outline: Outline) -> Proof | None:
-    """More than all vehicles can bring if none ever rests: a first load, and another for each way there and back."""
+    """A proof that the demand exceeds the deliveries of all vehicles without pauses: a first load, and another one for
+    each return trip."""
     wanted = sum(supply.amount for supply in goods.supplies)
     way = _shortest_way(goods)
     bodies = {name: outline.bodies[name] for name in goods.carriers}
@@ -116,10 +121,10 @@ def _trips(goods: _Goods, limit: TimeLimit, outline: Outline) -> Proof | None:
     return Proof(
         "LJ0604",
         goods.supplies[0].at,
-        f"{len(goods.supplies)} orders ask for {needed} {goods.unit}, but {len(bodies)} vehicles bring {most_brought} "
+        f"{len(goods.supplies)} orders require {needed} {goods.unit}, but {len(bodies)} vehicles bring {most_brought} "
         f"{goods.unit} at most: "
-        f"{spelled(loads)} loads, with at least {spelled(round(2 * way, 3))} m there and back between two "
-        f"of a vehicle's, {limit.words}",
+        f"{spelled(loads)} loads, with a return trip of at least {spelled(round(2 * way, 3))} m between two loads of "
+        f"a vehicle, {limit.words}",
         "raise the budget, add vehicles or capacity, or lower the demand",
         (
             (limit.at, "the budget"),
@@ -137,7 +142,7 @@ def _loads(body: Body, way: float, limit: TimeLimit) -> float:
 
 
 def _shortest_way(goods: _Goods) -> float:
-    """Metres between being able to load and being able to unload, at least; 0 if it is not known where that is."""
+    """Lower bound of the distance between loading and unloading, metres; 0 if a position is not known."""
     stores = [body for body, _ in goods.stores]
     stops = [supply.target for supply in goods.supplies]
     if any(body.speed_mps > 0 for body in (*stores, *stops)):
@@ -146,5 +151,5 @@ def _shortest_way(goods: _Goods) -> float:
 
 
 def _reach(body: Body) -> float:
-    """From how far it can be loaded or unloaded."""
-    return max(one.within_m for one in body.entity.interactions)
+    """The largest distance for loading or unloading, metres."""
+    return max(spec.within_m for spec in body.entity.interactions)

@@ -7,37 +7,37 @@ from collections.abc import Iterable
 import msgspec
 
 OTHERS_SHOWN = 3
-"""Further members of a group that a message names."""
+"""Further members of a group that a message names (chosen)."""
 
 SLACK = 1e-9
-"""Relative and absolute slack of every comparison: what is needed exactly is feasible."""
+"""Relative and absolute slack of every comparison (chosen): an exactly sufficient amount is feasible."""
 
 
 class Proof(msgspec.Struct, frozen=True):
-    """One thing that is impossible.
-
-    `at` is the path of the declaration at fault: `success`, `rule/rescued`, `stage/detect`, `asset/boat`,
-    `target/victim`, `budget/ticks`, `relation/2` (counted from 0), `unlock/rescue`, `limit/moves`. `related` holds
-    further paths, each with what it has to do with it. `subject` is the entity or message it is about. `partly` says
-    that it holds in some modes of the mission and not in others.
-    """
+    """One requirement that cannot be met."""
 
     code: str
+    """The diagnostic code."""
     at: str
+    """The path of the declaration at fault: `success`, `rule/rescued`, `stage/detect`, `asset/boat`, `target/victim`,
+    `budget/ticks`, `relation/2` (counted from 0), `unlock/rescue`, `limit/moves`."""
     message: str
     hint: str = ""
     related: tuple[tuple[str, str], ...] = ()
+    """Further paths, each with its relation to the proof."""
     subject: str = ""
+    """The entity or message that the proof is about."""
     partly: bool = False
+    """True if it holds in some modes of the mission and not in others."""
 
 
 def gathered(proofs: Iterable[Proof]) -> tuple[Proof, ...]:
-    """One proof for all members of a group of which the same is proved; the first one speaks for them."""
-    found: dict[tuple[str, str], list[Proof]] = {}
+    """One proof for all members of a group with the same proof: that of the first member, which names the others."""
+    alike_proofs: dict[tuple[str, str], list[Proof]] = {}
     for proof in proofs:
         key = (proof.code, proof.subject.partition("[")[0] or f"{proof.at} {proof.message}")
-        found.setdefault(key, []).append(proof)
-    return tuple(_for_all(alike) for alike in found.values())
+        alike_proofs.setdefault(key, []).append(proof)
+    return tuple(_for_all(alike) for alike in alike_proofs.values())
 
 
 def _for_all(alike: list[Proof]) -> Proof:
@@ -47,16 +47,16 @@ def _for_all(alike: list[Proof]) -> Proof:
         return first
     shown = ", ".join(f"`{name}`" for name in others[:OTHERS_SHOWN])
     more = f" and {len(others) - OTHERS_SHOWN} more" if len(others) > OTHERS_SHOWN else ""
-    return msgspec.structs.replace(first, message=f"{first.message}; the like holds for {shown}{more}")
+    return msgspec.structs.replace(first, message=f"{first.message}; the same holds for {shown}{more}")
 
 
 def exceeds(needed: float, available: float) -> bool:
-    """Whether more is needed than there is, beyond the slack."""
+    """True if the needed amount exceeds the available one by more than the slack."""
     return needed > available * (1.0 + SLACK) + SLACK
 
 
 def both(needed: float, available: float) -> tuple[str, str]:
-    """The two amounts with as many decimals as tell them apart, the needed one rounded down."""
+    """The two amounts with as many decimals as needed to differ; the needed one is rounded down."""
     for decimals in range(9):
         scale = 10.0**decimals
         low = int(needed * scale) / scale if needed < 1e12 else needed
@@ -66,6 +66,6 @@ def both(needed: float, available: float) -> tuple[str, str]:
 
 
 def spelled(amount: float) -> str:
-    """A number for people: thousands apart, no idle decimals."""
+    """A number for messages: a comma between thousands, no trailing zeros."""
     text = f"{amount:,.3f}".rstrip("0").rstrip(".")
     return text if text not in ("0", "-0") or amount == 0 else f"{amount:g}"

@@ -1,4 +1,4 @@
-"""Why a need can never be met: the leaves one by one, then what all ways have in common."""
+"""Reasons why a need can never be met: first each leaf alone, then all mandatory leaves together."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.payload import refute_supplies
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.feasibility.seeing import refute_picture
-from lingjing.mission.feasibility.speech import refute_handover, refute_report
 from lingjing.mission.feasibility.tour import refute_tours
 from lingjing.mission.feasibility.travel import refute_visit
+from lingjing.mission.instance import MessageSpec
 
 
 def refute(need: Need, limit: TimeLimit, outline: Outline, at: str) -> list[Proof]:
-    """Every reason found why the need cannot be met within the limit; nothing if none is."""
+    """Every proof that the need cannot be met within the limit; empty if there is none."""
     alone = refute_each(need, limit, outline)
     if alone:
         return alone
@@ -41,11 +41,11 @@ def refute(need: Need, limit: TimeLimit, outline: Outline, at: str) -> list[Proo
 
 
 def refute_each(need: Need, limit: TimeLimit, outline: Outline) -> list[Proof]:
-    """Reasons that lie in single leaves. Of parts of which only some are due, so many must fail that too few are left;
-    then the first that fails stands for all."""
+    """Proofs about single leaves. Of parts of which only some are required, so many must fail that too few remain; then
+    the first failed part stands for all."""
     if not isinstance(need, AtLeast):
-        found = _leaf(need, limit, outline)
-        return [found] if found else []
+        leaf_proof = _leaf(need, limit, outline)
+        return [leaf_proof] if leaf_proof else []
     failed = [proofs for part in need.parts if (proofs := refute_each(part, limit, outline))]
     if len(need.parts) - len(failed) >= need.least:
         return []
@@ -59,12 +59,59 @@ def _leaf(leaf: Need, limit: TimeLimit, outline: Outline) -> Proof | None:
         case VisitNeed():
             return refute_visit(leaf, limit, outline)
         case ReportNeed():
-            return refute_report(leaf, outline)
+            return _refute_report(leaf, outline)
         case PictureNeed():
             return refute_picture(leaf, outline)
         case Handover():
-            return refute_handover(leaf, outline)
+            return _refute_handover(leaf, outline)
         case Impossible(message=message, at=at):
-            return Proof("LJ0612", at, message, "declare what is asked for, or do not ask for it")
+            return Proof("LJ0612", at, message, "declare the missing element, or do not require it")
         case Supply() | Performed() | AtLeast():
             return None
+
+
+# -- messages and assignments: an agent must be able to send them to a recipient
+
+
+def _refute_report(report: ReportNeed, outline: Outline) -> Proof | None:
+    """A proof that no message of the kind can be sent, or None."""
+    spec = next((message for message in outline.instance.messages if message.kind == report.kind), None)
+    if spec is not None and _senders(spec, outline):
+        return None
+    return Proof(
+        "LJ0605",
+        report.at,
+        f"no agent can send a `{report.kind}`: no agent has a role that may send it to a role that may receive it",
+        f"let a role with an agent send `{report.kind}`, or allow it in this mode",
+        ((f"message/{report.kind}", "the required message"),),
+        report.kind,
+    )
+
+
+def _refute_handover(handover: Handover, outline: Outline) -> Proof | None:
+    """A proof that the asset cannot be assigned, neither by command nor by message, or None."""
+    asset = handover.asset
+    commanded = asset.driven and any(
+        {"x", "y"} <= {argument.name for argument in verb.arguments} for verb in asset.entity.verbs
+    )
+    if commanded or any(_assigns(message, outline) for message in outline.instance.messages):
+        return None
+    return Proof(
+        "LJ0607",
+        handover.at,
+        f"no agent can assign `{asset.id}` to `{handover.target.id}`: no agent may command it to a place, "
+        "and no assignment with a position can be sent",
+        f"give a role authority over `{asset.entity.group}`, or a message of the category assignment",
+        ((asset.path, "the asset to be assigned"),),
+        handover.target.id,
+    )
+
+
+def _assigns(message: MessageSpec, outline: Outline) -> bool:
+    """True if a message of the kind can be an assignment with a recipient."""
+    fields = {field.name for field in message.fields}
+    return message.category == "assignment" and "position" in fields and bool(_senders(message, outline))
+
+
+def _senders(message: MessageSpec, outline: Outline) -> list[str]:
+    return [agent.id for agent in outline.instance.agents if message.is_sent_by(agent.role)]

@@ -13,32 +13,32 @@ from lingjing.mission.kinds import engine_kind
 from lingjing.mission.vocabulary import PHOTO
 
 RESOLVED_PX = 2.0
-"""A target whose longest extent covers fewer pixels at the lowest allowed altitude, at the place of the picture where
-it appears largest, cannot be told from noise."""
+"""Pixels of the smallest target that a picture resolves (chosen). The target's longest extent is measured at the lowest
+allowed altitude and at the place of the picture where it appears largest; a smaller target looks like noise."""
 
 EXTENTS = ("length_m", "width_m", "height_m")
-"""Properties of a target that say how large it is."""
+"""Properties with the size of a target."""
 
 LARGEST_M = {"person_in_water": 2.5}
-"""Extents of looks, generous. Others may show flames, spray or people, however far they reach."""
+"""Upper bounds of the extents of models, metres. Other models may show flames, spray or people at any distance."""
 
 _RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
-"""By how much the scene may raise what stands on a surface; on others it may be anywhere."""
+"""Upper bound of the height by which the scene raises a body on a surface, metres; others have no bound."""
 
 
 def refute_picture(picture: PictureNeed, outline: Outline) -> Proof | None:
-    """Why no picture can show the target, if that is so."""
+    """A proof that no picture can show the target, or None."""
     mounts = [(body, camera) for body in outline.bodies.values() for camera in body.entity.cameras]
     if not mounts:
         return _no_camera(picture, "no asset of this mission has a camera", "give an asset a `camera … { }`", ())
     usable = [(body, camera) for body, camera in mounts if takes_pictures(body, camera, outline)]
     if not usable:
-        return _nobody(picture, mounts[0][0])
+        return _no_request(picture, mounts[0][0])
     return _too_small(picture, usable)
 
 
 def takes_pictures(body: Body, camera: CameraSpec, outline: Outline) -> bool:
-    """Whether the camera takes pictures by itself, or some agent may ask for one."""
+    """True if the camera takes pictures by itself, or if some agent may request one."""
     if camera.capture == "each_tick":
         return True
     commanded = any(body.id in agent.commands for agent in outline.instance.agents)
@@ -46,12 +46,12 @@ def takes_pictures(body: Body, camera: CameraSpec, outline: Outline) -> bool:
 
 
 def takes_pictures_by_itself(outline: Outline) -> bool:
-    """Whether any camera takes a picture at each tick."""
+    """True if some camera takes a picture at each tick."""
     return any(c.capture == "each_tick" for body in outline.bodies.values() for c in body.entity.cameras)
 
 
 def extent_m(target: Body) -> float:
-    """The longest extent of what shows of a target in metres, from corner to corner; infinity if it is not known."""
+    """The longest visible extent of a target from corner to corner, metres; infinity if unknown."""
     entity = target.entity
     look = entity.properties.get("look")
     if entity.parts or look is not None:
@@ -62,11 +62,11 @@ def extent_m(target: Body) -> float:
 
 
 def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:
-    """Pixels that a body of the size can cover from the height, wherever it is in the picture and however the camera
-    is turned.
+    """Upper bound of the pixels of a body of this size from this height, for every place in the picture and every
+    rotation of the camera.
 
-    A focal length of `f` pixels shows an angle `a` off the axis `f / cos² a` pixels a radian wide; the corner of the
-    picture is farthest off.
+    A focal length of `f` pixels shows an angle `a` off the axis with `f / cos² a` pixels a radian; the corner of the
+    picture has the largest angle.
     """
     focal = camera.width / (2.0 * math.tan(math.radians(camera.hfov_deg) / 2.0))
     corner = ((camera.width / 2.0) ** 2 + (camera.height / 2.0) ** 2) / focal**2
@@ -91,13 +91,13 @@ def _too_small(picture: PictureNeed, usable: list[tuple[Body, CameraSpec]]) -> P
         f"{spelled(_lowest_m(body, picture.target))} m, the lowest allowed, cover {covered} px at most, "
         f"{needed} px are needed",
         "lower the band, or give the camera more pixels or a narrower field of view",
-        ((body.path, "the camera's carrier"), (picture.target.path, "what must be seen")),
+        ((body.path, "the camera's carrier"), (picture.target.path, "the target")),
         picture.target.id,
     )
 
 
 def _lowest_m(body: Body, target: Body) -> float:
-    """Metres between camera and target at the lowest allowed altitude; 0 if the asset is not kept up by a band."""
+    """Metres between camera and target at the lowest allowed altitude; 0 if no altitude band applies to the asset."""
     lowest = body.bounds("band_low_m")[0]
     raised = _RAISED_M.get(str(target.entity.properties.get("on")), math.inf)
     if not engine_kind(body.entity.engine).in_band or not math.isfinite(lowest):
@@ -106,7 +106,7 @@ def _lowest_m(body: Body, target: Body) -> float:
     return max(0.0, lowest - top)
 
 
-def _nobody(picture: PictureNeed, body: Body) -> Proof:
+def _no_request(picture: PictureNeed, body: Body) -> Proof:
     verbs = [verb.name for verb in body.entity.verbs]
     if PHOTO in verbs:
         why, hint = f"no agent may command `{body.id}`", "let an agent control it, or write `capture = each_tick`"
@@ -122,6 +122,6 @@ def _no_camera(picture: PictureNeed, why: str, hint: str, related: tuple[tuple[s
         picture.at,
         f"no picture can show `{picture.target.id}`: {why}",
         hint,
-        (*related, (picture.target.path, "what must be seen")),
+        (*related, (picture.target.path, "the target")),
         picture.target.id,
     )

@@ -1,7 +1,7 @@
-"""Where something may be, and between which bounds a number lies, before the seed is known.
+"""Possible places of an entity and bounds of a number before the seed is known.
 
-`PossiblePlaces` is the set of places that a position can take: one point for a declared place, the region for a seeded
-draw. Distances between such sets are the smallest possible ones, so what is proved of them is true for every seed.
+`PossiblePlaces` is the set of a position's possible values: one point for a declared place, the region for a seeded
+draw. Distances between such sets are the smallest possible ones, so that a proof holds for every seed.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 
 
 class PossiblePlaces(msgspec.Struct, frozen=True):
-    """The possible places: outlines in metres, of one corner for a point. Empty: anywhere.
-
-    `drawn` is the group whose places are drawn ("" for declared ones); its members are at least `apart` metres from
-    each other. The scene may move what stands there by up to `loose_m`.
-    """
+    """A set of possible places."""
 
     outlines: tuple[geometry2d.Polygon, ...] = ()
+    """Polygons in metres, with one corner for a point. Empty: any place."""
     apart: float = 0.0
+    """Minimum distance between members of the group `drawn`, metres."""
     drawn: str = ""
+    """The group with these drawn places; "" for a declared place."""
     loose_m: float = 0.0
+    """The largest distance by which the scene may move an entity from here, metres."""
 
 
 ANYWHERE = PossiblePlaces()
 
 
 def point(east: float, north: float) -> PossiblePlaces:
-    """One known place."""
+    """One known place, metres."""
     return PossiblePlaces((((east, north),),))
 
 
-def gap(one: PossiblePlaces, other: PossiblePlaces) -> float:
+def gap(first: PossiblePlaces, second: PossiblePlaces) -> float:
     """The least possible distance in metres; 0 if it is not known."""
-    if not one.outlines or not other.outlines:
+    if not first.outlines or not second.outlines:
         return 0.0
-    nearest = min(_between(a, b) for a in one.outlines for b in other.outlines)
-    if one.drawn and one.drawn == other.drawn:
-        nearest = max(nearest, one.apart)
-    return max(0.0, nearest - one.loose_m - other.loose_m)
+    nearest = min(_between(a, b) for a in first.outlines for b in second.outlines)
+    if first.drawn and first.drawn == second.drawn:
+        nearest = max(nearest, first.apart)
+    return max(0.0, nearest - first.loose_m - second.loose_m)
 
 
 def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
@@ -62,15 +62,19 @@ def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
 
 
 def outlines_of(value: Value) -> tuple[geometry2d.Polygon, ...]:
-    """The outlines of a region; none if only the city knows them."""
+    """The outlines of a region; none if they are known only after the city is built."""
     return (value.polygon,) if isinstance(value, Area) and len(value.polygon) >= 3 else ()
 
 
 def numbers(draw: ex.Draw, scope: Scope) -> Bounds:
-    """Between which bounds a drawn number lies."""
+    """The bounds of a drawn number."""
     if draw.distribution == "uniform":
-        found = [_bounds(evaluate(argument, scope)) for argument in draw.arguments]
-        return Bounds(min(low for low, _ in found), max(high for _, high in found)) if found else ANYTHING
+        argument_bounds = [_bounds(evaluate(argument, scope)) for argument in draw.arguments]
+        return (
+            Bounds(min(low for low, _ in argument_bounds), max(high for _, high in argument_bounds))
+            if argument_bounds
+            else ANYTHING
+        )
     if draw.distribution == "normal":
         named = dict(draw.named)
         low, high = named.get("low"), named.get("high")
@@ -95,23 +99,23 @@ def _listed(draw: ex.Draw, scope: Scope) -> tuple[Value, ...]:
     return values[0] if len(values) == 1 and isinstance(values[0], tuple) else values
 
 
-def _between(one: geometry2d.Polygon, other: geometry2d.Polygon) -> float:
-    if len(one) == 1 and len(other) == 1:
-        return math.dist(one[0], other[0])
-    if _touch(one, other):
+def _between(first: geometry2d.Polygon, second: geometry2d.Polygon) -> float:
+    if len(first) == 1 and len(second) == 1:
+        return math.dist(first[0], second[0])
+    if _touch(first, second):
         return 0.0
     return min(
-        min(geometry2d.edge_distance(other, *corner) for corner in one),
-        min(geometry2d.edge_distance(one, *corner) for corner in other),
+        min(geometry2d.edge_distance(second, *corner) for corner in first),
+        min(geometry2d.edge_distance(first, *corner) for corner in second),
     )
 
 
-def _touch(one: geometry2d.Polygon, other: geometry2d.Polygon) -> bool:
-    """Whether they may overlap; of two regions, already if their bounding boxes do."""
-    if len(one) == 1:
-        return len(other) >= 3 and geometry2d.contains(other, *one[0])
-    if len(other) == 1:
-        return len(one) >= 3 and geometry2d.contains(one, *other[0])
-    west, south, east, north = geometry2d.bounds(one)
-    w, s, e, n = geometry2d.bounds(other)
+def _touch(first: geometry2d.Polygon, second: geometry2d.Polygon) -> bool:
+    """True if the two may overlap; for two regions, if their bounding boxes do."""
+    if len(first) == 1:
+        return len(second) >= 3 and geometry2d.contains(second, *first[0])
+    if len(second) == 1:
+        return len(first) >= 3 and geometry2d.contains(first, *second[0])
+    west, south, east, north = geometry2d.bounds(first)
+    w, s, e, n = geometry2d.bounds(second)
     return west <= e and w <= east and south <= n and s <= north

@@ -1,7 +1,7 @@
-"""Whether a mission is won or lost at boundary 0, before anybody acts: a hint, for one that ends itself says nothing.
+"""Hints for missions that are won or lost at boundary 0, before any agent acts. Such a mission measures nothing.
 
-Every answer is certain: `True` and `False` hold for every seed, what is not known is None. Declared states and the
-properties of targets have their declared values then; nothing was reported, assigned or performed yet.
+Every result is certain: True and False hold for every seed, and unknown values are None. At the start, states and
+properties of targets have their declared values; nothing was reported, assigned or performed.
 """
 
 from __future__ import annotations
@@ -25,48 +25,48 @@ _NOW = "now"
 
 
 class Hint(NamedTuple):
-    """A code, and the way out."""
+    """A diagnostic code and the way out."""
 
     code: str
     hint: str
 
 
-_WON = Hint("LJ0510", "ask for what has to be brought about")
-_LOST = Hint("LJ0511", "ask for what does not hold yet: `now > …`, or what somebody has done")
+_WON = Hint("LJ0510", "require a state that agents must bring about")
+_LOST = Hint("LJ0511", "use a condition that does not hold yet: `now > …`, or the result of an action")
 
 
 def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
     """A hint at the success condition if it holds at the start in every seed, with the modes."""
-    said = "success holds at the start, before anybody acts: the mission wins itself"
-    return _hints(mission, lambda beginning: (("success", said),) if beginning.success() else (), _WON)
+    message = "success holds at the start, before any agent acts: the mission is won without an action"
+    return _hints(mission, lambda start: (("success", message),) if start.success() else (), _WON)
 
 
 def lost_at_start(mission: model.Mission) -> tuple[Proof, ...]:
-    """A hint at the failure condition, and at each hard constraint, that decide the episode at the start in every
-    seed, with the modes."""
-    return _hints(mission, lambda beginning: tuple(beginning.losses()), _LOST)
+    """Hints at the failure condition and at each hard constraint that decide the episode at the start in every seed,
+    with the modes."""
+    return _hints(mission, lambda start: tuple(start.losses()), _LOST)
 
 
 def _hints(
-    mission: model.Mission, told: Callable[[StartKnowledge], Iterable[tuple[str, str]]], of: Hint
+    mission: model.Mission, messages_of: Callable[[StartKnowledge], Iterable[tuple[str, str]]], of: Hint
 ) -> tuple[Proof, ...]:
-    found: dict[tuple[str, str], list[str]] = {}
+    modes_of_message: dict[tuple[str, str], list[str]] = {}
     for mode in mission.modes.allowed:
         try:
             if not too_large(mission, mode):
-                for one in told(StartKnowledge(of_mission(mission, mode))):
-                    found.setdefault(one, []).append(mode)
+                for at_message in messages_of(StartKnowledge(of_mission(mission, mode))):
+                    modes_of_message.setdefault(at_message, []).append(mode)
         except LingjingError:
             continue
     everywhere = len(mission.modes.allowed)
     return tuple(
-        Proof(of.code, at, said if len(modes) == everywhere else f"in {' and '.join(modes)} mode, {said}", of.hint)
-        for (at, said), modes in found.items()
+        Proof(of.code, at, text if len(modes) == everywhere else f"in {' and '.join(modes)} mode, {text}", of.hint)
+        for (at, text), modes in modes_of_message.items()
     )
 
 
 class StartKnowledge(Knowledge):
-    """What is known at boundary 0 of an outline."""
+    """The facts at boundary 0 of an outline."""
 
     def __init__(self, outline: Outline) -> None:
         self._outline = outline
@@ -74,20 +74,26 @@ class StartKnowledge(Knowledge):
         self._open: list[str] = []
 
     def success(self) -> bool:
-        """Whether success certainly holds, and no hard constraint and no failure can come before it."""
+        """True if success certainly holds, and no hard constraint can decide the episode before it."""
         return truth(self._outline.instance.success, {}, self) is True and not any(
-            one.kind == "hard" for one in self._outline.instance.constraints
+            constraint.kind == "hard" for constraint in self._outline.instance.constraints
         )
 
     def losses(self) -> Iterator[tuple[str, str]]:
-        """Paths of what certainly decides the episode against its policies, and what to say of it."""
+        """(path, message) of each failure condition or hard constraint that certainly loses the episode at the
+        start."""
         instance = self._outline.instance
-        for one in instance.constraints:
-            if one.kind == "hard" and any(truth(one.condition, names, self) is False for names in self._subjects(one)):
-                yield f"constraint/{one.name}", f"`{one.name}` does not hold at the start: the mission ends there, lost"
+        for constraint in instance.constraints:
+            if constraint.kind == "hard" and any(
+                truth(constraint.condition, names, self) is False for names in self._subjects(constraint)
+            ):
+                yield (
+                    f"constraint/{constraint.name}",
+                    f"`{constraint.name}` does not hold at the start: the mission ends there, lost",
+                )
         fails = instance.failure is not None and truth(instance.failure, {}, self) is True
         if fails and truth(instance.success, {}, self) is False:
-            yield "failure", "failure holds at the start, before anybody acts: the mission ends there"
+            yield "failure", "failure holds at the start, before any agent acts: the mission ends there"
 
     def _subjects(self, constraint: model.Constraint) -> Iterator[Mapping[str, Value]]:
         if constraint.variable is None or constraint.domain is None:
@@ -109,21 +115,22 @@ class StartKnowledge(Knowledge):
             return None
 
     def field(self, value: Value, name: str) -> Value:
-        """A declared state, or what a target of the city is; another property may be shadowed by its engine's word."""
+        """A declared state, or a property of a target in the city. Other properties may be replaced by their engine, so
+        that they are unknown."""
         if not isinstance(value, Body):
             return None
         if name == "position":
             return self.spot(value)
         entity = value.entity
-        told = entity.engine == "city" or (entity.state_of(name) is not None and name in entity.properties)
-        return value.bounds(name) if told and not entity.dormant else None
+        declared = entity.engine == "city" or (entity.state_of(name) is not None and name in entity.properties)
+        return value.bounds(name) if declared and not entity.dormant else None
 
     def members(self, domain: str) -> Sequence[Value]:
-        """The bodies of a group; no message was sent yet."""
+        """The bodies of a group; a message kind has no messages yet."""
         return self._outline.groups.get(domain, ())
 
     def spot(self, value: Value) -> Estimate | None:
-        """Where a body is declared to be, less and more what the scene may move it."""
+        """The declared position of a body, with the largest distance by which the scene may move it."""
         if not isinstance(value, Body):
             return value if isinstance(value, Estimate) else None
         points = [outline[0] for outline in value.where.outlines if len(outline) == 1]
@@ -136,8 +143,8 @@ class StartKnowledge(Knowledge):
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
         """What a function answers at the start; a rule about a message is false, another is looked through."""
         if not call.rule:
-            done = operation(call)
-            return None if done is None else done.at_start
+            operation_entry = operation(call)
+            return None if operation_entry is None else operation_entry.at_start
         rule = self._rules.get(call.function)
         if rule is None or rule.name in self._open or len(rule.parameters) != len(arguments):
             return None
@@ -149,6 +156,6 @@ class StartKnowledge(Knowledge):
         names: Mapping[str, Value] = {
             parameter.name: argument for parameter, argument in zip(rule.parameters, arguments, strict=True)
         }
-        found = truth(rule.condition, names, self)
+        value = truth(rule.condition, names, self)
         self._open.pop()
-        return found
+        return value

@@ -1,4 +1,4 @@
-"""Tours: what one vehicle, or a few, must visit in turn takes at least the shortest path through all of it."""
+"""Tours: several visits by one vehicle or by a few take at least the shortest path through all of them."""
 
 from __future__ import annotations
 
@@ -15,34 +15,36 @@ from lingjing.mission.feasibility.spread import gap
 from lingjing.mission.feasibility.travel import meeting, movers_of
 
 EXACT_MOST = 8
-"""Up to so many stops of one vehicle the shortest order is found exactly; beyond, a spanning tree bounds it."""
+"""Up to this many stops of one vehicle, the shortest order is computed exactly; beyond, a spanning tree is the lower
+bound (chosen for run time, which doubles with each stop)."""
 
 STOPS_MOST = 100
-"""More stops than these are not looked at: the bound takes time with their square."""
+"""Tours of more stops are not checked (chosen): run time grows with the square of the number."""
 
 
 class Tour(msgspec.Struct, frozen=True):
-    """Visits that some of the movers must make, and the metres they drive for it together, at least."""
+    """Visits that some of the movers must make."""
 
     movers: tuple[Body, ...]
     visits: tuple[VisitNeed, ...]
     metres: float
+    """Lower bound of the distance that the movers drive together."""
 
 
 def tours(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Tour]:
-    """One for every set of movers that must share two or more visits."""
+    """The tour of every set of movers that must share two or more visits."""
     visits = [leaf for leaf in leaves if isinstance(leaf, VisitNeed)]
     sets = {frozenset(mover.id for mover in visit.movers): visit.movers for visit in visits}
-    found = []
+    result = []
     for ids, movers in sets.items():
-        served = _one_a_goal([v for v in visits if ids >= {mover.id for mover in v.movers}])
+        served = _nearest_of_each_goal([v for v in visits if ids >= {mover.id for mover in v.movers}])
         if 2 <= len(served) <= STOPS_MOST and not any(math.isinf(mover.speed_mps) or mover.aboard for mover in movers):
-            found.append(Tour(movers, served, length(movers, served, limit, outline)))
-    return found
+            result.append(Tour(movers, served, length(movers, served, limit, outline)))
+    return result
 
 
 def refute_tours(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
-    """Why no schedule of the visits fits into the limit or the batteries, for each tour of which that is so."""
+    """Proofs that the visits of a tour do not fit into the time limit or the batteries."""
     proofs = []
     for tour in tours(leaves, limit, outline):
         speed = sum(mover.speed_mps for mover in tour.movers)
@@ -55,8 +57,8 @@ def refute_tours(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline)
 
 
 def length(movers: tuple[Body, ...], visits: tuple[VisitNeed, ...], limit: TimeLimit, outline: Outline) -> float:
-    """Metres that the movers cover together, at least: within the limit no goal has moved by more than its speed
-    allows."""
+    """Lower bound of the distance that the movers cover together, metres. Within the limit, a goal moves at most by its
+    speed."""
     goals = [meeting(visit, outline) for visit in visits]
     reach = [goal.radius_m + goal.speed_mps * limit.seconds for goal in goals]
     if any(math.isinf(metres) for metres in reach):
@@ -73,8 +75,8 @@ def length(movers: tuple[Body, ...], visits: tuple[VisitNeed, ...], limit: TimeL
     return _spanning_tree(first, leg)
 
 
-def _one_a_goal(visits: Sequence[VisitNeed]) -> tuple[VisitNeed, ...]:
-    """One visit for each goal, the one that must come nearest."""
+def _nearest_of_each_goal(visits: Sequence[VisitNeed]) -> tuple[VisitNeed, ...]:
+    """One visit for each goal: the one with the smallest radius."""
     nearest: dict[object, VisitNeed] = {}
     for visit in visits:
         key = visit.goal.id if isinstance(visit.goal, Body) else visit.goal
@@ -89,7 +91,7 @@ def _less(metres: float, radius: float) -> float:
 
 
 def _shortest_path(first: Sequence[float], leg: Callable[[int, int], float]) -> float:
-    """The shortest path from the start through all stops (Held and Karp)."""
+    """The length of the shortest path from the start through all stops (Held and Karp 1962)."""
     count = len(first)
     legs = [[leg(i, j) if i != j else 0.0 for j in range(count)] for i in range(count)]
     best = {(1 << i, i): first[i] for i in range(count)}
@@ -107,7 +109,8 @@ def _shortest_path(first: Sequence[float], leg: Callable[[int, int], float]) -> 
 
 
 def _spanning_tree(first: Sequence[float], leg: Callable[[int, int], float]) -> float:
-    """The shortest tree that joins all stops to the starts (Prim); every set of paths from the starts is one."""
+    """The length of the shortest tree that joins all stops to the starts (Prim 1957); every set of paths contains a
+    tree."""
     nearest = dict(enumerate(first))
     total = 0.0
     while nearest:
@@ -159,4 +162,4 @@ def _stops(tour: Tour) -> str:
 
 def _goals(tour: Tour) -> tuple[tuple[str, str], ...]:
     paths = dict.fromkeys(visit.goal.path for visit in tour.visits if isinstance(visit.goal, Body))
-    return tuple((path, "where it must go") for path in paths)
+    return tuple((path, "the destination") for path in paths)

@@ -1,4 +1,4 @@
-"""Travel: nobody is anywhere sooner than in a straight line at top speed, nor farther than a battery lasts."""
+"""Travel: a lower bound of time is a straight line at top speed, and a battery bounds the distance."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from lingjing.mission.feasibility.spread import PossiblePlaces, gap
 
 
 class VisitGeometry(msgspec.Struct, frozen=True):
-    """A visit as plain geometry: where the goal begins, how fast it moves by itself (m/s), how near is near enough."""
+    """A visit as plain geometry."""
 
     where: PossiblePlaces
+    """Possible start places of the goal."""
     speed_mps: float
+    """Upper bound of the goal's own speed, m/s."""
     radius_m: float
+    """Distance from the goal that completes the visit, metres."""
 
 
 def meeting(visit: VisitNeed, outline: Outline) -> VisitGeometry:
-    """The visit with what carriers may do to its goal taken into account.
+    """The geometry of a visit, including carriers that may move its goal.
 
-    A goal that others than the visit's movers may take aboard moves as fast as they do. If only the movers may, they
-    meet it first where it drifts, from as far as it can be taken aboard.
+    A goal that other entities than the visit's movers may take aboard moves as fast as they do. If only the movers may
+    take it aboard, they first meet it where it drifts, at the distance of that interaction.
     """
     if isinstance(visit.goal, PossiblePlaces):
         return VisitGeometry(visit.goal, 0.0, visit.radius_m)
@@ -37,12 +40,12 @@ def meeting(visit: VisitNeed, outline: Outline) -> VisitGeometry:
 
 
 def pace(mover: Body, outline: Outline) -> float:
-    """The speed of a mover, m/s: its own, or that of whoever takes it aboard."""
+    """The speed of a mover, m/s: its own, or that of its carrier if that is faster."""
     return max(mover.speed_mps, _carried(mover, outline))
 
 
 def refute_visit(visit: VisitNeed, limit: TimeLimit, outline: Outline) -> Proof | None:
-    """Why no mover can make the visit within the limit, if that is so."""
+    """A proof that no mover can make the visit within the limit, or None."""
     if not visit.movers:
         return None
     goal = meeting(visit, outline)
@@ -50,7 +53,7 @@ def refute_visit(visit: VisitNeed, limit: TimeLimit, outline: Outline) -> Proof 
     best = min(visit.movers, key=lambda mover: _seconds(away[mover.id], pace(mover, outline) + goal.speed_mps))
     needed = _seconds(away[best.id], pace(best, outline) + goal.speed_mps)
     if math.isinf(needed):
-        return _nobody(visit, away[best.id], best)
+        return _immobile(visit, away[best.id], best)
     if exceeds(needed, limit.seconds):
         return _too_late(visit, goal, limit, best, away[best.id], pace(best, outline) + goal.speed_mps)
     return _too_far(visit, goal, limit, away, outline)
@@ -77,7 +80,7 @@ def _carried(body: Body, outline: Outline) -> float:
 
 
 def _away(mover: Body, goal: VisitGeometry, outline: Outline) -> float:
-    """Metres that must be covered at least; a mover that is taken aboard jumps to its carrier."""
+    """Lower bound of the distance to cover, metres. A mover that is taken aboard starts at its carrier."""
     return max(0.0, gap(mover.where, goal.where) - goal.radius_m - mover.aboard_m)
 
 
@@ -87,16 +90,16 @@ def _seconds(metres: float, speed: float) -> float:
     return metres / speed if speed > 0 else math.inf
 
 
-def _nobody(visit: VisitNeed, metres: float, mover: Body) -> Proof:
+def _immobile(visit: VisitNeed, metres: float, mover: Body) -> Proof:
     why = "no agent may command it to move" if not mover.driven else "it has no speed"
-    who = movers_of(visit.movers)
+    movers = movers_of(visit.movers)
     return Proof(
         "LJ0607",
         visit.at,
-        f"nobody can bring {who} within {spelled(visit.radius_m)} m of {name_of(visit.goal)}: "
-        f"`{mover.id}` is {spelled(round(metres, 3))} m too far away at the least, and {why}",
+        f"no agent can bring {movers} within {spelled(visit.radius_m)} m of {name_of(visit.goal)}: "
+        f"`{mover.id}` is at least {spelled(round(metres, 3))} m too far away, and {why}",
         f"let an agent control `{mover.entity.group}`, give it a verb that moves it, or place it nearer",
-        ((mover.path, "what would have to move"), *_goal(visit)),
+        ((mover.path, "the vehicle"), *_goal(visit)),
         _subject(visit),
     )
 
@@ -121,7 +124,7 @@ def _too_late(
 def _too_far(
     visit: VisitNeed, goal: VisitGeometry, limit: TimeLimit, away: dict[str, float], outline: Outline
 ) -> Proof | None:
-    """Why no battery lasts for the visit, if that is so."""
+    """A proof that no battery lasts for the visit, or None."""
     worst: Proof | None = None
     for mover in visit.movers:
         speed = pace(mover, outline)
@@ -144,7 +147,7 @@ def _too_far(
 
 
 def _goal(visit: VisitNeed) -> tuple[tuple[str, str], ...]:
-    return ((visit.goal.path, "where it must go"),) if isinstance(visit.goal, Body) else ()
+    return ((visit.goal.path, "the destination"),) if isinstance(visit.goal, Body) else ()
 
 
 def _subject(visit: VisitNeed) -> str:

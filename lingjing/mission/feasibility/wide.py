@@ -1,7 +1,6 @@
-"""Satellites whose pictures are so wide that the scene is lost in them: no proof, a hint.
+"""Satellite cameras with pictures so wide that the scene covers a few pixels: a hint, not a proof.
 
-A mission may mean it, and nothing is decided by it; but a scene of a few pixels is mostly a camera for the air, mounted
-on a satellite by mistake.
+A mission may intend that. Mostly, however, a camera of an aircraft was mounted on a satellite by mistake.
 """
 
 from __future__ import annotations
@@ -16,15 +15,17 @@ from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.mission.kinds import engine_kind, extent_m
 
 WIDE = 50.0
-"""From how many times the scene's extent on a picture is called too wide: the scene is a fiftieth of its width."""
+"""A picture wider than the scene by this factor is reported (chosen): the scene covers a fiftieth of its width."""
 
-MADE_M, LEAST_M = 550e3, 160e3
-"""Height of the orbit that a satellite without elements gets, and the least one that lasts for those with elements."""
+MADE_M = 550e3
+"""Height of the orbit of a satellite without elements, metres (`lingjing.engines.satellite.passes.HEIGHT_KM`)."""
+LEAST_M = 160e3
+"""Lower bound of the height of an orbit from elements, metres (chosen: lower ones decay within days)."""
 
 
 def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
-    """A hint for each satellite's camera that is far too wide for the scene, in the mission's first mode; nothing for a
-    mission that cannot be evaluated or is too large to be looked at."""
+    """A hint for each satellite camera that is far too wide for the scene, in the mission's first mode; empty if the
+    mission cannot be evaluated or is too large."""
     try:
         if not any(engine_kind(group.engine).orbits for group in mission.groups):
             return ()
@@ -35,13 +36,13 @@ def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
 
 
 def too_wide_of(outline: Outline) -> tuple[Proof, ...]:
-    """The same of an outline."""
+    """The same hints for an outline."""
     extent = extent_m(outline.instance.scene)
     if extent is None:
         return ()
     carriers = [body.entity for body in outline.bodies.values() if engine_kind(body.entity.engine).orbits]
-    found = [_hint(entity, camera, extent) for entity in carriers for camera in entity.cameras]
-    return gathered(proof for proof in found if proof is not None)
+    hints = [_hint(entity, camera, extent) for entity in carriers for camera in entity.cameras]
+    return gathered(proof for proof in hints if proof is not None)
 
 
 def _hint(entity: Entity, camera: CameraSpec, extent: float) -> Proof | None:
@@ -53,7 +54,7 @@ def _hint(entity: Entity, camera: CameraSpec, extent: float) -> Proof | None:
     return Proof(
         "LJ0506",
         f"{entity.role}/{entity.group}",
-        f"the scene is lost in the pictures of `{entity.id}.{camera.name}`: from {height / 1000.0:,.0f} km, "
+        f"the pictures of `{entity.id}.{camera.name}` are too wide for the scene: from {height / 1000.0:,.0f} km, "
         f"{spelled(camera.hfov_deg)} deg show {across / 1000.0:,.0f} km across, "
         f"the scene is {spelled(extent / 1000.0)} km wide and covers {pixels:.1f} of {camera.width} px",
         "narrow its field of view: `orbit` of `std.sensors` shows 20 km",

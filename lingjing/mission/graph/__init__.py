@@ -1,18 +1,18 @@
 """The mission graph: one mission as typed nodes and typed edges.
 
-Modules in the order a mission passes them:
+A pass adds the nodes or edges of one kind of declaration. Modules in control-flow order:
 
 - `types`: `GraphNode`, `GraphEdge`, `MissionGraph`, and the closed lists of their kinds.
-- `guards`: the modes a guarded declaration exists in.
-- `builder`: the graph while it is drawn up.
-- `needs`: the nodes a condition reads.
-- `entities`, `rules`, `limits`: the passes, one small function a kind of declaration. A new kind of declaration is a
-  new function here and a line in `PASSES`.
+- `guards`: the modes in which a guarded declaration exists.
+- `builder`: the graph under construction.
+- `needs`: the nodes that a condition reads.
+- `entities`, `rules`, `limits`: the passes, one small function for each kind of declaration. A new kind of declaration
+  is a new function there and a line in `PASSES`.
 
-Sweeps and parameters are not drawn: they say which missions are played, not what one is.
+Sweeps and parameters have no nodes: they select which missions are played and are no part of one.
 
-In: a `Mission`. Out: a `MissionGraph`, equal for equal missions. `lingjing.mission.draw` makes pictures of it,
-attribution walks it. Nothing heavy is imported.
+In: a `Mission`. Out: a `MissionGraph`, equal for equal missions. `lingjing.mission.draw` draws it, and attribution
+follows its edges. No heavy dependency is imported.
 """
 
 from __future__ import annotations
@@ -53,13 +53,14 @@ PASSES: tuple[Callable[[Mission, GraphBuilder], None], ...] = (
     limits.add_constraints,
     rules.add_relations,
 )
-"""Nodes before the edges that name them; within that, the order of a mission file."""
+"""The passes in order: nodes before the edges that name them, otherwise in the order of a mission file."""
 
 
 def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
-    """The graph of a mission: of all its modes with guards as labels, or as it is in one mode, guards settled.
+    """The graph of a mission: of all its modes with guards as labels, or of one mode with its guards evaluated.
 
-    Raises `UsageError` for a mode the mission does not have, `MissionError` if a declaration names what is not there.
+    Raises `UsageError` for a mode that the mission does not have, `MissionError` if a declaration names an unknown
+    element.
     """
     allowed = mission.modes.allowed
     if mode is not None and mode not in allowed:
@@ -68,4 +69,4 @@ def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
     draft = GraphBuilder(mission, allowed if mode is None else (mode,))
     for add in PASSES:
         add(mission, draft)
-    return draft.done()
+    return draft.build()

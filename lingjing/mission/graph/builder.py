@@ -1,4 +1,4 @@
-"""The graph while it is being drawn up: nodes and edges are added, names are found, nothing is said twice."""
+"""The graph under construction: passes add nodes and edges and resolve names; equal edges are kept once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, Mission
 
 
 class GraphBuilder:
-    """Collects one mission's nodes and edges for the modes shown. A pass adds what one kind of declaration says."""
+    """Collects one mission's nodes and edges for the modes shown."""
 
     def __init__(self, mission: model.Mission, modes: tuple[str, ...]) -> None:
         self.modes = modes
@@ -38,7 +38,7 @@ class GraphBuilder:
         per: str | None = None,
         at: Presence | None = None,
     ) -> str:
-        """Add a node and give its id. It exists where `at` says, and only where what it is within exists."""
+        """Add a node and return its id. It exists in the modes of `at` in which its parent `within` exists."""
         identity = f"{kind}:{name}"
         if identity in self._nodes:
             raise MissionError(f"two things are called `{name}`, both of the kind {kind}", hint="rename one of them")
@@ -68,13 +68,14 @@ class GraphBuilder:
         mutual: bool = False,
         at: Presence | None = None,
     ) -> None:
-        """Add an edge; it exists where `at` says and both ends do. Said twice it is one edge, nowhere it is none."""
+        """Add an edge. It exists in the modes of `at` in which both ends exist. A second equal edge is ignored, and an
+        edge without modes too."""
         when = at.when if at else ""
         modes = self._shared(at.modes if at else self.modes, (source, target, *((via,) if via else ())))
         if not modes:
             return
         base = f"{kind} {source} {target}"
-        made = GraphEdge(
+        edge = GraphEdge(
             id=base,
             kind=kind,
             source=source,
@@ -86,15 +87,15 @@ class GraphBuilder:
             modes=modes,
         )
         copies = 1
-        while (known := self._edges.get(made.id)) is not None:
-            if _same(known, made):
+        while (known := self._edges.get(edge.id)) is not None:
+            if _same(known, edge):
                 return
             copies += 1
-            made = msgspec.structs.replace(made, id=f"{base} #{copies}")
-        self._edges[made.id] = made
+            edge = msgspec.structs.replace(edge, id=f"{base} #{copies}")
+        self._edges[edge.id] = edge
 
     def has(self, identity: str) -> bool:
-        """Whether there is such a node."""
+        """True if there is such a node."""
         return identity in self._nodes
 
     def find(self, name: str, *kinds: NodeKind) -> str | None:
@@ -102,25 +103,25 @@ class GraphBuilder:
         return next((f"{kind}:{name}" for kind in kinds if f"{kind}:{name}" in self._nodes), None)
 
     def need(self, name: str, what: str, *kinds: NodeKind) -> str:
-        """As `find`; `MissionError` naming `what` if there is none."""
-        found = self.find(name, *kinds)
-        if found is None:
+        """Like `find`. Raises `MissionError` naming `what` if there is none."""
+        identity = self.find(name, *kinds)
+        if identity is None:
             raise MissionError(
                 f"{what} names `{name}`, and the mission has no such {' or '.join(kinds)}",
                 hint=f"declare `{name}`, or correct the name",
             )
-        return found
+        return identity
 
     def all_of(self, kind: NodeKind) -> tuple[str, ...]:
         """The ids of all nodes of a kind, in order."""
         return tuple(node.id for node in self._nodes.values() if node.kind == kind)
 
     def presence(self, guard: model.Guard | None) -> Presence | None:
-        """Where a guarded declaration exists, or None if in no mode shown."""
+        """The modes of a guarded declaration, or None if it exists in none of the modes shown."""
         return presence(guard, self.modes)
 
     def count(self, expr: ex.Expr | None) -> int | None:
-        """The size of a group at the default parameters; 0 if only a run knows, None for a single thing."""
+        """The size of a group at the default parameters; 0 if it is drawn in a run, None for a single entity."""
         if expr is None:
             return None
         try:
@@ -142,14 +143,14 @@ class GraphBuilder:
         except MissionError:
             return spell(expr)
 
-    def many(self, name: str, expr: ex.Expr | None) -> str:
-        """What a group is called: `uav[1..3]`, or `uav[1..n]` where only a run knows."""
+    def group_title(self, name: str, expr: ex.Expr | None) -> str:
+        """The title of a group: `uav[1..3]`, or `uav[1..n]` if its size is drawn in a run."""
         if expr is None:
             return name
         return f"{name}[1..{self.count(expr) or spell(expr)}]"
 
-    def done(self) -> MissionGraph:
-        """The finished graph."""
+    def build(self) -> MissionGraph:
+        """The complete graph."""
         return MissionGraph(
             mission=self._mission.name,
             title=self._mission.title,
@@ -172,9 +173,9 @@ def _defaults(mission: model.Mission, modes: tuple[str, ...]) -> Scope:
         try:
             values[parameter.name] = number(parameter.default, Scope(parameters=values))
         except MissionError:
-            continue  # drawn by a run: what depends on it is shown as written
+            continue  # drawn in a run: expressions with this parameter are shown as written
     return Scope(parameters=values, mode=modes[0] if len(modes) == 1 else mission.modes.default)
 
 
-def _same(one: GraphEdge, other: GraphEdge) -> bool:
-    return msgspec.structs.replace(one, id="") == msgspec.structs.replace(other, id="")
+def _same(first: GraphEdge, second: GraphEdge) -> bool:
+    return msgspec.structs.replace(first, id="") == msgspec.structs.replace(second, id="")

@@ -1,4 +1,6 @@
-"""Passes over what there is: roles and agents, entities and what they hide, places, message kinds and the bus."""
+"""Passes over entities: roles and agents, assets and targets with their hidden values, regions, grids, message kinds
+and the bus.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,20 @@ from lingjing.mission.graph.types import NodeKind
 from lingjing.mission.vocabulary import EVERYONE
 
 BUS = "comms"
-"""The bus is named after the block that declares it."""
+"""Name of the bus: that of the block that declares it."""
 
 _BUILT_IN = {"events": "adjudicated and engine events", "peers": "the other agents"}
-"""Observation sources that no declaration makes."""
+"""Observation sources without a declaration, and their descriptions."""
 
 _STORES = ("endurance", "payload")
-"""The properties that say how much an asset can spend or carry, beside its states."""
+"""Properties with the amount that an asset can spend or carry, besides its states."""
 
 
 def add_roles(mission: model.Mission, draft: GraphBuilder) -> None:
-    """A role for every name that agents play, there whenever one of them is."""
+    """A node for every role of an agent. It exists wherever one of its agents exists."""
     for role in dict.fromkeys(agent.role for agent in mission.agents):
-        found = (draft.presence(agent.when) for agent in mission.agents if agent.role == role)
-        at = either((one for one in found if one), draft.modes)
+        presences = (draft.presence(agent.when) for agent in mission.agents if agent.role == role)
+        at = either((each for each in presences if each), draft.modes)
         if at:
             draft.node("role", role, at=at)
 
@@ -39,7 +41,7 @@ def add_agents(mission: model.Mission, draft: GraphBuilder) -> None:
         node = draft.node(
             "agent",
             agent.name,
-            title=draft.many(agent.name, agent.count),
+            title=draft.group_title(agent.name, agent.count),
             text=agent.prompt,
             count=draft.count(agent.count),
             within=role,
@@ -49,7 +51,7 @@ def add_agents(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_regions(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Named areas, and those they are made from."""
+    """Named regions, and edges to the regions in their shapes."""
     for region in mission.regions:
         draft.node("region", region.name, detail=_shape(region.shape), text=spell(region.shape))
     for region in mission.regions:
@@ -60,7 +62,7 @@ def add_regions(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_grids(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Search cells, within the region they are cut from."""
+    """Search grids, each within its region."""
     for grid in mission.grids:
         region = draft.need(grid.region, f"the grid `{grid.name}`", "region")
         size = f"{draft.value(grid.rows)} × {draft.value(grid.columns)}"
@@ -69,25 +71,26 @@ def add_grids(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_entities(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Assets and targets; then what they hide, what they spend and what their properties refer to."""
-    there = tuple((group, at) for group in mission.groups if (at := draft.presence(group.when)))
-    for group, at in there:
+    """Assets and targets; then their hidden values, their resources, and edges to entities that their
+    properties name."""
+    present = tuple((group, at) for group in mission.groups if (at := draft.presence(group.when)))
+    for group, at in present:
         draft.node(
             group.role,
             group.name,
-            title=draft.many(group.name, group.count),
+            title=draft.group_title(group.name, group.count),
             detail=group.type,
             text=_abilities(group),
             count=draft.count(group.count),
             at=at,
         )
-    for group, _ in there:
+    for group, _ in present:
         for item in group.properties:
             _add_property(group, item, draft)
 
 
 def add_messages(mission: model.Mission, draft: GraphBuilder) -> None:
-    """The bus, and the message kinds that travel on it from roles to roles."""
+    """The bus, and the message kinds that roles send on it."""
     if not mission.messages:
         return
     limits = [f"delay {spell(mission.comms.delay)}"] if mission.comms.delay else []
@@ -104,7 +107,7 @@ def add_messages(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_controls(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Who embodies which asset, and who else may command it."""
+    """Edges from agents to the assets that they embody, and from roles to the assets that they may command."""
     for agent in mission.agents:
         source = draft.find(agent.name, "agent")
         for expr in agent.controls if source else ():
@@ -117,20 +120,20 @@ def add_controls(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_observations(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What every agent sees: entities, grids, and the built-in channels."""
+    """Edges from every agent to its observation sources: entities, grids and the built-in channels."""
     for agent in mission.agents:
         source = draft.find(agent.name, "agent")
-        seen: dict[str, list[str]] = {}
+        fields_of: dict[str, list[str]] = {}
         for channel in agent.observes if source else ():
             for target in _observed(channel.source, agent.name, draft):
-                seen.setdefault(target, []).extend(channel.fields)
-        for target, fields in seen.items():
+                fields_of.setdefault(target, []).extend(channel.fields)
+        for target, fields in fields_of.items():
             label = "" if "*" in fields else ", ".join(dict.fromkeys(fields))
             draft.edge("observes", str(source), target, label=label)
 
 
 def add_reveals(mission: model.Mission, draft: GraphBuilder) -> None:
-    """The audited ways out of `hidden`."""
+    """Edges for the declared exceptions of `hidden`."""
     for reveal in mission.reveals:
         role = draft.find(reveal.role, "role")
         for entity in groups_in(reveal.entity, draft) if role else ():
@@ -138,7 +141,7 @@ def add_reveals(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def groups_in(expr: ex.Expr, draft: GraphBuilder) -> tuple[str, ...]:
-    """The assets and targets an expression names, once each, in the order it names them."""
+    """The assets and targets that an expression names, once each, in order."""
     names = (part.name for part in ex.parts(expr) if isinstance(part, ex.Ref) and part.kind in ("group", "entity"))
     return tuple(dict.fromkeys(node for name in names if (node := draft.find(name, "asset", "target"))))
 
@@ -148,20 +151,22 @@ def groups_in(expr: ex.Expr, draft: GraphBuilder) -> tuple[str, ...]:
 
 def _add_property(group: model.Group, item: model.Property, draft: GraphBuilder) -> None:
     owner = f"{group.role}:{group.name}"
-    said = spell(item.value) if item.relation == "=" else f"{item.relation} {spell(item.value)}"
+    relation_text = spell(item.value) if item.relation == "=" else f"{item.relation} {spell(item.value)}"
     source = owner
     if item.hidden:
         source = draft.node(
             "fact",
             f"{group.name}.{item.name}",
             title=item.name,
-            detail=_gist(item.value) or said,
+            detail=_gist(item.value) or relation_text,
             text=f"{item.name} {item.relation} {spell(item.value)}",
             within=owner,
         )
         draft.edge("hides", owner, source)
     elif group.role == "asset" and (item.state or item.plain in _STORES):
-        store = draft.node("resource", f"{group.name}.{item.name}", title=_bare(item.name), detail=said, within=owner)
+        store = draft.node(
+            "resource", f"{group.name}.{item.name}", title=_bare(item.name), detail=relation_text, within=owner
+        )
         draft.edge("requires", owner, store)
     for part in ex.parts(item.value):
         if isinstance(part, ex.Ref) and part.kind in ("region", "grid", "group", "entity"):
@@ -172,7 +177,7 @@ def _add_property(group: model.Group, item: model.Property, draft: GraphBuilder)
 
 
 def _gist(value: ex.Expr) -> str:
-    """A draw from a list in few words: the list itself is too long to stand in a line."""
+    """A short form of a draw from a list, because the list itself is too long for a line; "" for other expressions."""
     if isinstance(value, ex.Draw):
         for argument in value.arguments:
             if isinstance(argument, ex.Sequence):
@@ -195,7 +200,7 @@ def _add_message(kind: model.MessageKind, bus: str, draft: GraphBuilder) -> None
 
 
 def _roles(names: tuple[str, ...], draft: GraphBuilder) -> tuple[str, ...]:
-    """The roles played in the modes shown; `all` is every one of them."""
+    """The nodes of the named roles in the modes shown; `all` names every role."""
     if EVERYONE in names:
         return draft.all_of("role")
     return tuple(node for name in names if (node := draft.find(name, "role")))
@@ -206,7 +211,7 @@ def _observed(source: ex.Expr, agent: str, draft: GraphBuilder) -> tuple[str, ..
     if groups or not isinstance(source, ex.Symbol | ex.Ref):
         return groups
     if isinstance(source, ex.Ref) and source.kind in ("group", "entity"):
-        return ()  # an entity that does not exist in the modes shown
+        return ()  # the entity does not exist in the modes shown
     if source.name in _BUILT_IN and not draft.has(f"channel:{source.name}"):
         draft.node("channel", source.name, detail=_BUILT_IN[source.name])
     kinds: tuple[NodeKind, ...] = ("grid", "channel", "region")
@@ -217,13 +222,13 @@ def _abilities(group: model.Group) -> str:
     cameras = ", ".join(f"{camera.name} ({'+'.join(camera.channels)})" for camera in group.cameras)
     verbs = ", ".join(verb.name for verb in group.verbs)
     state = ", ".join(item.name for item in group.properties if item.state and not item.hidden)
-    said = (
+    lines = (
         f"engine: {group.engine}",
         state and f"state: {state}",
         cameras and f"cameras: {cameras}",
         verbs and f"verbs: {verbs}",
     )
-    return "\n".join(line for line in said if line)
+    return "\n".join(line for line in lines if line)
 
 
 def _shape(shape: ex.Expr) -> str:
@@ -237,5 +242,5 @@ def _member(expr: ex.Expr) -> str:
 
 
 def _bare(name: str) -> str:
-    """A property's name without the suffix that carries its unit."""
+    """A property's name without the suffix of its unit."""
     return name.rsplit("_", 1)[0] if "_" in name else name

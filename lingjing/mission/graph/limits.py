@@ -1,4 +1,4 @@
-"""Passes over the terms of a mission: what may be spent, what is allowed when, what must hold, what happens anyway."""
+"""Passes over the terms of a mission: budgets, permits, constraints, inspections and timed events."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lingjing.mission.graph.rules import SUCCESS
 
 
 def add_allowances(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Tokens, money and messages: those of everybody are needed for success, those of an agent by the agent."""
+    """Budgets of tokens, money and messages: success requires those of the mission, an agent those of its own."""
     _add_allowance(mission.budget, "", f"outcome:{SUCCESS}", draft)
     for agent in mission.agents:
         owner = draft.find(agent.name, "agent")
@@ -20,7 +20,7 @@ def add_allowances(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_limits(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Counted budgets, of the mission and of its stages: what is counted needs what is left."""
+    """Counted budgets of the mission and of its stages, with edges from the counted elements."""
     for limit in mission.limits:
         _add_limit(limit, "", None, draft)
     for stage in mission.stages:
@@ -29,7 +29,7 @@ def add_limits(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_inspections(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Routes whose waypoints must be looked at, and by whom."""
+    """Routes with waypoints to inspect, and their inspectors."""
     for inspection in mission.inspections:
         at = draft.presence(inspection.when)
         if at is None:
@@ -50,7 +50,7 @@ def add_inspections(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_constraints(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What must hold all along: success needs the hard ones, the soft ones cost points."""
+    """Conditions that must always hold: success requires the hard ones, the soft ones cost points."""
     for constraint in mission.constraints:
         at = draft.presence(constraint.when)
         if at is None:
@@ -74,7 +74,7 @@ def add_constraints(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_permits(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Commands that wait for a condition: what it reads unlocks them."""
+    """Commands with a condition: the nodes that it reads unlock them."""
     for permit in mission.permits:
         for asset in groups_in(permit.resource, draft):
             for needed in needs(permit.condition, mission, draft):
@@ -85,13 +85,14 @@ def add_permits(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_happenings(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What happens by itself at its time: an entity appears or vanishes, the weather turns."""
+    """Timed events: an entity appears or vanishes, the weather changes."""
     for event in mission.events:
         at = draft.presence(event.when)
         if at is None:
             continue
         name = f"{event.name}@" if draft.has(f"event:{event.name}") else event.name
-        weather = (f"{item.name} {item.relation} {spell(item.value)}" for one in event.changes for item in one.weather)
+        changed = (item for change in event.changes for item in change.weather)
+        weather = (f"{item.name} {item.relation} {spell(item.value)}" for item in changed)
         node = draft.node(
             "event", name, title=event.name, detail=f"at {spell(event.at)}", text=", ".join(weather), at=at
         )
@@ -104,14 +105,14 @@ def add_happenings(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def _add_allowance(
-    given: model.BudgetDeclaration | model.AllowanceDeclaration, whose: str, owner: str, draft: GraphBuilder
+    budget: model.BudgetDeclaration | model.AllowanceDeclaration, agent: str, owner: str, draft: GraphBuilder
 ) -> None:
-    units = (("tokens", given.tokens), ("money", given.money), ("messages", given.messages))
+    units = (("tokens", budget.tokens), ("money", budget.money), ("messages", budget.messages))
     for name, most in units:
         if most is not None:
-            full = f"{whose}.budget.{name}" if whose else f"budget.{name}"
-            said = f"≤ {spell(most)}" + (f" for {whose}" if whose else "")
-            node = draft.node("resource", full, title=name, detail=said, within=owner)
+            full = f"{agent}.budget.{name}" if agent else f"budget.{name}"
+            detail = f"≤ {spell(most)}" + (f" for {agent}" if agent else "")
+            node = draft.node("resource", full, title=name, detail=detail, within=owner)
             draft.edge("requires", owner, node)
 
 
@@ -119,7 +120,7 @@ def _add_limit(limit: model.Limit, prefix: str, owner: str | None, draft: GraphB
     at = draft.presence(limit.when)
     if at is None:
         return
-    counted = ", ".join(_counted(one) for one in limit.counts)
+    counted = ", ".join(_counted(item) for item in limit.counts)
     node = draft.node(
         "resource",
         f"{prefix}{limit.name}",
@@ -130,13 +131,13 @@ def _add_limit(limit: model.Limit, prefix: str, owner: str | None, draft: GraphB
     )
     if owner:
         draft.edge("requires", owner, node)
-    for one in limit.counts:
-        spenders = groups_in(one.resource, draft) if one.resource else ()
-        channel = draft.find(one.name, "channel") if one.kind == "message" else None
+    for item in limit.counts:
+        spenders = groups_in(item.resource, draft) if item.resource else ()
+        channel = draft.find(item.name, "channel") if item.kind == "message" else None
         for spender in (*spenders, *((channel,) if channel else ())):
-            draft.edge("requires", spender, node, label=one.name if one.kind == "command" else "")
+            draft.edge("requires", spender, node, label=item.name if item.kind == "command" else "")
 
 
-def _counted(one: model.Counted) -> str:
-    whose = spell(one.resource) if one.resource else ""
-    return ".".join(part for part in (whose, one.name) if part)
+def _counted(item: model.Counted) -> str:
+    owner = spell(item.resource) if item.resource else ""
+    return ".".join(part for part in (owner, item.name) if part)

@@ -1,4 +1,4 @@
-"""What a condition needs to know: the nodes whose state it reads."""
+"""The nodes that a condition reads."""
 
 from __future__ import annotations
 
@@ -11,46 +11,49 @@ from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.entities import groups_in
 
 DECIDED = ("rule:", "event:", "inspection:", "stage:")
-"""Ids of nodes that become true: these unlock what waits for them, others are merely needed."""
+"""Prefixes of ids of nodes that become true. Such a node unlocks a waiting command; any other one is required by it."""
 
 
 def needs(condition: ex.Expr, mission: model.Mission, draft: GraphBuilder) -> tuple[str, ...]:
-    """The nodes whose state a condition reads, once each, in the order it reads them."""
+    """The nodes that a condition reads, once each, in order."""
     return tuple(dict.fromkeys(_read(condition, mission, draft)))
 
 
 def _read(condition: ex.Expr, mission: model.Mission, draft: GraphBuilder) -> Iterator[str]:
     handed = _handed_on(condition)
     for part in ex.parts(condition):
-        found: str | None = None
+        node: str | None = None
         match part:
             case ex.Ref() if id(part) in handed:
                 continue
             case ex.Call(function=function, rule=True):
-                found = draft.find(function, "rule")
+                node = draft.find(function, "rule")
             case ex.Call(function="assigned"):
                 kinds = (kind.name for kind in mission.messages if kind.category == "assignment")
-                yield from (node for name in kinds if (node := draft.find(name, "channel")))
+                yield from (each for name in kinds if (each := draft.find(name, "channel")))
             case ex.Ref(kind="group" | "entity"):
-                found = next(iter(groups_in(part, draft)), None)
+                node = next(iter(groups_in(part, draft)), None)
             case ex.Ref(name=name, kind="region" | "grid"):
-                found = draft.find(name, "region", "grid")
-            case ex.Call(arguments=(ex.Ref(name=name) | ex.Symbol(name=name), *_)) if done := operation(part):
-                found = draft.find(name, *done.about) if done.about else None
+                node = draft.find(name, "region", "grid")
+            case ex.Call(arguments=(ex.Ref(name=name) | ex.Symbol(name=name), *_)) if operation_entry := operation(
+                part
+            ):
+                node = draft.find(name, *operation_entry.about) if operation_entry.about else None
             case ex.Quantified(domain=domain, body=body) | ex.Aggregate(domain=domain, body=body) if not _calls_a_rule(
                 body
             ):
-                found = draft.find(domain, "channel", "target", "asset")
-        if found:
-            yield found
+                node = draft.find(domain, "channel", "target", "asset")
+        if node:
+            yield node
 
 
 def _handed_on(condition: ex.Expr) -> set[int]:
-    """Identities of the arguments of rules and interactions: what is judged there is not read here."""
+    """Identities of the arguments of rules and interactions: these judge the arguments, so that the condition does not
+    read them itself."""
     calls = (part for part in ex.parts(condition) if isinstance(part, ex.Call))
     return {id(argument) for call in calls if call.rule or call.function == "emitted" for argument in call.arguments}
 
 
 def _calls_a_rule(body: ex.Expr) -> bool:
-    """Whether a rule is called: then the rule, not the quantifier around it, says what is read."""
+    """True if a rule is called: then the rule reads the nodes, not the quantifier around it."""
     return any(isinstance(part, ex.Call) and part.rule for part in ex.parts(body))

@@ -1,4 +1,4 @@
-"""Passes over what happens: interactions, rules, stages, the outcome, and the paper's five relations."""
+"""Passes over rules and events: interactions, rules, stages, the outcome, and the paper's five relations."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from lingjing.mission.graph.entities import groups_in
 from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.types import NodeKind
 
-SUCCESS, FAILURE = "success", "failure"
+SUCCESS = "success"
+FAILURE = "failure"
+"""Name of the node of the failure condition."""
 
 _ENDS: tuple[NodeKind, ...] = ("role", "stage", "agent", "asset", "target", "event", "rule")
+"""Kinds of nodes that a relation may connect."""
 _MEANS: tuple[NodeKind, ...] = ("channel", "grid", "asset", "target", "region", "resource")
+"""Kinds of nodes that a relation may name as its means."""
 
 
 def add_rules(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What the kernel adjudicates."""
+    """The rules that the kernel adjudicates."""
     for rule in mission.rules:
         judged = " × ".join(parameter.domain for parameter in rule.parameters)
         detail = f"{judged}, one to one" if rule.matching else judged
@@ -27,7 +31,7 @@ def add_rules(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_events(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Interactions of the groups' types: the owning engine performs them and says so."""
+    """The interactions of the groups' types, which the owning engine performs and reports."""
     performers: dict[str, list[str]] = {}
     for group in mission.groups:
         if group.role == "asset" and draft.has(f"asset:{group.name}"):
@@ -36,10 +40,12 @@ def add_events(mission: model.Mission, draft: GraphBuilder) -> None:
                 performers.setdefault(name, []).append(f"asset:{group.name}")
     for group in mission.groups:
         target = draft.find(group.name, "asset", "target")
-        for one in group.interactions if target else ():
-            event = draft.find(one.name, "event") or draft.node("event", one.name, detail=f"performed by {one.by}")
+        for interaction in group.interactions if target else ():
+            event = draft.find(interaction.name, "event") or draft.node(
+                "event", interaction.name, detail=f"performed by {interaction.by}"
+            )
             draft.edge("requires", event, str(target))
-            for performer in performers.get(one.by, ()):
+            for performer in performers.get(interaction.by, ()):
                 draft.edge("requires", event, performer)
 
 
@@ -48,7 +54,7 @@ def _controlled(agent: model.Agent, draft: GraphBuilder) -> set[str]:
 
 
 def add_unlocks(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What must be true before an engine may perform an interaction."""
+    """The conditions of interactions."""
     for unlock in mission.unlocks:
         event = draft.find(unlock.interaction, "event") or draft.node("event", unlock.interaction)
         for node in needs(unlock.condition, mission, draft):
@@ -59,7 +65,7 @@ def add_unlocks(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_judgements(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What every rule judges, and what it needs to know for that."""
+    """The entities that every rule judges, and the nodes that it reads."""
     for rule in mission.rules:
         node = f"rule:{rule.name}"
         for parameter in rule.parameters:
@@ -74,21 +80,21 @@ def add_judgements(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_stages(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Stages, once per member of their group."""
+    """Stages, with the group that they are counted per member of."""
     for stage in mission.stages:
-        said = [f"per {stage.domain}"] if stage.domain else []
-        said += [f"≤ {draft.value(stage.ticks)} ticks"] if stage.ticks else []
-        said += [f"weight {spell(stage.weight)}"] if stage.weight else []
+        details = [f"per {stage.domain}"] if stage.domain else []
+        details += [f"≤ {draft.value(stage.ticks)} ticks"] if stage.ticks else []
+        details += [f"weight {spell(stage.weight)}"] if stage.weight else []
         per = draft.find(stage.domain, "target", "asset") if stage.domain else None
-        draft.node("stage", stage.name, detail=", ".join(said), text=spell(stage.condition), per=per)
+        draft.node("stage", stage.name, detail=", ".join(details), text=spell(stage.condition), per=per)
 
 
 def add_outcomes(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Success, failure, and the ticks that all of it may take."""
+    """Success, failure, and the budget of ticks."""
     for name, condition in _outcomes(mission):
         per = next((node for domain in _domains(condition) if (node := draft.find(domain, "target", "asset"))), None)
-        said = "for every " + per.partition(":")[2] if per else ""
-        draft.node("outcome", name, detail=said, text=spell(condition), per=per)
+        detail = "for every " + per.partition(":")[2] if per else ""
+        draft.node("outcome", name, detail=detail, text=spell(condition), per=per)
     budget = mission.budget
     barriers = (("policy", budget.policy), ("engine", budget.engine), ("capture", budget.capture))
     ticks = draft.node(
@@ -103,7 +109,7 @@ def add_outcomes(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_completions(mission: model.Mission, draft: GraphBuilder) -> None:
-    """What completes every stage, and what decides the outcome."""
+    """Edges from stages and outcomes to the nodes that their conditions read."""
     for stage in mission.stages:
         for needed in needs(stage.condition, mission, draft):
             draft.edge("requires", f"stage:{stage.name}", needed)
@@ -113,7 +119,7 @@ def add_completions(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_relations(mission: model.Mission, draft: GraphBuilder) -> None:
-    """The declared relations; `via` is what one carries, is over, or is by."""
+    """The declared relations, with the element that they carry, are over, or are by as `via`."""
     for relation in mission.relations:
         at = draft.presence(relation.when)
         if at is None or _absent(relation, mission, draft):
@@ -146,7 +152,8 @@ def _domains(condition: ex.Expr) -> Iterator[str]:
 
 
 def _absent(relation: model.Relation, mission: model.Mission, draft: GraphBuilder) -> bool:
-    """Whether it names something declared that exists in none of the modes shown: then the relation does not either."""
+    """True if a declared element of the relation exists in none of the modes shown; then the relation does not
+    either."""
     declared = {agent.role for agent in mission.agents}.union(
         *({part.name for part in table} for table in (mission.agents, mission.groups, mission.messages))
     )

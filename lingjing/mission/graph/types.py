@@ -1,7 +1,7 @@
 """The mission graph as a value: typed nodes, typed edges, stable ids, JSON in one call of `msgspec.json.encode`.
 
 A node's id is `<kind>:<name>` (`asset:uav`, `fact:victim.position`); a group is one node with a `count`. An edge's id
-is its kind and its ends, numbered where two edges share all three. Nodes and edges stand in declaration order.
+is its kind and its ends, with a number if two edges share all three. Nodes and edges are in declaration order.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ NodeKind = Literal[
     "stage",
     "outcome",
 ]
-"""What a node stands for.
+"""The kinds of nodes.
 
-`fact` is a hidden value of an entity; `resource` is what is spent (ticks, energy); `channel` is a message kind, the
-bus, or a built-in observation source; a `rule` is adjudicated by the kernel, an `event` is performed by an engine or
-happens at its time.
+A `fact` is a hidden value of an entity. A `resource` is spent (ticks, energy). A `channel` is a message kind, the bus,
+or a built-in observation source. A `rule` is adjudicated by the kernel. An `event` is performed by an engine or occurs
+at its time.
 """
 
 EdgeKind = Literal[
@@ -53,63 +53,71 @@ EdgeKind = Literal[
     "guidance",
     "dependency",
 ]
-"""What an edge says, read from source to target: `rule:rescued requires rule:reported`.
+"""The kinds of edges, read from source to target: `rule:rescued requires rule:reported`.
 
 `speaks_to` leads from a role through a channel to the roles that read it. The last five are the paper's relations.
 """
 
 
 class GraphNode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One declaration.
-
-    `title` is what it is called where it is drawn (`uav[1..3]`), `detail` one short line about it, `text` the rest
-    (a condition, fields, verbs). `count` is the size of a group at the default parameters (0: not known before the
-    run, None: a single thing). `within` is the node it is part of, `per` the group it exists once per member of.
-    `when` is the guard as written, `modes` are the modes it can exist in.
-    """
+    """One declaration."""
 
     id: str
     kind: NodeKind
     name: str
     title: str
+    """Its label in a picture, such as `uav[1..3]`."""
     detail: str = ""
+    """One short line about it."""
     text: str = ""
+    """Further details: a condition, fields, verbs."""
     count: int | None = None
+    """Size of a group at the default parameters; 0 if it is drawn in a run, None for a single entity."""
     within: str | None = None
+    """Id of the node that contains it."""
     per: str | None = None
+    """Id of the group for each of whose members it exists once."""
     when: str = ""
+    """Its guard as written; "" if it has none."""
     modes: tuple[str, ...] = ()
+    """The modes in which it can exist."""
 
 
 class GraphEdge(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One statement about two nodes. `label` is its particulars (`position`), `via` the node a relation names
-    (what it carries, is over, or is by), `mutual` holds both ways. `when` and `modes` as in `GraphNode`."""
+    """One relation between two nodes."""
 
     id: str
     kind: EdgeKind
     source: str
     target: str
     label: str = ""
+    """Details, such as the observed field `position`."""
     via: str | None = None
+    """Id of the node that a relation carries, is over, or is by."""
     mutual: bool = False
+    """True if it holds in both directions."""
     when: str = ""
+    """Its guard as written; "" if it has none."""
     modes: tuple[str, ...] = ()
+    """The modes in which it can exist."""
 
 
 class MissionGraph(msgspec.Struct, frozen=True, kw_only=True):
-    """The whole graph. `modes` are the modes it shows, `default` the one a run takes unless told otherwise."""
+    """The complete graph."""
 
     format: Literal["lingjing-graph/1"] = "lingjing-graph/1"
     mission: str
     title: str
     goal: str
     modes: tuple[str, ...]
+    """The modes shown."""
     default: str
+    """The default mode of a run."""
     nodes: tuple[GraphNode, ...]
     edges: tuple[GraphEdge, ...]
 
     def node(self, identity: str) -> GraphNode:
-        """The node of that id; `KeyError` if there is none."""
+        """The node of that id. Raises `KeyError` if there is none."""
         for node in self.nodes:
             if node.id == identity:
                 return node
