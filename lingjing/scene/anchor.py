@@ -390,10 +390,9 @@ class _Anchoring:
             entity = _moved(entity, (x, y, z))
         buried = roof is not None and z < roof - 0.01
         on_ground = entity.role == "asset" and floor <= z and stands(entity, floor)
-        if not buried and (not on_ground or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)):
+        clear = not on_ground or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)
+        if (clear and not buried) or self._footing.is_water(x, y):
             return self._clear_of_structures(entity)
-        if self._footing.is_water(x, y):
-            return entity
         spot = self._footing.nearest_clear(
             x, y, STAND_CLEAR_M, GROUND_REACH_M, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
             inside=entity.drawn_in, suits=self._suits(entity, max(0.0, z - floor)),
@@ -411,7 +410,7 @@ class _Anchoring:
         alike = PlacesAlike(entity, self._terrain, self._footing)
         east, north, up = entity.position
         if not alike.is_inside_structure():
-            return _moved(entity, (east, north, up + risen)) if (risen := alike.raised_m()) else entity
+            return _moved(entity, (east, north, up + rise)) if (rise := alike.rise_m()) else entity
         for x, y in rings(east, north, APART_REACH_M):
             moved = _moved(entity, (x, y, up))
             if self._is_in_city(x, y) and _in_region(entity, x, y) and alike.suits(x, y) and self._is_free(moved):

@@ -10,12 +10,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import dist, hypot
 
 from lingjing.errors import MissionError
+from lingjing.mission.footprint import STANDS_M
 from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.kinds import DISPLACEMENT
+from lingjing.mission.kinds import DISPLACEMENT, engine_kind
 from lingjing.trace.records import MovedBody
 
 NOTED_M = 1.0
 """Moves shorter than this are not reported, metres (chosen). It also stands for an undeclared length of an entity."""
+
+LOWERED_M = 0.3
+"""Shortest reported move straight down of an aircraft that is put onto the surface below it, metres (chosen: as high as
+a kerb)."""
+
+BELOW = "surface below"
+"""The surface in the report of an aircraft that is put down."""
 
 SHOWN = 5
 """Most moved entities that a summary names."""
@@ -25,7 +33,7 @@ MOST_M = 50.0
 
 
 def moved_bodies(before: Instance, after: Instance) -> tuple[MovedBody, ...]:
-    """The entities that begin farther from their declared places than their own length."""
+    """The entities that begin farther from their declared places than their own length, or that were put down."""
     moves = (_moved(declared, placed, before) for declared, placed in zip(before.entities, after.entities, strict=True))
     return tuple(moved for moved in moves if moved is not None)
 
@@ -48,12 +56,18 @@ def check_displacements(declared: Instance, placed: Sequence[Entity]) -> None:
 
 
 def in_words(moved: Sequence[MovedBody]) -> tuple[str, ...]:
-    """One line for a summary; none without moves. Places of hidden entities are left out."""
-    if not moved:
-        return ()
-    shown = [f"`{body.entity}` {body.moved_m:.1f} m ({body.on or 'clear of what is there'})" for body in moved[:SHOWN]]
-    more = f" and {len(moved) - SHOWN} more" if len(moved) > SHOWN else ""
-    return (f"moved from their declared places by more than their own length: {', '.join(shown)}{more}",)
+    """Lines for a summary; none without moves. Places of hidden entities are left out."""
+    aside = [
+        f"`{body.entity}` {body.moved_m:.1f} m ({body.on or 'clear of what is there'})"
+        for body in moved
+        if body.on != BELOW
+    ]
+    lowered = [f"`{body.entity}` {body.moved_m:.1f} m" for body in moved if body.on == BELOW]
+    lines = (
+        ("moved from their declared places by more than their own length", aside),
+        ("put down onto the surface below, because they begin close above it", lowered),
+    )
+    return tuple(f"{words}: {_shortened(bodies)}" for words, bodies in lines if bodies)
 
 
 def displacements(before: Instance, after: Instance, places: Mapping[str, str]) -> Iterator[str]:
@@ -73,15 +87,29 @@ def displacements(before: Instance, after: Instance, places: Mapping[str, str]) 
 # -- private
 
 
+def _shortened(bodies: Sequence[str]) -> str:
+    more = f" and {len(bodies) - SHOWN} more" if len(bodies) > SHOWN else ""
+    return ", ".join(bodies[:SHOWN]) + more
+
+
 def _moved(entity: Entity, placed: Entity, declared: Instance) -> MovedBody | None:
     moved_m = 0.0 if entity.drawn_in else _distance_m(entity, placed, declared)
-    if moved_m <= (entity.number("length_m") or NOTED_M):
-        return None
     on = entity.properties.get("on")
+    if _is_put_down(entity, placed) and moved_m > LOWERED_M:
+        on = BELOW
+    elif moved_m <= (entity.number("length_m") or NOTED_M):
+        return None
     return MovedBody(
         entity=entity.id, declared=entity.position, placed=placed.position, moved_m=round(moved_m, 3),
         on=on if isinstance(on, str) else "",
     )  # fmt: skip
+
+
+def _is_put_down(entity: Entity, placed: Entity) -> bool:
+    """True for an aircraft that was moved straight down onto the surface close below it."""
+    flies = engine_kind(entity.engine).floor is not None
+    straight = entity.position[:2] == placed.position[:2]
+    return flies and straight and 0.0 < entity.position[2] - placed.position[2] <= STANDS_M
 
 
 def _distance_m(entity: Entity, placed: Entity, declared: Instance) -> float:

@@ -34,6 +34,7 @@ class PlacesAlike:
         self._is_raised = self._above_ground or footing.is_water(*entity.position[:2])
         self._stands = stands(entity, self._surface_m)
         self._floats = engine_kind(entity.engine).stands_on == "water"
+        self._flies = engine_kind(entity.engine).floor is not None
 
     def suits(self, x: float, y: float) -> bool:
         """True if the body can begin at a place in the same way as at its own."""
@@ -47,10 +48,15 @@ class PlacesAlike:
             return level and not self._is_hit(x, y)
         return level and self._footing.is_clear(x, y, self._radius_m)
 
-    def raised_m(self) -> float:
-        """Distance by which a body sunk into the top of a structure must be raised to stand on it, metres; else 0."""
+    def rise_m(self) -> float:
+        """Rise that puts the body onto its surface, metres; 0 if it begins there or in the air.
+
+        A body that is sunk into the top of a structure is raised. An aircraft that stands close above its surface is
+        lowered, because it would otherwise hang in the air without flying.
+        """
         is_sunk = self._stands and self._above_ground and self._z < self._surface_m
-        return self._surface_m - self._low if is_sunk else 0.0
+        hangs = self._stands and self._flies and self._low > self._surface_m
+        return self._surface_m - self._low if is_sunk or hangs else 0.0
 
     def is_inside_structure(self) -> bool:
         """True if the body flies or floats and touches a structure at its own place."""

@@ -585,7 +585,7 @@ DIGEST_VERSION: Final[DigestVersion] = 2
 
 
 class MovedBody(TraceRecord, frozen=True, kw_only=True):
-    """An entity that starts farther from its declared place than the entity is long."""
+    """An entity that starts farther from its declared place than it is long, or that is put down onto a surface."""
 
     entity: str
     declared: Vector
@@ -593,7 +593,7 @@ class MovedBody(TraceRecord, frozen=True, kw_only=True):
     moved_m: float
     """Distance between the two places: in space if the mission gives an elevation, else in plan."""
     on: str = ""
-    """The surface that the scene searched for; "" where the place only had to be free."""
+    """The surface that the scene searched for, or the one below an aircraft; "" where the place only had to be free."""
 
 
 class Header(TraceRecord, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from lingjing.dsl import compile_source
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.source.text import SourceText
 from lingjing.errors import MissionError
-from lingjing.mission.footprint import footprint
+from lingjing.mission.footprint import STANDS_M, footprint, sunk_below_m
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
@@ -111,9 +111,10 @@ def test_no_two_bodies_begin_in_one_place(assets, scene):
     terrain = Terrain(city)
     for before, after in zip(declared.entities, placed.entities, strict=True):
         if before.engine in ("multirotor", "plane"):
-            assert after.position[2] - terrain.support(*after.position) == pytest.approx(
-                before.position[2] - terrain.support(*before.position), abs=0.3
-            ), "it stands or hovers as it was declared to"
+            above_m = before.position[2] - sunk_below_m(before) - terrain.support(*before.position)
+            assert after.position[2] - sunk_below_m(after) - terrain.support(*after.position) == pytest.approx(
+                0.0 if above_m <= STANDS_M else above_m, abs=0.3
+            ), "it rests on the surface, or hovers as it was declared to"
 
 
 BRIDGE = (
@@ -131,6 +132,8 @@ BRIDGE = (
         ("quadrotor", (100, -205, 11.5), "aside"),
         ("quadrotor", (100, -205, 11.9), "deck"),
         ("quadrotor", (100, -205, 12.1), "stays"),
+        ("quadrotor", (100, -205, 12.9), "deck"),
+        ("quadrotor", (100, -205, 13.3), "stays"),
         ("fixed_wing", (100, -205, 11.5), "deck"),
         ("lifeboat", (100, -205), "aside"),
         ("lifeboat", (100, -180), "stays"),
@@ -226,12 +229,16 @@ def test_a_move_stands_in_the_report_and_in_the_trace(tmp_path):
 
 def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
     file = tmp_path / "starts.ljs"
-    file.write_text(text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30)))
+    file.write_text(
+        text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30), drawn("c", "quadrotor", 9, 9, 0.9))
+    )
     command = [sys.executable, "-m", "lingjing.cli.main", "run", str(file), "--policy", "random", "--no-overview"]
     shown = subprocess.run([*command, "-o", str(tmp_path / "o"), "--json"], capture_output=True, text=True, check=False)
     summary = json.loads(shown.stdout)
-    assert [moved_body["entity"] for moved_body in summary["moved"]] == ["b"]
-    assert "moved from their declared places" in " ".join(summary["warnings"])
+    assert [moved_body["entity"] for moved_body in summary["moved"]] == ["b", "c"]
+    warnings = " ".join(summary["warnings"])
+    assert "moved from their declared places by more than their own length: `b`" in warnings
+    assert "put down onto the surface below, because they begin close above it: `c` 0.7 m" in warnings
 
 
 def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
