@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ import lingjing.cli.main as door
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+POLICIES = ("oracle", "heuristic")
 SSR = (ROOT / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
 
 
@@ -29,6 +32,21 @@ def test_the_excerpt_stands_in_the_mission() -> None:
     (excerpt,) = blocks("ljs")
     lines = set(SSR.splitlines())
     assert [line for line in excerpt.splitlines() if line not in lines] == []
+
+
+def test_its_table_counts_the_stored_episodes() -> None:
+    stored = json.loads((ROOT / "benchmarks" / "digests.json").read_text(encoding="utf-8"))
+    played: Counter[tuple[str, str]] = Counter()
+    won: Counter[tuple[str, str]] = Counter()
+    for name, episode in stored.items():
+        column, policy, _ = name.split()
+        played[column, policy] += 1
+        won[column, policy] += episode["reason"] == "success"
+    rows = [
+        f"|{column}|" + "|".join(f"{won[column, policy]}/{played[column, policy]}" for policy in POLICIES) + "|"
+        for column in sorted({column for column, _ in played})
+    ]
+    assert "\n".join(rows) in README, "write into the README:\n" + "\n".join(rows)
 
 
 def test_its_make_targets_exist() -> None:
