@@ -166,7 +166,7 @@ def test_several_episodes_play_and_the_folder_is_said_once(home: Path, tmp_path:
     assert "infrastructure-abort" not in [episode["reason"] for episode in json.loads(done.stdout)["episodes"]]
     assert list(Path(temporary(home), "networks").glob("*.net.xml"))
     notes = [line for line in done.stderr.splitlines() if "cache" in line]
-    assert notes == [f"note: `{home}` is no folder: the cache is `{temporary(home)}`; XDG_CACHE_HOME names another"]
+    assert notes == [f"note: `{home}` is no folder: the cache is `{temporary(home)}`; XDG_CACHE_HOME sets another"]
     assert home.read_text() == "mine"
 
 
@@ -184,7 +184,7 @@ def test_without_any_folder_nothing_begins(home: Path, tmp_path: Path, monkeypat
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     done = run(*verb, cwd=tmp_path)
     assert done.returncode == 2 and done.stdout == ""
-    assert f"error: no folder for the cache: `{home}` is no folder, and none for temporary files either" in done.stderr
+    assert f"error: no folder for the cache: `{home}` is no folder, and no folder for temporary files" in done.stderr
     assert "hint: make room, or set XDG_CACHE_HOME or TMPDIR" in done.stderr
     assert not (tmp_path / "out").exists() and not (tmp_path / "runs").exists()
 
@@ -238,4 +238,4 @@ def test_a_hint_arrives_where_it_is_read(
     done = run("run", "m.ljs", "--policy", "random", *several, cwd=tmp_path)
     assert done.returncode == code, done.stderr
     assert "no river" in done.stderr and done.stderr.count("hint: dig one") == 1
-    assert "no trace is left" not in done.stderr
+    assert "its trace was removed" not in done.stderr

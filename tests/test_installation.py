@@ -138,7 +138,7 @@ def test_doctor_fails_where_another_partys_package_is_installed(tmp_path: Path, 
     add_metadata(tmp_path, "lingjing")
     monkeypatch.syspath_prepend(str(tmp_path))
     finding = doctor.check_installation()
-    assert not finding.ok and "another party's `lingjing` 1.0.0" in finding.found
+    assert not finding.ok and "`lingjing` 1.0.0 of another project" in finding.found
     assert finding.advice.startswith("pip uninstall -y lingjing")
 
 

@@ -1,17 +1,33 @@
-"""Suites of many episodes: entrants x missions x modes x conditions x seeds, and the tables that are made of them.
+"""Benchmark suites: many episodes, the rows of their results, and the tables made from the rows.
 
-`suite` reads what people write → `planning` looks its names up and makes cells of it (`columns` are missions in their
-modes and at the values of their sweeps) → `money` reckons what it will cost → `running` plays what a `folder` does not
-have yet, through an executor of `executors` or `on_ray`, and says with `countdown` how long the rest takes → `rows` are
-what is kept, as `parquet` → `played` is what a cell's rows amount to, with `statistics` for intervals and tests →
-`tables` of `table_cells`, with `paired_tests` and `failure_tables`, and with what `unresolved` says of lost episodes →
-`exports`. `merging` joins results, `leaderboard`
-ranks their entrants on a page, `dataset_card` describes them. `planting` makes the episodes of `planted`, by which
-`attribution` measures methods that say what made an episode fail. `prompt_search` improves a policy's prompt on
-development episodes ← `failed_episode`. `frame_sets` makes labelled sets of traces' frames.
-In: a TOML file; out: rows that one can query, tables in the paper's form.
+A *suite* is a TOML file that names missions, seeds and *entrants*. An entrant is a policy with its options and, for a
+model policy, its model. A *column* is a mission in one mode, at given settings. A *condition* changes options or
+settings for a comparison. A *cell* is one entrant in one column under one condition; it has one episode per seed. A
+*row* is the stored result of one episode. Its *standing* is `counted`, `aborted` (the infrastructure failed, and the
+episode is played again) or `lost` (aborted three times).
 
-Invariants: a seed is the same instance in every cell of a mission; a row is written whole or not at all; an
-infrastructure abort never counts for or against an entrant, and is never hidden; an entrant with lost episodes is
-neither ranked nor marked as best.
+Modules in the order of a run:
+
+- `suite`        reads a suite file and checks its form
+- `columns`      missions in their modes, and at the values of their sweeps
+- `planning`     looks up names and makes the cells
+- `money`        estimates the cost of model calls
+- `executors`, `on_ray`  play episodes in local processes or on a Ray cluster
+- `countdown`    estimates the remaining time and cost
+- `running`      plays the episodes that the folder lacks
+- `folder`       stores rows while the suite is played
+- `rows`, `parquet`  rows, and their file format
+- `merging`      joins the results of several machines
+- `played`       rates and means of a cell, with `statistics` for intervals and tests
+- `unresolved`   entrants with lost episodes, and the bounds of their rates
+- `tables` ← `table_cells`, `paired_tests`, `failure_tables`   the tables of the paper
+- `exports`      Markdown, LaTeX, CSV and HTML
+- `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows
+- `planting` → `planted` → `attribution`   episodes with planted faults, and a test of attribution methods on them
+- `prompt_search`  revises a policy's prompt on development episodes
+- `frame_sets`   labelled sets of frames for detectors
+
+Invariants: a seed is the same instance in every cell of a mission. A row is written completely or not at all. An
+infrastructure abort never counts for or against an entrant, and every table reports it. An entrant with lost episodes
+is neither ranked nor marked as best.
 """

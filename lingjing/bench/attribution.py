@@ -1,11 +1,13 @@
-"""How well methods of attribution name faults that were planted: `AttributionSuite`, `AttributionRun`, tables.
+"""Measurement of attribution methods on planted faults: `_AttributionSuite`, `AttributionRun` and tables.
 
-A method gets the trace of an episode and names what made it fail: a sequence of `NamedFault`, the most likely first,
-empty if nothing did. `families` is what the rules of `lingjing.analysis.families` say, `blame` what branches of the
-episode show (`lingjing.causal.blame`); others are functions in files (`FILE.py:FUNCTION`), which may return plain
-(agent, faculty, boundary). The header of such a trace holds the faulty policy's options, which name the faults. A
-method gets a copy without them, which lies apart from the answers and the episodes; one that says by `redrives` that it
-runs policies again gets the trace itself, for without their options it could not.
+An *attribution method* receives the trace of an episode and names the faults that made it fail: a sequence of
+`NamedFault`, the most likely first, empty if it finds none. `families` uses the rules of `lingjing.analysis.families`,
+`blame` uses branches of the episode (`lingjing.causal.blame`). Other methods are functions in files
+(`FILE.py:FUNCTION`), which may return plain (agent, faculty, boundary).
+
+The header of the trace holds the options of the faulty policy, which name the faults. A method receives a copy without
+them, in a folder apart from answers and episodes. A method with the attribute `redrives`, which runs policies again,
+needs the options and receives the trace itself.
 """
 
 from __future__ import annotations
@@ -37,121 +39,131 @@ from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT, DIGEST_VERSION, DigestVersion
 
 BRANCHES = 60
-"""Branches that `blame` may play for an episode here; shares and placebos, which name nobody, are left to `lingjing
-blame` itself."""
+"""Branches per episode of the method `blame`. Chosen; shares and placebos name no fault and are switched off."""
 
 
 class NamedFault(msgspec.Struct, frozen=True, kw_only=True):
-    """What a method names: a faculty of an agent, and the boundary from which it failed (None: not known)."""
+    """A fault that a method names."""
 
     agent: str
     faculty: str
     boundary: int | None = None
+    """The first boundary of the fault; None if unknown."""
 
 
 NamesFaults = Callable[[Trace], Sequence[NamedFault]]
+"""The function of a method."""
 
 
 @dataclass(frozen=True, slots=True)
 class AttributionMethod:
-    """A method: what it says of a trace. One that `redrives` policies gets their options with the trace."""
+    """An attribution method."""
 
     ask: NamesFaults
+    """Returns the faults that a trace shows."""
     redrives: bool = False
+    """True if the method runs policies again and needs their options."""
 
 
-class AttributionSuite(SuitePart):
-    """A suite that measures methods of attribution: the file of planted faults, and who is measured."""
+class _AttributionSuite(SuitePart):
+    """A suite that measures attribution methods on a file of planted faults."""
 
     suite: Literal[1] = Field(description="the version of this form")
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="a word for folders")
-    title: str = Field("", max_length=200, description="what its tables are headed with")
-    about: str = Field("", max_length=4000, description="what is measured")
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="the name of its folder")
+    title: str = Field("", max_length=200, description="the heading of its tables")
+    about: str = Field("", max_length=4000, description="the question of the study")
     planted: NameOrFile = Field(description="the file of episodes with planted faults, beside the suite")
-    methods: tuple[ShortText, ...] = Field(("families",), min_length=1, strict=False, description="who is measured")
+    methods: tuple[ShortText, ...] = Field(
+        ("families",), min_length=1, strict=False, description="the methods to measure"
+    )
 
 
 class AttributionRow(msgspec.Struct, frozen=True, kw_only=True):
-    """A method's answer for an episode. `standing` is `differs` if the episode is another here than in the file, for
-    which nothing is counted, nor for one that was `cut short`; `failed` if the method raised, which counts as an answer
-    of nothing."""
+    """A method's answer for an episode."""
 
     method: str
     episode: PlantedEpisode
     named: tuple[NamedFault, ...] = ()
+    """The named faults, the most likely first."""
     standing: Literal["answered", "differs", "failed", "cut short"] = "answered"
+    """`differs`: the episode is not that of the file (not counted). `cut short`: the episode did not end by itself
+    (not counted). `failed`: the method raised, which counts as an empty answer.
+    """
     detail: str = ""
 
     @property
     def names_first(self) -> bool:
-        """Whether the first that is named is the planted fault, agent and faculty."""
+        """True if agent and faculty of the first named fault are those of the planted one."""
         return bool(self.named) and _pair(self.named[0]) == _planted(self.episode)[0]
 
     @property
     def names_all(self) -> bool:
-        """Whether all that was planted is among what is named."""
-        return set(_planted(self.episode)) <= {_pair(one) for one in self.named}
+        """True if all planted faults are among the named ones."""
+        return set(_planted(self.episode)) <= {_pair(fault) for fault in self.named}
 
     @property
     def boundary_off(self) -> int | None:
-        """By how many boundaries the first that is named is off, if agent and faculty are right and one is named."""
+        """Distance of the first named boundary from the planted one; None if agent or faculty are wrong or no boundary
+        is named.
+        """
         if not self.names_first or self.named[0].boundary is None:
             return None
         return abs(self.named[0].boundary - self.episode.faults[0].boundary)
 
 
-def _pair(one: NamedFault) -> tuple[str, str]:
-    return one.agent, one.faculty
+def _pair(fault: NamedFault) -> tuple[str, str]:
+    return fault.agent, fault.faculty
 
 
 def _planted(episode: PlantedEpisode) -> list[tuple[str, str]]:
-    return [(one.agent, one.faculty) for one in episode.faults]
+    return [(fault.agent, fault.faculty) for fault in episode.faults]
 
 
 def is_attribution_suite(path: Path) -> bool:
-    """Whether a suite file measures methods of attribution. Raises `UsageError` for one that cannot be read."""
+    """Return whether a suite file measures attribution methods. Raises `UsageError` for an unreadable file."""
     return ATTRIBUTION in read_document(path)
 
 
-def read_attribution_suite(path: Path) -> tuple[AttributionSuite, tuple[PlantedEpisode, ...]]:
-    """The suite and its episodes. Raises `UsageError`."""
+def read_attribution_suite(path: Path) -> tuple[_AttributionSuite, tuple[PlantedEpisode, ...]]:
+    """Return the suite and its episodes. Raises `UsageError`."""
     try:
-        suite = AttributionSuite.model_validate(read_document(path))
+        suite = _AttributionSuite.model_validate(read_document(path))
     except ValidationError as error:
-        faults = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
-        raise UsageError(f"{path}: {faults}", hint="docs/studies.md says what such a suite may hold") from error
+        faults = "; ".join(f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}" for problem in error.errors())
+        raise UsageError(f"{path}: {faults}", hint="docs/studies.md describes the form of such a suite") from error
     return suite, read_planted(path.parent / suite.planted)
 
 
 def find_method(name: str) -> AttributionMethod:
-    """The method of that name, or the function `FILE.py:FUNCTION`. Raises `UsageError`."""
+    """Return the method with that name, or the function `FILE.py:FUNCTION`. Raises `UsageError`."""
     if name in METHODS:
         return METHODS[name]
     if not Path(name.partition(":")[0]).is_file():
-        hint = nearest_or(name, METHODS, f"known are {', '.join(METHODS)}, and FILE.py:FUNCTION")
-        raise UsageError(f"there is no method of attribution `{name}`", hint=hint)
+        hint = nearest_or(name, METHODS, f"methods are {', '.join(METHODS)} and FILE.py:FUNCTION")
+        raise UsageError(f"there is no attribution method `{name}`", hint=hint)
     method = function_of(name, "method")
     return AttributionMethod(
         lambda trace: tuple(map(_named, method(trace))), redrives=bool(getattr(method, "redrives", False))
     )
 
 
-def _named(given: object) -> NamedFault:
-    if isinstance(given, NamedFault):
-        return given
-    agent, faculty, boundary = cast("tuple[str, str, int | None]", given)
+def _named(answer: object) -> NamedFault:
+    if isinstance(answer, NamedFault):
+        return answer
+    agent, faculty, boundary = cast("tuple[str, str, int | None]", answer)
     return NamedFault(agent=str(agent), faculty=str(faculty), boundary=boundary)
 
 
-def by_families(trace: Trace) -> tuple[NamedFault, ...]:
-    """What the failure family of an episode names: the faculty that the family is about, the agent of its chain that
-    was to use it, the tick of the breakdown."""
-    found = attribute(trace)
-    faculty = _FACULTY_OF.get(found.family) if found is not None else None
-    if found is None or faculty is None:
+def _by_families(trace: Trace) -> tuple[NamedFault, ...]:
+    """Name the fault of an episode's failure family: its faculty, the agent of its chain, and the tick of the
+    breakdown.
+    """
+    failure = attribute(trace)
+    faculty = _FACULTY_OF.get(failure.family) if failure is not None else None
+    if failure is None or faculty is None:
         return ()
-    agent = next(filter(None, (_agent_of(trace, link) for link in found.chain)), "")
-    return (NamedFault(agent=agent, faculty=faculty, boundary=found.tick),)
+    agent = next(filter(None, (_agent_of(trace, link) for link in failure.chain)), "")
+    return (NamedFault(agent=agent, faculty=faculty, boundary=failure.tick),)
 
 
 _FACULTY_OF = {
@@ -165,40 +177,44 @@ _FACULTY_OF = {
 
 
 def _agent_of(trace: Trace, link: RecordLink) -> str:
-    """The agent that a record is about: it is the record, it sent the message, or the text begins with it."""
-    agents = [one.id for one in trace.header.instance.agents]
-    envelopes = (one for record in trace.boundaries for one in record.messages if link.kind == "message")
-    sender = next((one.sender for one in envelopes if one.id == link.record), "")
+    """Return the agent of a record: the record is the agent, the agent sent the message, or the text begins with its
+    name.
+    """
+    agents = [item.id for item in trace.header.instance.agents]
+    envelopes = (item for record in trace.boundaries for item in record.messages if link.kind == "message")
+    sender = next((item.sender for item in envelopes if item.id == link.record), "")
     words = (sender, link.record, link.record.partition(" ")[0], link.text.partition(" ")[0])
     return next((word for word in words if word in agents), "")
 
 
-def by_blame(trace: Trace) -> tuple[NamedFault, ...]:
-    """What `lingjing blame` names: the causes of all smallest repairs, those of the best repair first."""
+def _by_blame(trace: Trace) -> tuple[NamedFault, ...]:
+    """Name the causes that `lingjing blame` finds: those of all smallest repairs, the best repair first."""
     from lingjing.causal.blame import BlameOptions, blame
 
-    found = blame(trace, BlameOptions(branches=BRANCHES, placebos=0, shares=False, jobs=1))
-    causes = (cause for repair in found.repairs for cause in repair.causes)
-    return tuple(NamedFault(agent=one.agent, faculty=one.faculty, boundary=one.boundary) for one in causes)
+    result = blame(trace, BlameOptions(branches=BRANCHES, placebos=0, shares=False, jobs=1))
+    causes = (cause for repair in result.repairs for cause in repair.causes)
+    return tuple(NamedFault(agent=cause.agent, faculty=cause.faculty, boundary=cause.boundary) for cause in causes)
 
 
 METHODS: dict[str, AttributionMethod] = {
-    "families": AttributionMethod(by_families),
-    "blame": AttributionMethod(by_blame, redrives=True),
+    "families": AttributionMethod(_by_families),
+    "blame": AttributionMethod(_by_blame, redrives=True),
 }
+"""The methods by name."""
 
 
 @dataclass
 class AttributionRun:
-    """Plays episodes and asks methods of them. Answers are kept in `folder`: what was stopped goes on from there."""
+    """A run of methods over episodes. Answers are stored in `folder`, and an interrupted run continues from them."""
 
     folder: Path
     methods: dict[str, AttributionMethod]
     executor: Executor
     tell: Callable[[str], None] = print
+    """Receives a line for each answer."""
 
     def run(self, episodes: Sequence[PlantedEpisode]) -> list[AttributionRow]:
-        """Every method's answer for every episode, in the episodes' order."""
+        """Return every method's answer for every episode, in the order of the episodes."""
         self.folder.mkdir(parents=True, exist_ok=True)
         known = {(row.method, row.episode): row for row in self._kept()}
         places = {
@@ -206,7 +222,7 @@ class AttributionRun:
             for number, episode in enumerate(episodes)
             if any((name, episode) not in known for name in self.methods)
         }
-        for place in places:  # what a killed command has left
+        for place in places:  # remains of a killed command
             _clear(place)
         tasks = (EpisodeTask(episode.options(), place) for place, episode in places.items())
         for task, report in self.executor.play(tasks):
@@ -220,28 +236,28 @@ class AttributionRun:
     def _answer(
         self, name: str, method: AttributionMethod, episode: PlantedEpisode, report: EpisodeReport
     ) -> AttributionRow:
-        """A row for an episode that was played; kept, unless it was cut short: then it is played again another time."""
+        """Return the row of a played episode. It is stored unless the episode was cut short, which is played again
+        later.
+        """
         if report.reason in CUT_SHORT:
             row = AttributionRow(method=name, episode=episode, standing="cut short", detail=report.reason)
         elif _played_digest(report, episode.digest_version) != episode.digest:
-            row = AttributionRow(
-                method=name, episode=episode, standing="differs", detail="its digest is another one here"
-            )
+            row = AttributionRow(method=name, episode=episode, standing="differs", detail="its digest differs here")
         else:
-            row = self._asked(name, method, episode, Path(report.trace))
+            row = self._ask(name, method, episode, Path(report.trace))
         if row.standing != "cut short":
             self._keep(row)
-        said = ", ".join(f"{one.agent} {one.faculty} at {one.boundary}" for one in row.named) or "nothing"
-        self.tell(f"{episode.name}; {name}: {said if row.standing == 'answered' else row.standing}")
+        listed = ", ".join(f"{fault.agent} {fault.faculty} at {fault.boundary}" for fault in row.named) or "nothing"
+        self.tell(f"{episode.name}; {name}: {listed if row.standing == 'answered' else row.standing}")
         return row
 
-    def _asked(self, name: str, method: AttributionMethod, episode: PlantedEpisode, path: Path) -> AttributionRow:
+    def _ask(self, name: str, method: AttributionMethod, episode: PlantedEpisode, path: Path) -> AttributionRow:
         try:
             trace = read_trace(path)
             with TemporaryDirectory(prefix="lingjing-attribution-") as apart:
-                given = trace if method.redrives else without_labels(trace, Path(apart) / "trace.mcap")
-                answer = tuple(method.ask(given))
-        except Exception as error:  # noqa: BLE001 - a method of somebody's own: whatever it raises is its answer
+                input_trace = trace if method.redrives else _without_labels(trace, Path(apart) / "trace.mcap")
+                answer = tuple(method.ask(input_trace))
+        except Exception as error:  # noqa: BLE001 - a foreign method: an exception of any kind is its answer
             detail = f"{type(error).__name__}: {error}"
             return AttributionRow(method=name, episode=episode, standing="failed", detail=detail)
         return AttributionRow(method=name, episode=episode, named=answer)
@@ -254,7 +270,7 @@ class AttributionRun:
         for line in self._file.read_bytes().splitlines() if self._file.is_file() else ():
             try:
                 yield msgspec.json.decode(line, type=AttributionRow)
-            except msgspec.DecodeError:  # the line that was being written when it was killed
+            except msgspec.DecodeError:  # an incomplete last line of a killed command
                 continue
 
     @property
@@ -263,7 +279,7 @@ class AttributionRun:
 
 
 def _played_digest(report: EpisodeReport, version: DigestVersion) -> str:
-    """The digest of the played episode in the version of the planted one; "" if its trace cannot be read."""
+    """Return the digest of the played episode in the version of the planted one; "" if its trace cannot be read."""
     if version == DIGEST_VERSION:
         return report.digest
     try:
@@ -272,9 +288,9 @@ def _played_digest(report: EpisodeReport, version: DigestVersion) -> str:
         return ""
 
 
-def without_labels(trace: Trace, path: Path) -> Trace:
-    """A copy of the trace, at `path`, without the options of its policies, which name the planted faults."""
-    bindings = tuple(msgspec.structs.replace(one, arguments={}) for one in trace.header.bindings)
+def _without_labels(trace: Trace, path: Path) -> Trace:
+    """Copy the trace to `path` without the options of its policies, which name the planted faults."""
+    bindings = tuple(msgspec.structs.replace(binding, arguments={}) for binding in trace.header.bindings)
     header = msgspec.structs.replace(trace.header, bindings=bindings)
     return copy_trace(trace, header, path, surroundings_of(trace))
 
@@ -288,22 +304,22 @@ def _clear(folder: Path) -> None:
 # -- tables
 
 _NOT_COUNTED = {
-    "differs": "are others here than when they were made",
-    "cut short": "were cut short, will be played again by the same command",
+    "differs": "differ from those of the file",
+    "cut short": "were cut short (the same command plays them again)",
 }
 
 
 def attribution_tables(rows: Sequence[AttributionRow], title: str) -> tuple[ResultTable, ...]:
-    """All methods on all episodes; then by faculty and by mission, single faults alone."""
+    """Return the table of all methods on all episodes, then tables of single faults by faculty and by mission."""
     counted = [row for row in rows if row.standing not in _NOT_COUNTED]
     notes = []
     for standing, why in _NOT_COUNTED.items():
         left_out = len({row.episode for row in rows if row.standing == standing})
         if left_out:
-            notes.append(f"{left_out} episodes {why}, and are not counted")
+            notes.append(f"{left_out} episodes {why} and are not counted")
     raised = sum(row.standing == "failed" for row in counted)
     if raised:
-        notes.append(f"in {raised} cases a method raised, which counts as an answer of nothing")
+        notes.append(f"in {raised} cases a method raised, which counts as an empty answer")
     heads = ("Agent and faculty", "Among all named", "Boundary within 1", "Both of two", "Harmless", "No fault")
     methods = list(dict.fromkeys(row.method for row in rows))
     whole = tuple(ResultLine("", (name,), _cells([row for row in counted if row.method == name])) for name in methods)
@@ -348,7 +364,7 @@ def _cells(rows: Sequence[AttributionRow]) -> tuple[ResultCell, ...]:
 
 
 def _share(right: Sequence[bool]) -> ResultCell:
-    """`14/16 (87.5, 64.0 to 96.5)`: how often, in per cent, with Wilson's interval."""
+    """Return a share in per cent with Wilson's interval: `14/16 (87.5, 64.0 to 96.5)`."""
     if not right:
         return ResultCell(UNDEFINED)
     low, high = wilson(sum(right), len(right))

@@ -1,6 +1,6 @@
-"""The columns of a study: missions in their modes and, if wanted, at the values of the sweeps that they declare.
+"""The columns of a study: missions in their modes and, on request, at the values of their sweeps.
 
-Nothing here knows a mission: what is played follows from `Mission.modes` and `Mission.sweeps`.
+The columns follow from `Mission.modes` and `Mission.sweeps`; no mission is treated specially.
 """
 
 from __future__ import annotations
@@ -18,39 +18,43 @@ from lingjing.mission.model import Mission, Sweep
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A mission file in a mode, with settings (SI values by parameter name)."""
+    """One mission in one mode at given settings."""
 
     path: Path
+    """The mission file."""
     mission: str
+    """The mission's name."""
     mode: str
+    """The communication mode."""
     settings: Mapping[str, float] = field(default_factory=dict)
+    """Parameter values (SI units) by name; empty: the mission's defaults."""
 
     @property
     def name(self) -> str:
-        """`ssr-star`, `ssr-star-uavs=2`."""
+        """The column's name, such as `ssr-star` or `ssr-star-uavs=2`."""
         return "-".join([self.mission, self.mode, *(f"{key}={value:g}" for key, value in self.settings.items())])
 
 
 def shipped() -> tuple[Path, ...]:
-    """The mission files that come with the package, by name."""
+    """Return the mission files of the package, by name."""
     return tuple(sorted(data_path("scenarios").glob("*.ljs")))
 
 
 def columns(paths: Iterable[Path], modes: Iterable[str] | None = None, *, sweeps: bool = False) -> tuple[Column, ...]:
-    """Every mission in every mode that it allows (and that is in `modes`), at its defaults or at its sweeps' values.
+    """Return every mission in every allowed mode (of `modes`, if set), at its defaults or at the values of its sweeps.
 
     Raises `MissionError` for a file that does not compile.
     """
-    wanted = None if modes is None else frozenset(modes)
-    found: dict[str, Column] = {}
+    chosen_modes = None if modes is None else frozenset(modes)
+    columns_by_name: dict[str, Column] = {}
     for path in paths:
         mission = _compiled(path)
         for mode in mission.modes.allowed:
             for settings in (*({} for _ in range(not sweeps)), *(_swept(mission, mode) if sweeps else ())):
                 column = Column(path, mission.name, mode, settings)
-                if wanted is None or mode in wanted:
-                    found.setdefault(column.name, column)
-    return tuple(found.values())
+                if chosen_modes is None or mode in chosen_modes:
+                    columns_by_name.setdefault(column.name, column)
+    return tuple(columns_by_name.values())
 
 
 def _compiled(path: Path) -> Mission:
@@ -60,7 +64,7 @@ def _compiled(path: Path) -> Mission:
 
 
 def _swept(mission: Mission, mode: str) -> Iterator[dict[str, float]]:
-    """The settings of every run of every sweep that is meant for the mode."""
+    """Yield the settings of every run of the sweeps that apply to the mode."""
     scope = Scope(parameters=parameters(mission, mode, {}), mode=mode)
     for sweep in mission.sweeps:
         if sweep.when is None or flag_of(sweep.when.condition, scope):

@@ -1,7 +1,7 @@
-"""How long the rest of a suite takes and what it costs: from what episodes of the same kind have taken.
+"""Estimates of a suite's remaining time and cost, from finished episodes of the same kind.
 
-Missions differ tenfold in how long they take, so a mean over all would lie until the end; a kind that has not been
-played yet counts as the mean of those that have.
+Durations of missions differ by a factor of ten, so a mean over all kinds would be wrong until the end. A kind without
+finished episodes counts with the mean of the other kinds.
 """
 
 from __future__ import annotations
@@ -14,13 +14,15 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class _Seen:
+    """Sums over the finished episodes of one kind."""
+
     count: int = 0
     wall_s: float = 0.0
     cost_usd: float = 0.0
 
 
 class Countdown:
-    """Counts kinds of episodes down; `jobs` are played at a time."""
+    """A countdown of episodes by kind; `jobs` are played in parallel."""
 
     def __init__(self, jobs: int, kinds: Iterable[Hashable]) -> None:
         self._jobs = max(1, jobs)
@@ -28,7 +30,7 @@ class Countdown:
         self._seen: dict[Hashable, _Seen] = {}
 
     def learn(self, kind: Hashable, wall_s: float, cost_usd: float = 0.0) -> None:
-        """An episode of that kind took so long (0: it was not measured) and cost so much."""
+        """Add the duration (0: not measured) and cost of a finished episode of that kind."""
         if wall_s > 0.0:
             seen = self._seen.setdefault(kind, _Seen())
             seen.count += 1
@@ -36,18 +38,18 @@ class Countdown:
             seen.cost_usd += cost_usd
 
     def done(self, kind: Hashable, wall_s: float, cost_usd: float = 0.0) -> None:
-        """One of those to be played has been."""
+        """Add a finished episode, and remove it from the remaining ones."""
         self.learn(kind, wall_s, cost_usd)
         self._left[kind] -= 1
 
     @property
     def left_s(self) -> float:
-        """Seconds of wall clock that the rest will take; nan before anything has been measured."""
+        """Estimated seconds until the end; nan before the first measurement."""
         return self._rest({kind: seen.wall_s / seen.count for kind, seen in self._seen.items()}) / self._jobs
 
     @property
     def left_usd(self) -> float:
-        """US dollars that the rest will cost; nan before anything has been measured."""
+        """Estimated further cost in US dollars; nan before the first measurement."""
         return self._rest({kind: seen.cost_usd / seen.count for kind, seen in self._seen.items()})
 
     def _rest(self, means: dict[Hashable, float]) -> float:

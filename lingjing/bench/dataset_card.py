@@ -1,4 +1,4 @@
-"""A dataset card: what the rows of a results file are, how they were made, and what they do not say."""
+"""The dataset card of results: the meaning of the columns, the origin of the rows, and the limits of the data."""
 
 from __future__ import annotations
 
@@ -14,21 +14,27 @@ from lingjing.bench.running import cost_of
 from lingjing.bench.tables import make_tables
 
 PAPER = "Lingjing: A Simulation Testbed for Multi-Agent Embodied Tasks in Open-Ended Cities"
+"""The title of the paper."""
+
 _FIELDS = (
-    ("entrant, mission, mode, condition, seed", "which episode it is; a seed is the same instance for all entrants"),
-    ("tries, standing", "which try it was; `counted`, `aborted` (played again) or `lost` (the third abort)"),
-    ("policy, model, privileged", "who played, and whether it was shown the truth"),
-    ("policy_seed, salt_sha256", "what the policies' own chance started from, and whose salt decided it"),
-    ("code, version", "SHA-256 over all that decides an episode, and lingjing's version"),
-    ("wall_s", "seconds on the clock; the machine's load is in it"),
-    ("attention_iou", "of the attention maps that lay beside the trace, null where there were none"),
-    ("digest, frames_digest", "of the decisions, states, messages and events; of the pixels"),
-    ("settings, options, report", "JSON: parameters of the mission, all options, the whole report"),
+    ("entrant, mission, mode, condition, seed", "identify the episode; a seed is the same instance for all entrants"),
+    ("tries, standing", "number of the try; `counted`, `aborted` (played again) or `lost` (the third abort)"),
+    ("policy, model, privileged", "the policy and its model; true if it observes the ground truth"),
+    (
+        "policy_seed, salt_sha256",
+        "seed of the policies' own random streams; fingerprint of the salt that it depends on",
+    ),
+    ("code, version", "SHA-256 over all code and missions that decide an episode; lingjing's version"),
+    ("wall_s", "duration in wall-clock seconds, which includes the load of the machine"),
+    ("attention_iou", "IoU of the attention maps beside the trace; null without maps"),
+    ("digest, frames_digest", "digest of the decisions, states, messages and events; digest of the pixels"),
+    ("settings, options, report", "JSON: parameters of the mission, all options, the complete report"),
 )
+"""Columns of the Parquet file, and their meaning."""
 
 
 def dataset_card(rows: Sequence[SuiteRow], about: str = "") -> str:
-    """The card in Markdown, with the head that dataset hubs read."""
+    """Return the card in Markdown, with the YAML header that dataset hubs read."""
     return "\n".join([*_head(rows), *_made_of(rows, about), *_columns(), *_results(rows), *_limits(rows)]) + "\n"
 
 
@@ -62,9 +68,9 @@ def _made_of(rows: Sequence[SuiteRow], about: str) -> Iterator[str]:
         ("Code", dict.fromkeys(f"{row.version} ({row.code[:12]})" for row in rows)),
         ("Salts", dict.fromkeys(row.salt_sha256 for row in rows)),
     ):
-        told = ", ".join(filter(None, values))
-        if told:
-            yield f"- **{name}**: {escape_markdown(told)}"
+        text = ", ".join(filter(None, values))
+        if text:
+            yield f"- **{name}**: {escape_markdown(text)}"
     yield f"- **Cost**: {sum(map(cost_of, rows)):.2f} USD of model calls"
     for credited in dict.fromkeys(credit(row.report.attribution) for row in rows):
         if credited:
@@ -73,7 +79,7 @@ def _made_of(rows: Sequence[SuiteRow], about: str) -> Iterator[str]:
 
 def _columns() -> Iterator[str]:
     yield "\n## Columns\n"
-    yield "| column | what it is |"
+    yield "| column | meaning |"
     yield "| --- | --- |"
     for names, text in _FIELDS:
         yield f"| {', '.join(f'`{name}`' for name in names.split(', '))} | {text} |"
@@ -87,20 +93,20 @@ def _results(rows: Sequence[SuiteRow]) -> Iterator[str]:
 
 
 def _limits(rows: Sequence[SuiteRow]) -> Iterator[str]:
-    yield "## What it does not say\n"
-    yield "- Instances are drawn from public seeds: whoever has the code can know them."
+    yield "## Limits\n"
+    yield "- Instances are drawn from public seeds: they are known to everyone with the code."
     yield "- Wall times depend on the machine and its load."
     if any(row.privileged for row in rows):
         shown = ", ".join(dict.fromkeys(row.entrant for row in rows if row.privileged))
-        yield f"- {escape_markdown(shown)} was shown the truth: it says what can be won, and competes with nobody."
+        yield f"- {escape_markdown(shown)} observes the ground truth and is not ranked: it shows what can be won."
     if any(row.report.withdrawn for row in rows):
         number = sum(bool(row.report.withdrawn) for row in rows)
-        yield f"- {number} episodes were played where a digest is not promised on other processors."
-    yield "\n`lingjing bench table results.parquet` makes other tables of it."
+        yield f"- {number} episodes were played on a processor whose digests may differ from others."
+    yield "\n`lingjing bench table results.parquet` makes further tables."
 
 
 def seed_ranges(seeds: Iterable[int]) -> str:
-    """Seeds in order, runs of them as ranges: `0-99, 200`."""
+    """Return seeds in order, with ranges for runs: `0-99, 200`."""
     runs: list[list[int]] = []
     for seed in sorted(seeds):
         if runs and runs[-1][1] == seed - 1:

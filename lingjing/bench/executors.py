@@ -1,4 +1,4 @@
-"""Who plays a suite's episodes: processes of this machine, or the workers of a Ray cluster."""
+"""Executors of a suite's episodes: processes of this machine, or the workers of a Ray cluster (`on_ray`)."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from lingjing.play.report import EpisodeReport
 
 
 class Executor(Protocol):
-    """Plays episodes; what comes of one does not depend on who plays it."""
+    """An executor of episodes. Results do not depend on the executor."""
 
     @property
     def jobs(self) -> int:
-        """How many are played at a time."""
+        """The number of episodes played in parallel."""
 
     def play(self, tasks: Iterable[EpisodeTask]) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
-        """Play them, in order of completion. A task is taken when somebody is free to play it.
+        """Play the tasks and yield them in order of completion. The next task is taken when a worker is free.
 
-        An episode whose process or machine was lost is an infrastructure abort of that episode; anything that makes all
-        others fail as well is raised. At an interrupt what was played is yielded before `KeyboardInterrupt` is raised.
+        A lost process or machine is an infrastructure abort of its episode. An error that all episodes would share is
+        raised. After an interrupt, finished episodes are yielded before `KeyboardInterrupt` is raised.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class LocalExecutor:
-    """Child processes of this one."""
+    """An executor with child processes of this process."""
 
     jobs: int = 1
 

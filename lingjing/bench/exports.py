@@ -1,4 +1,4 @@
-"""Tables written as Markdown, LaTeX, CSV and HTML. Every text is escaped: names come from suites and policies."""
+"""Export of tables to Markdown, LaTeX, CSV and HTML. All text is escaped, because suites and policies choose names."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ _LATEX = {
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}", "–": "--",
     "†": r"\textsuperscript{\dag}", "‡": r"\textsuperscript{\ddag}", "\n": " ",
 }  # fmt: skip
+"""LaTeX escapes of special characters."""
+
 _RAISED = re.compile(r"\^(\w)$")
-"""The mode of a column's head: `UFR^s`."""
+"""The mode in the head of a column: `UFR^s`."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What makes a spreadsheet read a text as a formula."""
+"""First characters that make a spreadsheet read a text as a formula."""
 
 
 def to_markdown(table: ResultTable) -> str:
-    """A table in GitHub's Markdown with the heading and the notes."""
+    """Return a table in GitHub's Markdown with its heading and notes."""
     heads = [*table.labels, *(_RAISED.sub(r" \1", head) for head in table.heads)]
     lines = [f"### {escape_markdown(table.title)}", "", _piped(map(escape_markdown, heads))]
     lines.append(_piped([*("---" for _ in table.labels), *("---:" for _ in table.heads)]))
@@ -38,7 +40,7 @@ def to_markdown(table: ResultTable) -> str:
 
 
 def to_latex(table: ResultTable) -> str:
-    r"""A `tabular` with booktabs rules: the best bold, the second best underlined, as in the paper."""
+    """Return a `tabular` with booktabs rules: the best value bold, the second best underlined, as in the paper."""
     width = len(table.labels) + len(table.heads)
     heads = [
         *(rf"\textbf{{{_latex(head)}}}" for head in table.labels),
@@ -56,13 +58,15 @@ def to_latex(table: ResultTable) -> str:
             lines.append(rf"\multicolumn{{{width}}}{{@{{}}l}}{{\emph{{{_latex(group)}}}}} \\")
         for line in some:
             cells = [*map(_latex, line.label), *map(_marked_latex, line.cells)]
-            apart = "{}" if cells[0].startswith(("[", "*")) else ""  # else they are arguments of the line break
+            apart = "{}" if cells[0].startswith(("[", "*")) else ""  # else LaTeX reads them as arguments of `\\`
             lines.append(f"{apart}{' & '.join(cells)} \\\\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", *(f"% {_latex(note)}" for note in table.notes), ""])
 
 
 def to_csv(table: ResultTable) -> str:
-    """Comma-separated values: numbers as they are, nothing where there is none; no text begins a formula."""
+    """Return comma-separated values with unformatted numbers; an undefined number is empty, and no text is a
+    formula.
+    """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["group", *map(_harmless, (*table.labels, *table.heads))])
@@ -73,9 +77,9 @@ def to_csv(table: ResultTable) -> str:
 
 
 def to_html(table: ResultTable) -> str:
-    """A `<table>` with its caption and notes; a page around it is the caller's."""
-    labels = "".join(f"<th class='label'>{_html(one)}</th>" for one in table.labels)
-    head = labels + "".join(f"<th>{_html_head(one)}</th>" for one in table.heads)
+    """Return a `<table>` with its caption and notes, without a page around it."""
+    labels = "".join(f"<th class='label'>{_html(label)}</th>" for label in table.labels)
+    head = labels + "".join(f"<th>{_html_head(label)}</th>" for label in table.heads)
     lines = [
         f"<table class='{table.kind}'>",
         f"<caption>{_html(table.title)}</caption>",
@@ -95,7 +99,7 @@ def to_html(table: ResultTable) -> str:
 
 
 def html_page(title: str, body: str) -> str:
-    """A page that stands alone, light or dark as the reader has it; it loads nothing and runs nothing."""
+    """Return a complete page in the reader's light or dark scheme. It loads no resources and runs no scripts."""
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>\n"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
@@ -107,9 +111,10 @@ def html_page(title: str, body: str) -> str:
 EXPORTS: Mapping[str, Callable[[ResultTable], str]] = {
     "markdown": to_markdown, "latex": to_latex, "csv": to_csv, "html": to_html,
 }  # fmt: skip
-"""The formats of tables by name."""
+"""The export functions by the name of the format."""
 
 SUFFIXES = {"markdown": "md", "latex": "tex", "csv": "csv", "html": "html"}
+"""File suffixes by the name of the format."""
 
 _STYLE = (
     ":root{color-scheme:light dark}"
@@ -127,12 +132,13 @@ _STYLE = (
 
 
 def _grouped(lines: Sequence[ResultLine]) -> Iterator[tuple[str, list[ResultLine]]]:
-    """The lines under their headings, in the order in which these appear first; before them those without one, which
-    would else seem to stand under another's."""
-    found: dict[str, list[ResultLine]] = {"": []} if any(not line.group for line in lines) else {}
+    """Yield the lines by heading, in the order of first appearance. Lines without a heading come first: below a
+    heading they would seem to belong to it.
+    """
+    groups: dict[str, list[ResultLine]] = {"": []} if any(not line.group for line in lines) else {}
     for line in lines:
-        found.setdefault(line.group, []).append(line)
-    yield from found.items()
+        groups.setdefault(line.group, []).append(line)
+    yield from groups.items()
 
 
 def _piped(cells: Iterable[str]) -> str:
@@ -140,7 +146,7 @@ def _piped(cells: Iterable[str]) -> str:
 
 
 def escape_markdown(text: str) -> str:
-    """Text in which nothing is markup: HTML and the characters that Markdown gives a meaning."""
+    """Return text without markup: HTML and Markdown's special characters are escaped."""
     escaped = html.escape(visible(text).replace("\n", " "), quote=False)
     return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escaped)
 
@@ -155,8 +161,8 @@ def _latex(text: str) -> str:
 
 
 def _latex_head(head: str) -> str:
-    found = _RAISED.search(head)
-    return f"{_latex(head[: found.start()])}$^{{{found[1]}}}$" if found else _latex(head)
+    mode = _RAISED.search(head)
+    return f"{_latex(head[: mode.start()])}$^{{{mode[1]}}}$" if mode else _latex(head)
 
 
 def _marked_latex(cell: ResultCell) -> str:
@@ -165,7 +171,7 @@ def _marked_latex(cell: ResultCell) -> str:
 
 
 def _number(cell: ResultCell) -> str:
-    """The number itself where the text is one; a text that says more, such as an interval, whole."""
+    """Return the number if the text is only a number; the complete text otherwise, such as an interval."""
     if math.isnan(cell.value):
         return _harmless(cell.text) if re.search(r"\d", cell.text) else ""
     return f"{cell.value:.10g}" if re.fullmatch(r"-?[\d.]+", cell.text) else _harmless(cell.text)
@@ -181,8 +187,8 @@ def _html(text: str) -> str:
 
 
 def _html_head(head: str) -> str:
-    found = _RAISED.search(head)
-    return f"{_html(head[: found.start()])}<sup>{_html(found[1])}</sup>" if found else _html(head)
+    mode = _RAISED.search(head)
+    return f"{_html(head[: mode.start()])}<sup>{_html(mode[1])}</sup>" if mode else _html(head)
 
 
 def _marked_html(cell: ResultCell) -> str:

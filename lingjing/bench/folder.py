@@ -1,7 +1,7 @@
-"""Where a suite's rows are kept while it is played: a folder that one command at a time may use.
+"""The folder that stores a suite's rows while it is played; one command at a time may write to it.
 
-A row is written as soon as its episode ends, whole or not at all, as a file of its own in `parts`; many parts are made
-one `results.parquet` now and then and at the end. Whatever moment the command is killed at, the folder reads back.
+A row is written as soon as its episode ends, atomically, as a file in `parts`. From time to time, and at the end, the
+parts are joined into `results.parquet`. The folder stays readable if the command is killed at any moment.
 """
 
 from __future__ import annotations
@@ -24,65 +24,77 @@ from lingjing.mission.seeding import integer
 from lingjing.whole_files import PARTIAL, written_whole
 
 RESULTS = "results.parquet"
+"""The file of joined rows."""
+
 PARTS = "parts"
+"""The subfolder of single rows."""
+
 MOST_PARTS = 256
-"""So many parts are made one file."""
+"""The number of parts that triggers joining. Chosen."""
 
 _SUFFIX = ".parquet"
 
 
 @contextmanager
 def open_results(folder: Path) -> Iterator[ResultsFolder]:
-    """Make the folder and keep other commands out of it as long as this one runs, however it ends.
+    """Create the folder and lock it against other commands until this one ends.
 
-    Raises `UsageError` where another one uses it, or where it cannot be written or read.
+    Raises `UsageError` if another command uses the folder, or if it cannot be written or read.
     """
-    with alone_in(folder, "suite") as lock:
+    with lock_folder(folder, "suite") as lock:
         try:
             (folder / PARTS).mkdir(exist_ok=True)
         except OSError as error:
-            raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another with -o") from error
+            raise UsageError(
+                f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder with -o"
+            ) from error
         yield ResultsFolder(folder, lock)
 
 
 @contextmanager
-def alone_in(folder: Path, what: str) -> Iterator[IO[str]]:
-    """Make a folder and hold the lock of the one command, a `what`, that may write to it. Raises `UsageError`."""
+def lock_folder(folder: Path, what: str) -> Iterator[IO[str]]:
+    """Create a folder and hold the lock that allows one command (a `what`) to write to it. Raises `UsageError`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / "lock").open("a")
     except OSError as error:
-        raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another with -o") from error
+        raise UsageError(
+            f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder with -o"
+        ) from error
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UsageError(f"another {what} is writing to `{folder}`", hint="wait, or name another with -o") from None
+            raise UsageError(
+                f"another {what} is writing to `{folder}`", hint="wait, or name another folder with -o"
+            ) from None
         yield lock
 
 
 def read_results(place: Path) -> list[SuiteRow]:
-    """The rows of a suite's folder, finished or not, or of one Parquet file. Raises `UsageError`."""
+    """Return the rows of a suite's folder, finished or not, or of one Parquet file. Raises `UsageError`."""
     if place.is_dir():
         files = _files(place)
         if not files:
-            raise UsageError(f"`{place}` holds no results of a suite", hint="name its folder, or a .parquet file")
+            raise UsageError(
+                f"`{place}` holds no results of a suite", hint="name the folder of a suite, or a .parquet file"
+            )
         try:
             return with_attention(_merged(files), place)
         except UsageError:
             if _files(place) == files:
                 raise
-            return read_results(place)  # its suite has put its parts together meanwhile
+            return read_results(place)  # the running suite has joined its parts meanwhile
     return with_attention(read_rows(place), place.parent)
 
 
 def with_attention(rows: Iterable[SuiteRow], folder: Path) -> list[SuiteRow]:
-    """The rows, each with the attention IoU of the maps that lie beside its trace in the suite's folder."""
-    return [_attended(row, folder / row.report.trace) if row.report.trace else row for row in rows]
+    """Return the rows, each with the attention IoU of the maps beside its trace in the suite's folder."""
+    return [_with_iou(row, folder / row.report.trace) if row.report.trace else row for row in rows]
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, also after a power failure. Raises `OSError`."""
+    """Write a file atomically, also with respect to power failures. Raises `OSError`."""
     with written_whole(file) as partial, partial.open("wb") as stream:
         stream.write(content)
         stream.flush()
@@ -90,7 +102,7 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 class ResultsFolder:
-    """The rows of one suite; `rows` are those that are there."""
+    """The rows of one suite. `rows` holds all rows of the folder."""
 
     def __init__(self, folder: Path, lock: IO[str]) -> None:
         self.folder = folder
@@ -103,7 +115,7 @@ class ResultsFolder:
         self._next = 1 + max((int(path.stem) for path in self._parts if path.stem.isdigit()), default=0)
 
     def add(self, row: SuiteRow) -> None:
-        """Keep a row. Raises `UsageError` where it cannot be written; what was there before stays as it was."""
+        """Store a row. Raises `UsageError` if it cannot be written; existing rows are not changed."""
         part = self.folder / PARTS / f"{self._next:08d}{_SUFFIX}"
         self._write(part, encode_rows([row]))
         self._next += 1
@@ -113,16 +125,16 @@ class ResultsFolder:
             self.compact()
 
     def compact(self) -> Path:
-        """Make one file of all parts; its path."""
+        """Join all parts into one file and return its path."""
         whole = self.folder / RESULTS
         if self._parts or not whole.is_file():
             self._write(whole, encode_rows(self.rows))
-            while self._parts:  # a row that is in both is read once
+            while self._parts:  # after a kill here, a row that is in both files is read once
                 self._parts.pop().unlink(missing_ok=True)
         return whole
 
     def salt(self) -> str:
-        """The text in the folder's `salt`, made by chance where there is none yet."""
+        """Return the text of the folder's `salt` file, which is drawn at random if it does not exist."""
         if not self._salt:
             file = self.folder / "salt"
             self._salt = file.read_text().strip() if file.is_file() else ""
@@ -131,39 +143,39 @@ class ResultsFolder:
                 self._write(file, f"{self._salt}\n".encode())
         return self._salt
 
-    def take_salt(self, other: Path) -> None:
-        """Draw as another suite's folder did. Raises `UsageError` where this one has a salt of its own already."""
+    def adopt_salt(self, other: Path) -> None:
+        """Use the salt of another suite's folder. Raises `UsageError` if this folder has a different salt."""
         salt = (other / "salt").read_text().strip()
         own = self.folder / "salt"
         if own.is_file() and own.read_text().strip() != salt:
             raise UsageError(
-                f"`{self.folder}` draws by another salt than `{other}`", hint="replay into a new folder, with -o"
+                f"`{self.folder}` has another salt than `{other}`", hint="replay into a new folder with -o"
             )
         self._salt = salt
         self._write(own, f"{salt}\n".encode())
 
     def write(self, name: str, text: str) -> Path:
-        """Write a text beside the results; its path."""
+        """Write a text beside the results and return its path."""
         self._write(self.folder / name, text.encode())
         return self.folder / name
 
     def _write(self, file: Path, content: bytes) -> None:
-        if not self._is_there():
+        if not self._is_same_folder():
             raise UsageError(
                 f"`{self.folder}` was removed or replaced while its suite was played",
-                hint="nothing more is written; start again, with a folder that stays",
+                hint="no further rows are written; start again in another folder",
             )
         try:
             write_whole(file, content)
         except OSError as error:
-            kept = f"{len(self.rows)} rows are there" if self.rows else "there is nothing yet"
+            kept = f"{len(self.rows)} rows are stored" if self.rows else "no row is stored"
             raise UsageError(
                 f"cannot write to `{self.folder}`: {error.strerror}; {kept}",
-                hint="make room or choose another folder with -o; the same command goes on from here",
+                hint="make room or choose another folder with -o; the same command continues from here",
             ) from error
 
-    def _is_there(self) -> bool:
-        """Whether the folder is still the one that was locked."""
+    def _is_same_folder(self) -> bool:
+        """Return whether the folder is still the locked one."""
         try:
             return os.path.samestat(os.fstat(self._lock.fileno()), (self.folder / "lock").stat())
         except OSError:
@@ -171,21 +183,24 @@ class ResultsFolder:
 
 
 def policy_seed(salt: str, cell: tuple[str, str, str, str], seed: int) -> int:
-    """What the policies of one row draw from. The suite's own salt decides it, so that it tells a policy that has the
-    code nothing about the instance; a row that is played again has the same one."""
+    """Return the seed of a row's policies.
+
+    It depends on the suite's salt, so that a policy with access to the code cannot derive the instance from it. A row
+    that is played again has the same seed.
+    """
     return integer(0, "/".join((salt, *cell, str(seed))))
 
 
 def fingerprint(salt: str) -> str:
-    """What tells a salt from another one without telling it."""
+    """Return a hash that identifies a salt without revealing it."""
     return hashlib.sha256(f"lingjing salt {salt}".encode()).hexdigest()[:16]
 
 
-def _attended(row: SuiteRow, trace: Path) -> SuiteRow:
+def _with_iou(row: SuiteRow, trace: Path) -> SuiteRow:
     from lingjing.analysis.attention import attention_beside
 
-    looked = attention_beside(trace)
-    return row if looked is None else msgspec.structs.replace(row, attention_iou=looked)
+    iou = attention_beside(trace)
+    return row if iou is None else msgspec.structs.replace(row, attention_iou=iou)
 
 
 def _files(folder: Path) -> list[Path]:
@@ -194,11 +209,18 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _merged(files: list[Path]) -> list[SuiteRow]:
-    """The rows of all files, each once."""
+    """Return the rows of all files, each key once."""
     return list({row.key: row for file in files for row in read_rows(file)}.values())
 
 
 __all__ = [
-    "RESULTS", "ResultsFolder", "alone_in", "fingerprint", "open_results", "policy_seed", "read_results",
-    "with_attention", "write_whole",
+    "RESULTS",
+    "ResultsFolder",
+    "fingerprint",
+    "lock_folder",
+    "open_results",
+    "policy_seed",
+    "read_results",
+    "with_attention",
+    "write_whole",
 ]  # fmt: skip

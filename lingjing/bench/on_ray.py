@@ -1,8 +1,8 @@
-"""A suite's episodes on the workers of a Ray cluster: the same rows as anywhere else, on more machines.
+"""An executor on the workers of a Ray cluster. Rows equal those of other executors.
 
-Each episode is one task of one CPU, tried once: a worker that dies costs the episode that it was playing and nothing
-else. The suite's folder must be on storage that all nodes see; every node has this version of the code installed. Only
-here is Ray imported, when an executor is made.
+Each episode is one task of one CPU, tried once: a worker that dies costs only its current episode. The suite's folder
+must be on storage shared by all nodes, and every node must have the same version of the code. Ray is imported when an
+executor is made.
 """
 
 from __future__ import annotations
@@ -26,34 +26,43 @@ from lingjing.play.parallel import EpisodeTask, play_apart, without_result
 from lingjing.play.report import EpisodeReport
 
 _POLL_S = 1.0
+"""Seconds between checks of the number of CPUs. Chosen."""
+
 _REACH_S = 10.0
+"""Seconds to wait for a connection to the cluster. Chosen."""
+
 _KINDS: dict[str, type[LingjingError]] = {"UsageError": UsageError, "InfrastructureError": InfrastructureError}
 
 
 class RayTask(msgspec.Struct, frozen=True):
-    """What is sent to a worker: the options and the folder of an episode, the lock of the suite's folder, and the
-    SHA-256 that the code must have there."""
+    """The message to a worker."""
 
     options: PlayOptions
+    """The options of the episode."""
     folder: str
+    """The folder of the episode."""
     lock: str
+    """The lock file of the suite's folder."""
     code: str
+    """The SHA-256 that the worker's code must have."""
 
 
-class RayAnswer(msgspec.Struct, frozen=True):
-    """What comes back: a report, or the kind, words and hint of the error that all episodes would have."""
+class _RayAnswer(msgspec.Struct, frozen=True):
+    """The message from a worker: a report, or an error that all episodes would share."""
 
     report: EpisodeReport | None = None
+    """The report of the episode; None if there is an error."""
     error: str = ""
+    """The class name of the error."""
     message: str = ""
     hint: str = ""
 
 
 class RayExecutor:
-    """Plays on the cluster at `address` (`auto`: the one that this machine is in).
+    """An executor on the cluster at `address` (`auto`: the cluster of this machine).
 
-    `lock` is a file in the suite's folder, by which a worker knows that it sees the folder. Raises `UsageError` without
-    Ray or a cluster.
+    `lock` is a file in the suite's folder; a worker checks that it can see it. Raises `UsageError` without Ray or a
+    cluster.
     """
 
     def __init__(self, lock: Path, address: str = "auto") -> None:
@@ -64,11 +73,11 @@ class RayExecutor:
 
     @property
     def jobs(self) -> int:
-        """How many CPUs the cluster has now."""
+        """The current number of CPUs of the cluster."""
         return max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def play(self, tasks: Iterable[EpisodeTask]) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
-        """Play the tasks, as many at a time as there are CPUs."""
+        """Play the tasks, one per CPU at a time."""
         waiting = iter(tasks)
         running: dict[Any, EpisodeTask] = {}
         try:
@@ -78,15 +87,15 @@ class RayExecutor:
                 if not running:
                     return
                 done, _ = self._ray.wait(list(running), num_returns=1, timeout=_POLL_S)
-                for one in done:
-                    task = running.pop(one)
-                    yield task, self._answer(one, task)
+                for reference in done:
+                    task = running.pop(reference)
+                    yield task, self._answer(reference, task)
         finally:
-            for one in running:
-                self._ray.cancel(one, force=True)
+            for reference in running:
+                self._ray.cancel(reference, force=True)
 
     def _sent(self, task: EpisodeTask) -> bytes:
-        """The task for a machine on which the shipped missions may lie elsewhere."""
+        """Return the encoded task. A shipped mission is sent by name, because its path may differ on the worker."""
         path = Path(task.options.mission)
         shipped = path.parent == data_path("scenarios")
         options = msgspec.structs.replace(task.options, mission=path.stem if shipped else str(path.resolve()))
@@ -94,39 +103,39 @@ class RayExecutor:
 
     def _answer(self, reference: object, task: EpisodeTask) -> EpisodeReport:
         try:
-            answer = msgspec.json.decode(self._ray.get(reference), type=RayAnswer)
-        except self._ray.exceptions.RayError as error:  # the worker, its node or its memory is gone
-            said = " ".join(str(error).split())[:200]
-            return without_result(task, f"its Ray worker was lost: {type(error).__name__}: {said}")
+            answer = msgspec.json.decode(self._ray.get(reference), type=_RayAnswer)
+        except self._ray.exceptions.RayError as error:  # the worker, its node or its memory was lost
+            reason = " ".join(str(error).split())[:200]
+            return without_result(task, f"its Ray worker was lost: {type(error).__name__}: {reason}")
         if answer.report is None:
             raise _KINDS.get(answer.error, LingjingError)(answer.message, hint=answer.hint)
         return answer.report
 
 
 def play_on_node(sent: bytes) -> bytes:
-    """Play one episode, on the worker: a `RayTask` in, a `RayAnswer` out."""
+    """Play one episode on the worker; decode a `RayTask` and encode a `_RayAnswer`."""
     return msgspec.json.encode(_played(msgspec.json.decode(sent, type=RayTask)))
 
 
-def _played(task: RayTask) -> RayAnswer:
+def _played(task: RayTask) -> _RayAnswer:
     node = os.uname().nodename
     if not Path(task.lock).is_file():
-        return RayAnswer(
+        return _RayAnswer(
             error="UsageError",
-            message=f"the node {node} does not see `{Path(task.lock).parent}`",
-            hint="name a folder with -o that all nodes of the cluster see",
+            message=f"the node {node} cannot read `{Path(task.lock).parent}`",
+            hint="name a folder with -o that all nodes of the cluster share",
         )
     if _code_here() != task.code:
-        return RayAnswer(
+        return _RayAnswer(
             error="UsageError",
-            message=f"the node {node} has other code ({_code_here()[:12]}, here it is {task.code[:12]})",
+            message=f"the node {node} has other code ({_code_here()[:12]}, this machine {task.code[:12]})",
             hint=f"install the same version of {name_of(CORE)} and {name_of(AGENTS)} on every node",
         )
     try:
         ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder), reports_failure=True)], 1)
     except LingjingError as error:
-        return RayAnswer(error=type(error).__name__, message=str(error), hint=error.hint)
-    return RayAnswer(report)
+        return _RayAnswer(error=type(error).__name__, message=str(error), hint=error.hint)
+    return _RayAnswer(report)
 
 
 @cache
@@ -146,20 +155,20 @@ def _connected(address: str) -> Any:
             connect: Callable[..., object] = ray.init
             connect(address=address, log_to_driver=False, logging_level="ERROR", configure_logging=False)
         except (OSError, ValueError) as error:
-            said = (str(error).splitlines() or [type(error).__name__])[0]
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise UsageError(
-                f"there is no Ray cluster at `{address}`: {said}",
+                f"there is no Ray cluster at `{address}`: {reason}",
                 hint="start one with `ray start --head`, or name one with --ray-address",
             ) from error
-        signal.signal(signal.SIGTERM, ending)  # Ray puts one of its own there, which ends a command without a word
+        signal.signal(signal.SIGTERM, ending)  # Ray replaces the handler by one that ends the command silently
     return ray
 
 
 def _check_reachable(address: str) -> None:
-    """Raise `OSError` where nobody listens at `host:port`: Ray itself would go on trying for minutes."""
+    """Raise `OSError` if no server listens at `host:port`. Ray would retry for minutes."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and port.isdecimal():
         socket.create_connection((host, int(port)), _REACH_S).close()
 
 
-__all__ = ["RayAnswer", "RayExecutor", "RayTask", "play_on_node"]
+__all__ = ["RayExecutor", "RayTask", "play_on_node"]

@@ -1,4 +1,4 @@
-"""Paired tests on matched instances: entrants, conditions and modes against each other."""
+"""Paired tests on matched instances, between entrants, conditions and modes."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from lingjing.bench.table_cells import (
 
 
 def paired_tests(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """McNemar's test of every two entrants, or conditions of one, on the instances that both have played, and of the
-    two modes of a mission. Each of the two families is corrected for its number of tests. Entrants that were shown the
-    truth, or have open episodes, are left out."""
+    """Yield McNemar's test of every pair of entrants, or of conditions of one entrant, on common instances, and of the
+    two modes of a mission. Each of the two families is corrected for its number of tests. Privileged entrants and
+    entrants with open episodes are excluded.
+    """
     competing = [row for row in rows if not row.privileged and not is_out_of_competition(row.entrant)]
     entrants = grouped(competing, lambda row: (row.entrant, row.condition))
     pairs = [
-        (_called(first), _called(second), mcnemar(*(_won(some) for some in (own, others))))
+        (_label(first), _label(second), mcnemar(*(_won(some) for some in (own, others))))
         for (first, own), (second, others) in combinations(entrants.items(), 2)
-        if first[0] == second[0] or first[1] == second[1]  # one thing differs
+        if first[0] == second[0] or first[1] == second[1]  # compare either entrants or conditions
     ]
     modes = []
     for (entrant, condition, mission), own in grouped(
         competing, lambda row: (row.entrant, row.condition, row.mission)
     ).items():
         both = [_won((row for row in own if row.mode == mode), by_seed=True) for mode in ("star", "broadcast")]
-        names = [f"{_called((entrant, condition))}, {mission.upper()} {mode}" for mode in ("star", "broadcast")]
+        names = [f"{_label((entrant, condition))}, {mission.upper()} {mode}" for mode in ("star", "broadcast")]
         modes.append((names[0], names[1], mcnemar(*both)))
     lines = (*_tested("Entrants and conditions", pairs), *_tested("Modes", modes))
     heads = ("Instances", "Only first won", "Only second won", "p", "p (Holm)")
@@ -43,12 +44,14 @@ def paired_tests(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _won(rows: Iterable[SuiteRow], *, by_seed: bool = False) -> dict[tuple[str, int], bool]:
-    """Who won which instance; a seed is the same one in both modes of a mission."""
+    """Return the success of each instance by column and seed. A seed is the same instance in both modes of a mission
+    (`by_seed`).
+    """
     return {("" if by_seed else row.column, row.seed): row.report.success for row in rows}
 
 
-def _tested(group: str, found: Iterable[tuple[str, str, PairedTest]]) -> list[ResultLine]:
-    matched = [one for one in found if one[2].pairs]
+def _tested(group: str, tests: Iterable[tuple[str, str, PairedTest]]) -> list[ResultLine]:
+    matched = [item for item in tests if item[2].pairs]
     corrected = holm([test.p for _, _, test in matched])
     return [
         ResultLine(group, (first, second), (*_counts(test), probability(test.p), probability(p)))
@@ -60,7 +63,7 @@ def _counts(test: PairedTest) -> Iterable[ResultCell]:
     return (ResultCell(str(number), number) for number in (test.pairs, test.only_first, test.only_second))
 
 
-def _called(key: tuple[str, str]) -> str:
+def _label(key: tuple[str, str]) -> str:
     entrant, condition = key
     return f"{entrant} ({condition})" if condition else entrant
 

@@ -1,7 +1,7 @@
-"""Rows of a suite as Parquet files, which pandas, DuckDB, Polars and R read: one column a field or metric.
+"""Rows as Parquet files, which pandas, DuckDB, Polars and R read: one column per field or metric.
 
-The columns `options` and `report` hold, as JSON, all there is to know of an episode; a row is read back from them, and
-the other columns are there to be queried. Only here is pyarrow imported, when a file is read or written.
+The columns `options` and `report` hold the complete episode as JSON, and rows are read back from them. The other
+columns are for queries. pyarrow is imported when a file is read or written.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 VERSION = b"1"
-"""The version of the columns that are read back, in the file's metadata."""
+"""The version of the columns that are read back; stored in the file's metadata."""
 
 _KEY = b"lingjing.results"
 _AS_JSON = ("options", "report")
@@ -37,7 +37,7 @@ _MISSING = "the results of suites need pyarrow"
 
 
 def encode_rows(rows: Iterable[SuiteRow]) -> bytes:
-    """The rows as a Parquet file, sorted by their keys: equal rows give equal bytes."""
+    """Return the rows as a Parquet file, sorted by key: equal rows give equal bytes."""
     arrow = _arrow()
     import pyarrow.parquet as parquet
 
@@ -50,7 +50,7 @@ def encode_rows(rows: Iterable[SuiteRow]) -> bytes:
 
 
 def read_rows(file: Path) -> list[SuiteRow]:
-    """The rows of a file that `encode_rows` made. Raises `UsageError` for anything else, and for other versions."""
+    """Return the rows of a file of `encode_rows`. Raises `UsageError` for other files and versions."""
     arrow = _arrow()
     import pyarrow.parquet as parquet
 
@@ -59,30 +59,32 @@ def read_rows(file: Path) -> list[SuiteRow]:
     except OSError as error:
         raise UsageError(f"cannot read {file}: {error.strerror}") from error
     try:
-        # no threads of Arrow's: one that is left when the interpreter ends aborts the process
+        # without Arrow's threads: a thread that is left when the interpreter ends aborts the process
         table = parquet.ParquetFile(io.BytesIO(data), pre_buffer=False).read(use_threads=False)
     except (arrow.ArrowInvalid, OSError) as error:
-        said = str(error).splitlines()[0]
-        raise UsageError(f"`{file}` holds no results of a suite: {said}", hint="it may be half a file") from error
+        reason = str(error).splitlines()[0]
+        raise UsageError(
+            f"`{file}` holds no results of a suite: {reason}", hint="the file may be incomplete"
+        ) from error
     version = (table.schema.metadata or {}).get(_KEY, b"")
     if version != VERSION:
-        told = f"it has form {version.decode(errors='replace')}" if version else "nothing says that it is one"
-        hint = f"this is lingjing {lingjing.__version__}, which reads form {VERSION.decode()}"
-        raise UsageError(f"`{file}` holds no results that this version reads: {told}", hint=hint)
+        form = f"it has version {version.decode(errors='replace')}" if version else "it has no version"
+        hint = f"this is lingjing {lingjing.__version__}, which reads version {VERSION.decode()}"
+        raise UsageError(f"`{file}` holds no results that this version can read: {form}", hint=hint)
     return list(_decoded(table, file))
 
 
 def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
-    wanted = [name for name in SuiteRow.__struct_fields__ if name in table.schema.names]
-    for at, plain in enumerate(table.select(wanted).to_pylist()):
+    names = [name for name in SuiteRow.__struct_fields__ if name in table.schema.names]
+    for at, plain in enumerate(table.select(names).to_pylist()):
         try:
             whole = {name: json.loads(value) if name in _AS_JSON else value for name, value in plain.items()}
             yield msgspec.convert(whole, SuiteRow)
         except (msgspec.ValidationError, ValueError, TypeError) as error:
             made = f"lingjing {plain.get('version') or 'of an unknown version'}, code {str(plain.get('code'))[:12]}"
             hint = (
-                f"it was made by {made}; this is lingjing {lingjing.__version__}: read it with the one that made it, "
-                "or score its traces, where they are kept, with this one: lingjing report FOLDER/runs"
+                f"it was made by {made}; this is lingjing {lingjing.__version__}: read it with that version, or "
+                "score its kept traces with this one: lingjing report FOLDER/runs"
             )
             raise UsageError(f"row {at} of `{file}` cannot be read: {error}", hint=hint) from error
 
@@ -97,17 +99,17 @@ def _flat(row: SuiteRow) -> dict[str, Any]:
         **reported,
         "settings": json.dumps(row.options.settings, sort_keys=True),
         "options": msgspec.json.encode(row.options, order="deterministic").decode(),
-        "report": json.dumps(msgspec.to_builtins(row.report)),  # names of files may be no text: JSON escapes them
+        "report": json.dumps(msgspec.to_builtins(row.report)),  # JSON escapes file names that are not valid text
     }
 
 
 def _texted(value: object) -> object:
-    """A value as a column takes it: bytes in a file's name that are no text are spelled out."""
+    """Return a value for a column; bytes of a file name that are not valid text become escapes."""
     return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
 
 
 def _schema(arrow: Any) -> pa.Schema:
-    """One column for each field of a row, of its report that tables need, and of its metrics."""
+    """Return one column for each field of a row, of its metrics, and for the report's fields that tables use."""
     own = {name: hint for name, hint in get_type_hints(SuiteRow).items() if name not in _AS_JSON}
     metrics = {name: hint for name, hint in get_type_hints(Metrics).items() if name not in _REPORTED}
     kinds = {**own, **_REPORTED, "settings": str, **metrics, "options": str, "report": str}
@@ -117,12 +119,12 @@ def _schema(arrow: Any) -> pa.Schema:
 
 def _arrow_type(arrow: Any, hint: Any) -> Any:
     if isinstance(hint, UnionType):
-        hint = next(one for one in get_args(hint) if one is not type(None))
+        hint = next(member for member in get_args(hint) if member is not type(None))
     if hint in (bool, int, float):
         return {bool: arrow.bool_(), int: arrow.int64(), float: arrow.float64()}[hint]
     if StageMetric in get_args(hint):
         parts = get_type_hints(StageMetric).items()
-        return arrow.list_(arrow.struct([arrow.field(name, _arrow_type(arrow, one)) for name, one in parts]))
+        return arrow.list_(arrow.struct([arrow.field(name, _arrow_type(arrow, member)) for name, member in parts]))
     return arrow.string()
 
 

@@ -1,7 +1,7 @@
-"""From a suite file to the episodes that it means: names looked up, values checked, every fault told at once.
+"""The plan of a suite file: names are looked up, values are checked, and all errors are reported at once.
 
-A `SuiteCell` is one entrant in one column under one condition. It has an episode for each of the suite's seeds, so that
-all cells of a mission are matched: a seed is the same instance in each of them.
+A `SuiteCell` is one entrant in one column under one condition. It has an episode for each of the suite's seeds, so all
+cells of a mission are matched: a seed is the same instance in each of them.
 """
 
 from __future__ import annotations
@@ -41,68 +41,83 @@ from lingjing.suggest import did_you_mean
 _READ_ELSEWHERE = {
     "suite": 1, "name": "x", "missions": ["x"], "seeds": 1, "entrants": [{"policy": "x"}], "conditions": []
 }  # fmt: skip
-"""Stands for what a suite must have, and for what is read part by part: faults there are told there, and hide nothing
-of the rest."""
+"""Stand-ins for required fields, and for parts that are read separately. Errors in the originals are reported there
+and must not prevent reading the rest.
+"""
 
 GROUPS = {"commercial": "Commercial models", "open": "Open-source models"}
-"""The headings of the paper's tables, by a model's tier."""
+"""The headings of the paper's tables, by the tier of a model."""
 
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """An entrant with its names looked up: `policy` is how `PlayOptions` names it, `declared` what it declares there,
-    `args` its own options, `privileged` true if one of its policies asks to see the truth."""
+    """An entrant with its names looked up."""
 
     name: str
     group: str
+    """The entrant's heading in tables."""
     policy: str
+    """The policy's name or file, as in `PlayOptions`."""
     declared: PolicyDeclaration
+    """The policy's declaration."""
     args: Mapping[str, GivenOption] = field(default_factory=dict)
+    """The entrant's own options."""
     model: ModelPlugin | None = None
+    """The model; None for other policies."""
     policies_for: Mapping[str, str] = field(default_factory=dict)
+    """Other policies by role or agent."""
     blank_pictures: bool = False
+    """True if the policies receive black pictures."""
     privileged: bool = False
+    """True if one of its policies observes the ground truth."""
 
 
 @dataclass(frozen=True, slots=True)
 class SuiteCell:
-    """One entrant in one column; `args` are its options with those of suite and condition, `place` where the suite
-    lists entrant and condition."""
+    """One entrant in one column under one condition."""
 
     player: Player
     column: Column
     condition: str = ""
+    """The condition's name; empty without conditions."""
     baseline: bool = False
+    """True if other conditions are compared with this one."""
     args: Mapping[str, GivenOption] = field(default_factory=dict)
+    """The options of the entrant, the suite and the condition."""
     place: tuple[int, int] = (0, 0)
+    """Positions of entrant and condition in the suite file."""
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """Entrant, mission, mode and condition: what tells it from all other cells of its suite."""
+        """Entrant, mission, mode and condition, which identify the cell in its suite."""
         return self.player.name, self.column.mission, self.column.mode, self.condition
 
 
 @dataclass(frozen=True, slots=True)
 class SuitePlan:
-    """A checked suite: its cells in the order of the file, and the missions it plays by name."""
+    """A checked suite."""
 
     suite: Suite
     path: Path
+    """The suite file."""
     cells: tuple[SuiteCell, ...]
+    """The cells, in the order of the file."""
     missions: Mapping[str, Mission]
+    """The missions by name."""
     files: tuple[Path, ...]
+    """The mission files."""
 
     @property
     def players(self) -> tuple[Player, ...]:
-        """Who plays, in the order of the file."""
+        """The entrants, in the order of the file."""
         return tuple({cell.player.name: cell.player for cell in self.cells}.values())
 
 
 def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = ()) -> SuitePlan:
-    """Read and check a suite file. With `policies` these play it instead of its own entrants, which need no model.
-    Policies in files are loaded by processes of their own.
+    """Read and check a suite file. `policies` replace its entrants and need no model. Policy files are loaded in
+    separate processes.
 
-    Raises `UsageError` that tells every fault with its path.
+    Raises `UsageError` with the path of every error.
     """
     document = read_document(path)
     if policies:
@@ -115,12 +130,12 @@ def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = ()) -> Sui
     if faults:
         raise faults_error(path, tuple(dict.fromkeys(faults)))
     if not cells:
-        raise UsageError(f"{path}: nothing to play: no mission has such a mode or sweep", hint="leave modes out")
+        raise UsageError(f"{path}: nothing to play: no mission has such a mode or sweep", hint="remove `modes`")
     return SuitePlan(Suite.model_validate(document), path, cells, reader.missions, tuple(reader.files.values()))
 
 
 def options_of_cell(cell: SuiteCell, seed: int, policy_seed: int, evaluators: tuple[str, ...]) -> PlayOptions:
-    """How the cell's episode of that seed is played."""
+    """Return the options that play the cell's episode of a seed."""
     return PlayOptions(
         mission=str(cell.column.path),
         policy=cell.player.policy,
@@ -137,28 +152,28 @@ def options_of_cell(cell: SuiteCell, seed: int, policy_seed: int, evaluators: tu
 
 
 def _played_by(document: Mapping[str, Any], policies: Sequence[str]) -> dict[str, Any]:
-    """The suite with other entrants, and without the options that were meant for its own."""
+    """Return the suite document with other entrants, and without the options of its own entrants."""
     kept = {name: value for name, value in document.items() if name != "args"}
     kept["entrants"] = [{"policy": _absolute(Path.cwd(), policy)} for policy in policies]
     listed = document.get("conditions")
     if isinstance(listed, list):
         kept["conditions"] = [
-            {name: value for name, value in one.items() if name not in ("args", "entrants")}
-            if isinstance(one, dict)
-            else one
-            for one in listed
+            {name: value for name, value in condition.items() if name not in ("args", "entrants")}
+            if isinstance(condition, dict)
+            else condition
+            for condition in listed
         ]
     return kept
 
 
 def _absolute(folder: Path, policy: str) -> str:
-    """A policy's file by its whole path; anything else is a name."""
+    """Return the absolute path of a policy file; a name is returned unchanged."""
     file, colon, name = policy.partition(":")
     return f"{(folder / file).resolve()}{colon}{name}" if is_file(policy) else policy
 
 
 class _Reader:
-    """Looks up what a suite names, as far as its form can be read, and collects what is wrong."""
+    """Looks up the names in a suite document, as far as its form is valid, and collects errors."""
 
     def __init__(
         self, document: Mapping[str, Any], folder: Path, host: PluginHost, declarations: PolicyDeclarations
@@ -172,7 +187,7 @@ class _Reader:
         self._declarations = declarations
 
     def cells(self) -> tuple[SuiteCell, ...]:
-        """All cells; those that can be made where there are faults."""
+        """Return all cells that can be made; errors are in `faults`."""
         self._read_missions()
         self._read_evaluators()
         suite = readable(Suite, {**self._document, **_READ_ELSEWHERE})
@@ -181,8 +196,8 @@ class _Reader:
         args = suite.args if suite is not None else {}
         conditions = list(_parts(self._document, "conditions", SuiteCondition))
         places = self._columns(conditions, modes, sweeps=suite is not None and suite.sweeps)
-        players = [(at, *found) for at, entrant in _parts(self._document, "entrants", Entrant)
-                   if (found := self._player(at, entrant)) is not None]  # fmt: skip
+        players = [(at, *read) for at, entrant in _parts(self._document, "entrants", Entrant)
+                   if (read := self._player(at, entrant)) is not None]  # fmt: skip
         self._check_names("entrants", [(at, player.name) for at, _, player in players])
         self._check_options(players, conditions, args)
         self._check_condition_entrants(conditions, {player.name for _, _, player in players})
@@ -192,7 +207,7 @@ class _Reader:
                 place.column,
                 place.condition,
                 place.baseline,
-                {**_taken(player, args), **player.args, **_taken(player, place.args)},
+                {**_accepted_options(player, args), **player.args, **_accepted_options(player, place.args)},
                 (at, place.at),
             )
             for place in places
@@ -206,37 +221,41 @@ class _Reader:
         conditions: Sequence[tuple[int, SuiteCondition]],
         args: Mapping[str, Plain],
     ) -> None:
-        """The options of every entrant under every condition, also of those under which it plays nothing: each fault
-        where it is written, and options that nobody takes."""
+        """Check the options of every entrant under every condition, and report options that no entrant's policy
+        accepts. Each error is reported where the option is written; entrants without a condition are checked too.
+        """
         under: list[tuple[str, Mapping[str, Plain], Sequence[str] | None]] = (
             [("", {}, None)]
             if not conditions
             else [(f"conditions[{at}]", condition.args, condition.entrants) for at, condition in conditions]
         )
         known = {player.name for _, _, player in players}
-        untaken = {f"args.{name}": name for name in args}
+        unused = {f"args.{name}": name for name in args}
         idle = list(players)
         for where, own, named in under:
-            untaken |= {f"{where}.args.{name}": name for name in own}
-            everybody = named is None or not known & set(named)
-            for one in players:
-                if everybody or (named is not None and one[2].name in named):
-                    self._check_merged(one, args, where, own)
-                    idle = [other for other in idle if other is not one]
-        for one in idle:
-            self._check_merged(one, args, "", {})
+            unused |= {f"{where}.args.{name}": name for name in own}
+            applies_to_all = named is None or not known & set(named)
+            for option_or_player in players:
+                if applies_to_all or (named is not None and option_or_player[2].name in named):
+                    self._check_merged(option_or_player, args, where, own)
+                    idle = [other for other in idle if other is not option_or_player]
+        for option_or_player in idle:
+            self._check_merged(option_or_player, args, "", {})
         declared = [player.declared for _, _, player in players]
-        unread = not players or len(players) < len(self._document["entrants"])  # one of those may take it
-        for where, name in untaken.items():
+        unread = not players or len(players) < len(self._document["entrants"])  # an unreadable entrant may accept it
+        for where, name in unused.items():
             if not unread and not any(each.takes(name) for each in declared):
-                self._say(where, unknown_option(name, (one for each in declared for one in each.options)))
+                self._add(
+                    where,
+                    unknown_option(name, (option_or_player for each in declared for option_or_player in each.options)),
+                )
 
     def _check_merged(
-        self, one: tuple[int, Entrant, Player], args: Mapping[str, Plain], where: str, own: Mapping[str, Plain]
+        self, listed: tuple[int, Entrant, Player], args: Mapping[str, Plain], where: str, own: Mapping[str, Plain]
     ) -> None:
-        """The options of an entrant with those of the suite and of the condition that is written at `where`."""
-        at, entrant, player = one
-        shared, under = _taken(player, args), _taken(player, own)
+        """Check the options of an entrant with those of the suite and of the condition at `where`."""
+        at, entrant, player = listed
+        shared, under = _accepted_options(player, args), _accepted_options(player, own)
         for fault in self._option_faults(at, player, {**shared, **player.args, **under}):
             top = fault.where.partition(".")[0]
             if top in under:
@@ -246,12 +265,12 @@ class _Reader:
             else:
                 place = f"args.{top}" if top in shared else f"entrants[{at}]"
             named = "" if place.endswith(f".{top}") or not top else f"option `{top}` "
-            self._say(place, Fault(fault.where, f"{named}{fault.message}", fault.hint))
+            self._add(place, Fault(fault.where, f"{named}{fault.message}", fault.hint))
 
-    def _option_faults(self, at: int, player: Player, given: Mapping[str, GivenOption]) -> tuple[Fault, ...]:
-        """Return the faults of options; a check of the policy that raises is a fault as well."""
+    def _option_faults(self, at: int, player: Player, options: Mapping[str, GivenOption]) -> tuple[Fault, ...]:
+        """Return the errors of options. An exception in the policy's own check is an error too."""
         try:
-            return self._declarations.option_faults(player.policy, given)
+            return self._declarations.option_faults(player.policy, options)
         except LingjingError as error:
             self._fault(f"entrants[{at}]", str(error), error.hint)
             return ()
@@ -262,8 +281,8 @@ class _Reader:
         for at, word in _listed(self._document, "missions"):
             path = self._folder / word if (self._folder / word).is_file() else None
             try:
-                found = path or find_mission(word)
-                mission = load_mission(found)
+                file = path or find_mission(word)
+                mission = load_mission(file)
             except MissionError as error:
                 first = str(error).splitlines()[0] if str(error) else "it has errors"
                 self._fault(f"missions[{at}]", f"`{word}` does not compile: {first}", f"see `lingjing validate {word}`")
@@ -274,9 +293,9 @@ class _Reader:
             for fault in missing_files(mission):
                 self._fault(f"missions[{at}]", f"`{word}`: {fault.message}", fault.hint)
             if mission.name in self.missions:
-                self._fault(f"missions[{at}]", f"`{mission.name}` is there twice")
+                self._fault(f"missions[{at}]", f"`{mission.name}` is listed twice")
             self.missions[mission.name] = mission
-            self.files[mission.name] = Path(found)
+            self.files[mission.name] = Path(file)
 
     def _read_evaluators(self) -> None:
         for at, name in _listed(self._document, "evaluators"):
@@ -297,16 +316,16 @@ class _Reader:
                 )
 
     def _columns(
-        self, wanted: Sequence[tuple[int, SuiteCondition]], modes: Sequence[str] | None, *, sweeps: bool
+        self, conditions: Sequence[tuple[int, SuiteCondition]], modes: Sequence[str] | None, *, sweeps: bool
     ) -> list[_Place]:
-        if not wanted and not self._document.get("conditions"):
-            found = columns(self.files.values(), modes, sweeps=sweeps)
+        if not conditions and not self._document.get("conditions"):
+            all_columns = columns(self.files.values(), modes, sweeps=sweeps)
             return [
                 _Place("", column, _setting_name(column.settings) if sweeps else "", at=at)
-                for at, column in enumerate(found)
+                for at, column in enumerate(all_columns)
             ]
         places: list[_Place] = []
-        for at, condition in wanted:
+        for at, condition in conditions:
             places += self._places(at, condition, modes)
         names = [((place.column.mission, place.column.mode, place.condition), place.where) for place in places]
         for name, where in names:
@@ -321,7 +340,7 @@ class _Reader:
             listed = [mission for _, mission in _listed(self._document, "missions")]
             if name not in self.missions and name not in listed:
                 hint = did_you_mean(name, self.missions, "missions")
-                self._fault(f"{where}.missions[{number}]", f"`{name}` is none of the suite's missions", hint)
+                self._fault(f"{where}.missions[{number}]", f"`{name}` is not a mission of the suite", hint)
         missions = [self.missions[name] for name in chosen if name in self.missions]
         self._check_modes(f"{where}.modes", condition.modes, missions)
         for mission in missions:
@@ -336,10 +355,10 @@ class _Reader:
                             where, column, condition.name, condition.args, condition.entrants, condition.baseline, at
                         )
 
-    def _settings(self, where: str, given: Mapping[str, Plain], mission: Mission) -> dict[str, float]:
-        """The settings in SI units, but for those that cannot be read."""
+    def _settings(self, where: str, texts: Mapping[str, Plain], mission: Mission) -> dict[str, float]:
+        """Return the readable settings in SI units."""
         read: dict[str, float] = {}
-        for name, value in given.items():
+        for name, value in texts.items():
             try:
                 read[name] = read_setting(mission, name, value) if isinstance(value, str) else float(value)
             except UsageError as error:
@@ -349,7 +368,7 @@ class _Reader:
     def _check_settings(
         self, where: str, mission: Mission, mode: str, settings: Mapping[str, float], whole: bool
     ) -> bool:
-        """Whether they may be as they are, each by itself and, if they are `whole`, all together."""
+        """Return whether the settings are valid, each by itself and, if they are `whole`, all together."""
         before = len(self.faults)
         for name, value in settings.items():
             try:
@@ -407,7 +426,7 @@ class _Reader:
         seen: set[str] = set()
         for at, name in names:
             if name in seen:
-                self._fault(f"{where}[{at}].name", f"`{name}` is there twice", "give each a name of its own")
+                self._fault(f"{where}[{at}].name", f"`{name}` is listed twice", "give each a different name")
             seen.add(name)
 
     def _check_condition_entrants(self, conditions: Sequence[tuple[int, SuiteCondition]], names: set[str]) -> None:
@@ -420,26 +439,29 @@ class _Reader:
     def _fault(self, where: str, message: str, hint: str = "") -> None:
         self.faults.append(Fault(where, message, hint))
 
-    def _say(self, where: str, fault: Fault) -> None:
+    def _add(self, where: str, fault: Fault) -> None:
         self.faults.append(Fault(where, fault.message, fault.hint))
 
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """A column under a condition, and where the suite says so."""
+    """A column under a condition."""
 
     where: str
+    """The path of the condition in the document."""
     column: Column
     condition: str
     args: Mapping[str, Plain] = field(default_factory=dict)
     entrants: tuple[str, ...] | None = None
+    """The names of its entrants; None: all."""
     baseline: bool = False
     at: int = 0
+    """The condition's position in the suite file."""
 
 
-def _taken(player: Player, given: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Those of the options that the player's policy has."""
-    return {name: value for name, value in given.items() if player.declared.takes(name)}
+def _accepted_options(player: Player, options: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return the options that the player's policy accepts."""
+    return {name: value for name, value in options.items() if player.declared.takes(name)}
 
 
 def _setting_name(settings: Mapping[str, float]) -> str:
@@ -447,18 +469,18 @@ def _setting_name(settings: Mapping[str, float]) -> str:
 
 
 def _listed(document: Mapping[str, Any], name: str) -> Iterator[tuple[int, str]]:
-    """The texts of a list, each with its place; nothing of what is no list."""
-    found = document.get(name)
-    for at, one in enumerate(found if isinstance(found, list) else ()):
-        if isinstance(one, str) and one:
-            yield at, one
+    """Yield the texts of a list with their positions; nothing if the value is no list."""
+    value = document.get(name)
+    for at, text in enumerate(value if isinstance(value, list) else ()):
+        if isinstance(text, str) and text:
+            yield at, text
 
 
 def _parts(document: Mapping[str, Any], name: str, kind: Any) -> Iterator[tuple[int, Any]]:
-    """What can be read of a list of tables, each with its place."""
-    found = document.get(name)
-    for at, one in enumerate(found if isinstance(found, list) else ()):
-        part = readable(kind, one)
+    """Yield the readable tables of a list with their positions."""
+    value = document.get(name)
+    for at, item in enumerate(value if isinstance(value, list) else ()):
+        part = readable(kind, item)
         if part is not None:
             yield at, part
 

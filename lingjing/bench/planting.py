@@ -1,9 +1,9 @@
-"""Makes episodes with a known fault: a won episode is played again with a fault in one faculty of one agent.
+"""Creation of episodes with a known fault: a won episode is played again with a fault in one faculty of one agent.
 
-For each column (a mission in a mode) and seed the base policy is played without a fault. If it wins, `occasions` reads
-from its trace where each faculty of each agent was used, and faults are tried there one after the other. A fault counts
-if the episode is then lost and if the first decision that differs from those without it is the agent's at the fault's
-boundary. What was tried is kept beside the file, so that the command goes on where it was stopped.
+For each column and seed the base policy is played without a fault. If it wins, `occasions` lists where its trace uses
+each faculty of each agent, and faults are tried there one after the other. A fault is accepted if the episode is lost
+and the first changed decision is that of the agent at the fault's boundary. Tried plays are stored beside the file, so
+that an interrupted command continues.
 """
 
 from __future__ import annotations
@@ -27,15 +27,14 @@ from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT, DIGEST_VERSION, DecisionRecord
 
 OFF_M = {"localisation": 400.0, "waypoint": 200.0, "routing": 200.0}
-"""How far to the north places are that a fault displaces."""
+"""Displacement to the north by a `displaced` fault, metres. Chosen."""
 
 DECOYS = 2
-"""So many episodes of a column that are won in spite of their fault, and so many with two faults."""
+"""Episodes per column that are won in spite of their fault, and the same number with two faults. Chosen."""
 
 
-class TriedPlay(msgspec.Struct, frozen=True, kw_only=True):
-    """A play that was made: what was played and what came of it. `changed` is the first boundary at which an agent
-    decided otherwise than without the faults, and `by` these agents."""
+class _TriedPlay(msgspec.Struct, frozen=True, kw_only=True):
+    """A play of the search and its result; one line of the log."""
 
     column: str
     seed: int
@@ -46,50 +45,62 @@ class TriedPlay(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     digest: str
     changed: int | None = None
+    """The first boundary at which an agent decided otherwise than without the faults; None if there is none."""
     by: tuple[str, ...] = ()
+    """The agents that decided otherwise at that boundary."""
 
 
 PlayKey = tuple[str, int, str, tuple[FaultLabel, ...]]
+"""Column, seed, base policy and faults."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlantingPlan:
-    """What is looked for: `most` losing faults a seed, after `tries` plays at most; `seeds` in order, `episodes` of one
-    fault a column at most; so many `plays` in all (None: as many as it takes)."""
+    """The limits of the search."""
 
     base: str
+    """The policy that faults are planted in."""
     seeds: Sequence[int]
+    """The seeds, in the order of the search."""
     most: int = 3
+    """Losing faults per seed, at most."""
     tries: int = 6
+    """Plays with single faults per seed, at most."""
     episodes: int = 20
+    """Episodes with one fault per column, at most."""
     plays: int | None = None
+    """Plays in total, at most; None: no limit."""
 
 
 @dataclass
 class Planting:
-    """The search over columns; `folder` keeps what was tried and the traces without faults."""
+    """The search over all columns."""
 
     plan: PlantingPlan
     folder: Path
+    """Holds the log of tried plays and the traces without faults."""
     executor: Executor
     tell: Callable[[str], None] = print
-    tried: dict[PlayKey, TriedPlay] = field(default_factory=dict)
+    """Receives a line for each play."""
+    tried: dict[PlayKey, _TriedPlay] = field(default_factory=dict)
+    """Known plays, also those of earlier commands."""
     played: int = 0
+    """The number of plays of this command."""
 
     def __post_init__(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         if self._log.is_file():
             for line in self._log.read_bytes().splitlines():
                 try:
-                    one = msgspec.json.decode(line, type=TriedPlay)
-                except msgspec.DecodeError:  # the line that was being written when it was killed
+                    play = msgspec.json.decode(line, type=_TriedPlay)
+                except msgspec.DecodeError:  # an incomplete last line of a killed command
                     continue
-                self.tried[one.column, one.seed, one.base, one.faults] = one
+                self.tried[play.column, play.seed, play.base, play.faults] = play
 
     def run(self, columns: Sequence[Column]) -> list[PlantedEpisode]:
-        """Search all columns beside each other; the episodes found."""
-        found: list[PlantedEpisode] = []
-        searches = {column.name: _Search(self, column).episodes(found) for column in columns}
+        """Search all columns in parallel and return the accepted episodes."""
+        episodes: list[PlantedEpisode] = []
+        searches = {column.name: _Search(self, column).episodes(episodes) for column in columns}
         waiting = {name: next(search, None) for name, search in searches.items()}
         while any(waiting.values()):
             due = {name: key for name, key in waiting.items() if key is not None}
@@ -97,14 +108,14 @@ class Planting:
                 self._play([column for column in columns if column.name in due], list(due.values()))
             for name in due:
                 waiting[name] = next(searches[name], None)
-        return found
+        return episodes
 
     def without(self, column: Column, seed: int) -> Path:
-        """Where the trace without faults is kept."""
+        """Return the folder of the trace without faults."""
         return self.folder / f"{column.name}-{self.plan.base}-{seed}"
 
     def _play(self, columns: Sequence[Column], keys: Sequence[PlayKey]) -> None:
-        """Play what is due, one episode a column."""
+        """Play the next episode of each column."""
         self.played += len(keys)
         places = {}
         for column, (_, seed, base, faults) in zip(columns, keys, strict=True):
@@ -123,14 +134,15 @@ class Planting:
         if faults and report.reason not in CUT_SHORT:
             whole = read_trace(self.without(column, seed) / "trace.mcap")
             changed, by = first_change(whole, read_trace(report.trace))
-        one = TriedPlay(column=name, seed=seed, base=base, faults=faults, success=report.success, reason=report.reason,
-                        ticks=report.ticks, digest=report.digest, changed=changed, by=by)  # fmt: skip
-        self.tried[key] = one
-        if report.reason not in CUT_SHORT:  # it may end by itself another time
+        play = _TriedPlay(column=name, seed=seed, base=base, faults=faults, success=report.success,
+                          reason=report.reason, ticks=report.ticks, digest=report.digest, changed=changed,
+                          by=by)  # fmt: skip
+        self.tried[key] = play
+        if report.reason not in CUT_SHORT:  # not logged: the same play may end by itself later
             with self._log.open("ab") as log:
-                log.write(msgspec.json.encode(one) + b"\n")
-        said = " + ".join(f"{fault.agent} {fault.faculty} {fault.way} at {fault.boundary}" for fault in faults)
-        self.tell(f"{name}-{seed} {base}, {said or 'no fault'}: {report.reason}, {report.ticks} ticks")
+                log.write(msgspec.json.encode(play) + b"\n")
+        listed = " + ".join(f"{fault.agent} {fault.faculty} {fault.way} at {fault.boundary}" for fault in faults)
+        self.tell(f"{name}-{seed} {base}, {listed or 'no fault'}: {report.reason}, {report.ticks} ticks")
 
     @property
     def _log(self) -> Path:
@@ -139,10 +151,11 @@ class Planting:
 
 @dataclass
 class _Search:
-    """The search in one column: seed after seed, fault after fault.
+    """The search in one column, over seeds and faults.
 
-    A way to fail that three plays were won in spite of, and none was lost by, is not tried again. A seed that gives an
-    episode which another one gave (a mission may draw one of few instances) is passed over."""
+    A kind of fault is given up after three won plays and no lost one. A seed is skipped if its episode equals that of
+    another seed, because a mission may have few instances.
+    """
 
     planting: Planting
     column: Column
@@ -151,8 +164,8 @@ class _Search:
     seen: set[str] = field(default_factory=set)
     count: dict[PlantedKind, int] = field(default_factory=lambda: {"one": 0, "two": 0, "harmless": 0, "none": 0})
 
-    def episodes(self, found: list[PlantedEpisode]) -> Generator[PlayKey]:
-        """What is to be played next; episodes go to `found`."""
+    def episodes(self, accepted: list[PlantedEpisode]) -> Generator[PlayKey]:
+        """Yield the next play that is needed; accepted episodes are appended to `accepted`."""
         for seed in self.planting.plan.seeds:
             if self.count["one"] >= self.planting.plan.episodes:
                 return
@@ -161,34 +174,36 @@ class _Search:
                 continue
             self.seen.add(base.digest)
             if not self.count["none"]:
-                self._found("none", base, base, found)
-            losing = yield from self._one_by_one(seed, base, found)
+                self._accept("none", base, base, accepted)
+            losing = yield from self._one_by_one(seed, base, accepted)
             pair = _two(losing)
             if pair and self.count["two"] < DECOYS:
                 both = yield from self._played(seed, pair)
                 if both is not None and not both.success:
-                    self._found("two", both, base, found)
+                    self._accept("two", both, base, accepted)
 
     def _one_by_one(
-        self, seed: int, base: TriedPlay, found: list[PlantedEpisode]
-    ) -> Generator[PlayKey, None, list[TriedPlay]]:
-        """Try single faults; those that lose the episode."""
-        losing: list[TriedPlay] = []
+        self, seed: int, base: _TriedPlay, accepted: list[PlantedEpisode]
+    ) -> Generator[PlayKey, None, list[_TriedPlay]]:
+        """Try single faults and return the plays that lose the episode."""
+        losing: list[_TriedPlay] = []
         for _, fault in zip(range(self.planting.plan.tries), self._faults(seed), strict=False):
             play = yield from self._played(seed, (fault,))
             if play is None or (play.changed, play.by) != (fault.boundary, (fault.agent,)):
                 continue
             if not play.success:
                 losing.append(play)
-                self._found("one", play, base, found)
+                self._accept("one", play, base, accepted)
             elif self.count["harmless"] < DECOYS:
-                self._found("harmless", play, base, found)
+                self._accept("harmless", play, base, accepted)
             if len(losing) >= self.planting.plan.most:
                 break
         return losing
 
-    def _played(self, seed: int, faults: tuple[FaultLabel, ...]) -> Generator[PlayKey, None, TriedPlay | None]:
-        """The play, made if it was not; None for one that was cut short, or not made because the plays are used up."""
+    def _played(self, seed: int, faults: tuple[FaultLabel, ...]) -> Generator[PlayKey, None, _TriedPlay | None]:
+        """Return a play, which is requested if it is not known. None: it was cut short, or the limit of plays was
+        reached.
+        """
         key = self.column.name, seed, self.planting.plan.base, faults
         trace = self.planting.without(self.column, seed) / "trace.mcap"
         if key not in self.planting.tried or (not faults and not trace.is_file()):
@@ -202,13 +217,15 @@ class _Search:
         return play
 
     def _faults(self, seed: int) -> Iterator[FaultLabel]:
-        """Faults worth trying, the faculties in turn."""
+        """Yield faults to try, one faculty after the other."""
         trace = read_trace(self.planting.without(self.column, seed) / "trace.mcap")
         used = occasions(trace)
         tracks = [
             sorted(
-                (one for one in used if one.faculty == faculty),
-                key=lambda one: integer(seed, f"{self.column.name}/{one.agent}/{one.faculty}/{one.way}/{one.boundary}"),
+                (fault_at for fault_at in used if fault_at.faculty == faculty),
+                key=lambda fault_at: integer(
+                    seed, f"{self.column.name}/{fault_at.agent}/{fault_at.faculty}/{fault_at.way}/{fault_at.boundary}"
+                ),
             )
             for faculty in sorted(FACULTIES, key=lambda name: integer(seed, f"{self.column.name}/{name}"))
         ]
@@ -221,9 +238,9 @@ class _Search:
         kind = fault.faculty, fault.way
         return self.won.get(kind, 0) >= 3 and not self.lost.get(kind, 0)
 
-    def _found(self, kind: PlantedKind, play: TriedPlay, base: TriedPlay, found: list[PlantedEpisode]) -> None:
+    def _accept(self, kind: PlantedKind, play: _TriedPlay, base: _TriedPlay, accepted: list[PlantedEpisode]) -> None:
         self.count[kind] += 1
-        found.append(PlantedEpisode(kind=kind, mission=self.column.mission, mode=self.column.mode, seed=play.seed,
+        accepted.append(PlantedEpisode(kind=kind, mission=self.column.mission, mode=self.column.mode, seed=play.seed,
                                     base=play.base, faults=play.faults, without=base.digest, digest=play.digest,
                                     reason=play.reason, ticks=play.ticks,
                                     settings=tuple(self.column.settings.items()),
@@ -231,8 +248,7 @@ class _Search:
 
 
 def occasions(trace: Trace) -> tuple[FaultLabel, ...]:
-    """Where each faculty of each agent was used: faults that begin at the first such boundary, and at the one in the
-    middle."""
+    """Return faults at the uses of each faculty of each agent: at the first such boundary, and at the middle one."""
     used: dict[tuple[str, str, str], list[int]] = {}
     for tick, record in enumerate(trace.boundaries[1:]):
         for made in record.decisions:
@@ -247,11 +263,11 @@ def occasions(trace: Trace) -> tuple[FaultLabel, ...]:
 
 
 def _faculties(instance: Instance, made: DecisionRecord) -> Iterator[tuple[str, str]]:
-    """What an agent used in a decision, and how it could have failed."""
-    agent = next(one for one in instance.agents if one.id == made.agent)
+    """Yield the faculties that an agent used in a decision, each with the way in which it can fail."""
+    agent = next(spec for spec in instance.agents if spec.id == made.agent)
     bodies = {entity.id: entity for entity in instance.entities}
     sees = any(bodies[name].cameras for name in agent.controls)
-    kinds = {one.kind: one.category for one in instance.messages}
+    kinds = {spec.kind: spec.category for spec in instance.messages}
     for message in made.decision.messages:
         if kinds.get(message.kind) == "report" and sees:
             yield "perception", "blind"
@@ -275,12 +291,12 @@ def _faculties(instance: Instance, made: DecisionRecord) -> Iterator[tuple[str, 
         yield faculty, "mirrored"
 
 
-def first_change(without: Trace, given: Trace) -> tuple[int | None, tuple[str, ...]]:
-    """The first boundary at which decisions differ, and whose."""
-    for tick, (one, other) in enumerate(zip(without.boundaries[1:], given.boundaries[1:], strict=False)):
+def first_change(without: Trace, changed: Trace) -> tuple[int | None, tuple[str, ...]]:
+    """Return the first boundary at which decisions differ, and the agents with different decisions."""
+    for tick, (record, other) in enumerate(zip(without.boundaries[1:], changed.boundaries[1:], strict=False)):
         differing = tuple(
             here.agent
-            for here, there in zip(one.decisions, other.decisions, strict=False)
+            for here, there in zip(record.decisions, other.decisions, strict=False)
             if (here.decision, here.substituted) != (there.decision, there.substituted)
         )
         if differing:
@@ -288,11 +304,11 @@ def first_change(without: Trace, given: Trace) -> tuple[int | None, tuple[str, .
     return None, ()
 
 
-def _two(losing: Iterable[TriedPlay]) -> tuple[FaultLabel, ...]:
-    """Faults of two plays that are of different agents and faculties; () if there are no such two."""
+def _two(losing: Iterable[_TriedPlay]) -> tuple[FaultLabel, ...]:
+    """Return the faults of two plays with different agents and faculties, or () if there are no such plays."""
     faults = [play.faults[0] for play in losing]
-    for number, one in enumerate(faults):
+    for number, fault in enumerate(faults):
         for other in faults[number + 1 :]:
-            if one.agent != other.agent and one.faculty != other.faculty:
-                return one, other
+            if fault.agent != other.agent and fault.faculty != other.faculty:
+                return fault, other
     return ()

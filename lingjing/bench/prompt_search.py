@@ -1,13 +1,14 @@
-"""Improving a prompt from failed traces: the paper's P2, P0 revised four times on a development set.
+"""Prompt search on failed traces: the paper's P2, which is P0 revised four times on a development set.
 
-Each candidate is played on the same development seeds. The failed episodes of the best one so far go to a reviser,
-which writes the next candidate; a candidate that is better takes its place. The folder keeps every candidate, every
-episode and what was asked, so that a search that was stopped goes on where it was; one command at a time may use it.
+Each candidate is played on the same development seeds. Failed episodes of the best candidate so far go to a reviser,
+which writes the next candidate; a better candidate replaces the best. The folder stores every candidate, episode and
+request, so that an interrupted search continues. One command at a time may use it.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,10 +16,10 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.bench.failed_episode import failed_episode
-from lingjing.bench.folder import alone_in, write_whole
+from lingjing.analysis.metrics import metrics
+from lingjing.bench.folder import lock_folder, write_whole
 from lingjing.bench.rows import comparable
-from lingjing.bench.running import OUT_OF_LIMITS, take_away
+from lingjing.bench.running import OUT_OF_LIMITS, remove_run
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
@@ -26,39 +27,58 @@ from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import PromptReviser, TriedPrompt
-from lingjing.trace.reader import read_trace
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import BoundaryRecord, DecisionRecord
 
 TRIES = 3
-"""How often one episode is tried. One that cannot be played ends the search: all candidates play the same ones."""
+"""The number of tries of an episode. An episode that cannot be played ends the search, because all candidates play the
+same ones.
+"""
 
 FAILURES = 4
-"""Failed episodes that a reviser is shown."""
+"""The number of failed episodes in a request to the reviser."""
+
+FIRST, LAST = 5, 4
+"""Decisions of an agent in a request, from the start and from the end of its episode. Chosen."""
+
+LONGEST = 220
+"""Letters of a thought in a request. Chosen."""
+
+AGENTS = 6
+"""Agents in a request. Chosen."""
 
 RESULTS = "search.json"
+"""The file of the search's state."""
+
 LEDGER = "money"
+"""The file that counts the cost."""
 
 _ELSEWHERE = ("base_url", "models")
-"""Options that say where a policy finds things; they may be others when a search goes on."""
+"""Options that locate services and files; they may change when a search continues."""
 
 
 class PromptEpisode(msgspec.Struct, frozen=True, kw_only=True):
-    """One development episode of a candidate: how it ended, and how many of its `answers` kept to the schema."""
+    """One development episode of a candidate."""
 
     seed: int
     success: bool
     scr: float
+    """Subtask completion rate, 0 to 1."""
     answers: int = 0
+    """The number of model answers."""
     valid: int = 0
+    """The number of answers that match the schema."""
 
 
 class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
-    """A prompt with its results; `number` 0 is what the search began with. One with a `fault` was no prompt and is not
-    played: its round is over."""
+    """A prompt with its results."""
 
     number: int
+    """0: the prompt that the search began with."""
     text: str
     episodes: tuple[PromptEpisode, ...] = ()
     fault: str = ""
+    """The reason why the answer was no prompt; such a candidate is not played."""
 
     @property
     def sha256(self) -> str:
@@ -67,22 +87,24 @@ class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def tsr(self) -> float:
-        """Share of episodes that were won."""
-        return _mean([float(one.success) for one in self.episodes])
+        """The share of won episodes."""
+        return _mean([float(episode.success) for episode in self.episodes])
 
     @property
     def scr(self) -> float:
-        """Mean share of subtasks done."""
-        return _mean([one.scr for one in self.episodes])
+        """The mean subtask completion rate."""
+        return _mean([episode.scr for episode in self.episodes])
 
     @property
     def compliance(self) -> float:
-        """Share of all answers that kept to the schema."""
-        return sum(one.valid for one in self.episodes) / max(1, sum(one.answers for one in self.episodes))
+        """The share of all answers that match the schema."""
+        return sum(episode.valid for episode in self.episodes) / max(
+            1, sum(episode.answers for episode in self.episodes)
+        )
 
     @property
     def rank(self) -> tuple[float, float, float]:
-        """What makes one better than another: episodes won, subtasks done, answers that keep to the schema."""
+        """The order of candidates: won episodes, completed subtasks, valid answers."""
         return self.tsr, self.scr, self.compliance
 
     @property
@@ -95,9 +117,10 @@ class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class KeptSearch(msgspec.Struct, frozen=True, kw_only=True):
-    """What a folder keeps of its search: the prompt it began with, the episodes it plays, what is known."""
+    """The stored state of a search."""
 
     start: str
+    """The prompt that the search began with."""
     seeds: tuple[int, ...]
     mission: str
     options: PlayOptions
@@ -106,33 +129,40 @@ class KeptSearch(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(slots=True)
 class PromptSearch:
-    """A search in a folder. `option` is the policy's option that takes a prompt's file; `seeds` are the development
-    episodes; `reviser` makes one whose calls are counted; `check` raises `ValueError` for a text that is no prompt;
-    `tell` is given each candidate when its results are known."""
+    """A search in a folder."""
 
     folder: Path
     options: PlayOptions
     option: str
+    """The policy's option for the file of a prompt."""
     seeds: Sequence[int]
+    """The development seeds."""
     reviser: Callable[[ModelCalls], PromptReviser]
+    """Makes a reviser; its calls are counted."""
     check: Callable[[str], None]
+    """Raises `ValueError` for a text that is no prompt."""
     jobs: int = 1
+    """Episodes played in parallel."""
     tell: Callable[[PromptCandidate], None] = field(default=lambda candidate: None)
+    """Receives each candidate when its results are known."""
 
     def run(self, start: str, rounds: int) -> PromptCandidate:
-        """The best of the prompt and its `rounds` revisions; fewer if one wins every episode.
+        """Return the best of the prompt and its `rounds` revisions. The search ends early if a candidate wins every
+        episode.
 
-        Raises `UsageError` if the folder holds another search, is in use or cannot be written, or the money is used
-        up; `InfrastructureError` if an episode cannot be played, or the reviser does not answer.
+        Raises `UsageError` if the folder holds another search, is in use or cannot be written, or if the money is
+        spent; `InfrastructureError` if an episode cannot be played or the reviser does not answer.
         """
-        reviser = self.reviser(CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
-        with alone_in(self.folder, "search of prompts"), _named_limits():
+        reviser = self.reviser(_CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
+        with lock_folder(self.folder, "search of prompts"), _explained_limits():
             known = self._known(start)
             best = self._played(known, PromptCandidate(number=0, text=start))
             for number in range(1, rounds + 1):
-                candidate = next((one for one in known if one.number == number), None)
+                candidate = next(
+                    (known_candidate for known_candidate in known if known_candidate.number == number), None
+                )
                 if candidate is None and best.tsr == 1.0:
-                    break  # nothing has failed: there is nothing to learn from
+                    break  # without a failure the reviser has no input
                 if candidate is None:
                     candidate = self._revised(reviser, best, known, number)
                     self._keep(known, candidate)
@@ -140,33 +170,38 @@ class PromptSearch:
                     self.tell(candidate)
                     continue
                 candidate = self._played(known, candidate)
-                best = max(best, candidate, key=lambda one: one.rank)  # the earlier one of equals
+                best = max(
+                    best, candidate, key=lambda known_candidate: known_candidate.rank
+                )  # of equal ones the earlier
             return best
 
     @property
     def _ledger(self) -> Path | None:
-        """Where money is counted, over all commands that go on with the search."""
+        """The file that counts the cost of all commands of the search."""
         return None if self.options.max_cost is None else self.folder / LEDGER
 
     def _known(self, start: str) -> list[PromptCandidate]:
-        """What the folder has. A search of something else is refused."""
+        """Return the stored candidates. Raises `UsageError` if the folder holds another search."""
         file = self.folder / RESULTS
         if not file.is_file():
             return []
         try:
-            found = msgspec.json.decode(file.read_bytes(), type=KeptSearch)
+            stored = msgspec.json.decode(file.read_bytes(), type=KeptSearch)
         except msgspec.DecodeError as error:
-            raise UsageError(f"`{file}` holds no search of prompts: {error}", hint="name another folder") from error
+            raise UsageError(
+                f"`{file}` is not the state of a prompt search: {error}", hint="name another folder"
+            ) from error
         now = self._described(start)
-        others = [name for name in now.__struct_fields__[:-1] if getattr(found, name) != getattr(now, name)]
+        others = [name for name in now.__struct_fields__[:-1] if getattr(stored, name) != getattr(now, name)]
         if others:
             raise UsageError(
-                f"`{self.folder}` holds a search with other {', '.join(others)}", hint="name another with --folder"
+                f"`{self.folder}` holds a search with other {', '.join(others)}",
+                hint="name another folder with --folder",
             )
-        return list(found.candidates)
+        return list(stored.candidates)
 
     def _described(self, start: str) -> KeptSearch:
-        """The search without its candidates."""
+        """Return the search without its candidates."""
         plain = comparable(self.options)
         args = {name: value for name, value in plain.policy_args.items() if name not in _ELSEWHERE}
         return KeptSearch(
@@ -177,36 +212,36 @@ class PromptSearch:
         )
 
     def _played(self, known: list[PromptCandidate], candidate: PromptCandidate) -> PromptCandidate:
-        """The candidate with the results of all seeds; those that the folder has are not played again."""
-        done = next((one for one in known if one.number == candidate.number), candidate)
+        """Return the candidate with the results of all seeds; stored results are not played again."""
+        done = next((item for item in known if item.number == candidate.number), candidate)
         write_whole(self._text_file(candidate), candidate.text.encode())
         failed: EpisodeReport | None = None
         for _ in range(TRIES):
-            missing = sorted(set(self.seeds) - {one.seed for one in done.episodes})
+            missing = sorted(set(self.seeds) - {item.seed for item in done.episodes})
             for task, report in play_apart(self._tasks(candidate, missing), self.jobs):
                 if report.reason == INTERRUPTED:
                     continue
                 if report.reason == ABORTED:
-                    failed = _possible(report)
+                    failed = _retryable(report)
                     continue
                 done = msgspec.structs.replace(done, episodes=(*done.episodes, _counted(task.options.seed, report)))
                 self._keep(known, done)
-        missing = sorted(set(self.seeds) - {one.seed for one in done.episodes})
+        missing = sorted(set(self.seeds) - {item.seed for item in done.episodes})
         if missing:
-            told = failed.detail if failed is not None else "it was interrupted"
+            reason = failed.detail if failed is not None else "it was interrupted"
             raise InfrastructureError(
                 f"{len(missing)} episodes of candidate {candidate.number} could not be played, the first is seed "
-                f"{missing[0]}: {told}",
+                f"{missing[0]}: {reason}",
                 hint="the same command tries them again",
             )
         self.tell(done)
         return done
 
     def _tasks(self, candidate: PromptCandidate, seeds: Sequence[int]) -> Iterator[EpisodeTask]:
-        """The episodes, each with what an unfinished try left taken away."""
+        """Yield the episodes; the remains of an unfinished try are removed first."""
         for seed in seeds:
             folder = self._episode(candidate, seed)
-            take_away(folder)
+            remove_run(folder)
             args = {**self.options.policy_args, self.option: str(self._text_file(candidate).resolve())}
             ledger = "" if self._ledger is None else str(self._ledger.resolve())
             options = msgspec.structs.replace(self.options, seed=seed, overview=False, policy_args=args, ledger=ledger)
@@ -219,20 +254,20 @@ class PromptSearch:
         return self.folder / f"candidate-{candidate.number}-{seed}"
 
     def _keep(self, known: list[PromptCandidate], candidate: PromptCandidate) -> None:
-        """Put a candidate into the folder's results; the file is replaced whole."""
-        others = [one for one in known if one.number != candidate.number]
-        known[:] = sorted([*others, candidate], key=lambda one: one.number)
+        """Store a candidate in the folder's results; the file is replaced atomically."""
+        others = [item for item in known if item.number != candidate.number]
+        known[:] = sorted([*others, candidate], key=lambda item: item.number)
         kept = msgspec.structs.replace(self._described(known[0].text), candidates=tuple(known))
         write_whole(self.folder / RESULTS, msgspec.json.format(msgspec.json.encode(kept), indent=1))
 
     def _revised(
         self, reviser: PromptReviser, best: PromptCandidate, known: Sequence[PromptCandidate], number: int
     ) -> PromptCandidate:
-        """The next candidate; what was asked and answered is kept beside it."""
-        failed = [self._episode(best, one.seed) for one in best.episodes if not one.success]
-        left = [found for folder in failed if (found := _trace_in(folder)) is not None][:FAILURES]
-        tried = [TriedPrompt(one.text, one.line) for one in known if one.number not in (0, best.number)]
-        revision = reviser.revise(best.text, best.line, [failed_episode(read_trace(path)) for path in left], tried)
+        """Return the next candidate; request and answer are stored beside it."""
+        failed = [self._episode(best, item.seed) for item in best.episodes if not item.success]
+        left = [trace for folder in failed if (trace := _trace_in(folder)) is not None][:FAILURES]
+        tried = [TriedPrompt(item.text, item.line) for item in known if item.number not in (0, best.number)]
+        revision = reviser.revise(best.text, best.line, [_failed_episode(read_trace(path)) for path in left], tried)
         fault = revision.fault
         if not fault:
             try:
@@ -244,8 +279,8 @@ class PromptSearch:
         return PromptCandidate(number=number, text="" if fault else revision.text, fault=fault)
 
 
-class CountedCalls:
-    """`ModelCalls` whose money is counted with that of the episodes. The search keeps what was asked and answered."""
+class _CountedCalls:
+    """`ModelCalls` that adds the cost to that of the episodes. The search itself stores requests and answers."""
 
     replaying = False
 
@@ -254,40 +289,43 @@ class CountedCalls:
 
     @property
     def capped(self) -> bool:
-        """Whether money is limited."""
+        """True if the cost is limited."""
         return self._limits.money_is_capped
 
     def begin(self, request: CallRequest) -> None:
-        """Set aside what the question can cost."""
+        """Reserve the greatest cost of the request."""
         self._limits.reserve(request)
 
     def end(self, request: CallRequest, result: CallResult) -> None:
-        """Count what it has cost."""
+        """Replace the reservation by the actual cost."""
         self._limits.settle(request, result)
 
 
 @contextmanager
-def _named_limits() -> Iterator[None]:
-    """Say of a folder that cannot be written, and of money that is used up, that the search can go on."""
+def _explained_limits() -> Iterator[None]:
+    """Turn write errors and spent limits into `UsageError` with a hint on how to continue."""
     try:
         yield
     except OSError as error:
         raise UsageError(
-            f"cannot write the search of prompts: {error.strerror or error}", hint="make room; the same command goes on"
+            f"cannot write the search of prompts: {error.strerror or error}",
+            hint="make room; the same command continues",
         ) from error
     except SpendingLimitError as error:
-        raise UsageError(str(error), hint="the same command with a higher --max-cost goes on") from error
+        raise UsageError(str(error), hint="the same command with a higher --max-cost continues") from error
 
 
-def _possible(report: EpisodeReport) -> EpisodeReport:
-    """The report of an abort that may end otherwise next time. Raises `SpendingLimitError` for one that cannot."""
+def _retryable(report: EpisodeReport) -> EpisodeReport:
+    """Return the report of an abort that may end differently next time. Raises `SpendingLimitError` for a spent
+    limit.
+    """
     if report.detail.startswith(OUT_OF_LIMITS):
         raise SpendingLimitError(report.detail)
     return report
 
 
 def _trace_in(folder: Path) -> Path | None:
-    """The trace of an episode that ran to its end, if the folder has it."""
+    """Return the trace of an episode that ended by itself, or None if the folder has none."""
     place = folder / "trace.mcap"
     return place if place.is_file() else None
 
@@ -302,3 +340,61 @@ def _counted(seed: int, report: EpisodeReport) -> PromptEpisode:
 
 def _mean(values: Sequence[float]) -> float:
     return sum(values) / len(values) if values else 0.0
+
+
+# -- the text on a failed episode, an input of the reviser: what policies received and did, and nothing hidden
+
+
+def _failed_episode(trace: Trace) -> str:
+    """Return the end of an episode, its failures by kind, and the first and last decisions of its agents, as text."""
+    values = metrics(trace)
+    lines = [
+        f"It ended after {values.ticks} ticks ({values.reason}); {values.scr or 0.0:.0%} of its subtasks were done.",
+        f"Stages: {', '.join(f'{stage.name} {stage.done} of {stage.required}' for stage in values.stages) or 'none'}.",
+        f"Reports: {values.reports}, {values.detections} of them of a target; {values.misses} targets in view missed.",
+        f"Messages: {values.messages}. Rejected: {_rejections(trace)}.",
+        *_unusable_answers(trace),
+    ]
+    for agent in list(dict.fromkeys(made.agent for record in trace.boundaries for made in record.decisions))[:AGENTS]:
+        lines += [f"Agent {agent}:", *_decision_lines(trace, agent)]
+    return "\n".join(lines)
+
+
+def _rejections(trace: Trace) -> str:
+    refused = Counter(
+        f"{receipt.resource}: {receipt.reason}"
+        for record in trace.boundaries
+        for receipt in record.receipts
+        if receipt.status == "rejected"
+    )
+    return ", ".join(f"{many} times {reason}" for reason, many in refused.most_common(6)) or "nothing"
+
+
+def _unusable_answers(trace: Trace) -> Iterator[str]:
+    """Yield the errors of unusable answers, each kind once."""
+    faults = Counter(
+        made.detail[:LONGEST] for record in trace.boundaries for made in record.decisions if made.substituted
+    )
+    for fault, many in faults.most_common(3):
+        yield f"{many} answers could not be used: {fault}"
+
+
+def _decision_lines(trace: Trace, agent: str) -> Iterator[str]:
+    made = [
+        (record, decision) for record in trace.boundaries for decision in record.decisions if decision.agent == agent
+    ]
+    left_out = len(made) - FIRST - LAST
+    for record, decision in made[:FIRST]:
+        yield _decision_line(record, decision)
+    if left_out > 0:
+        yield f"  … {left_out} more …"
+    for record, decision in made[max(FIRST, len(made) - LAST) :]:
+        yield _decision_line(record, decision)
+
+
+def _decision_line(record: BoundaryRecord, made: DecisionRecord) -> str:
+    command, messages = made.decision.command, made.decision.messages
+    did = f"{command.verb} {dict(command.arguments)}" if command else "no command"
+    sent = f"; sends {', '.join(message.kind for message in messages)}" if messages else ""
+    thought = " ".join(made.decision.thought.split())[:LONGEST]
+    return f"  tick {record.tick - 1}: {did}{sent}" + (f' ("{thought}")' if thought else "")

@@ -1,4 +1,4 @@
-"""The rows of a suite's results, and what decides whether two of them may stand in one table."""
+"""Rows of a suite's results, and the rules for rows in one table."""
 
 from __future__ import annotations
 
@@ -15,53 +15,62 @@ from lingjing.play.options import PlayOptions
 from lingjing.play.report import EpisodeReport
 
 RowStanding = Literal["counted", "aborted", "lost"]
-"""Whether an episode counts: `aborted` ones are played again with their seed, `lost` is the last of them."""
+"""`counted`: a valid result. `aborted`: played again with the same seed. `lost`: aborted in the last try."""
 
 RowKey = tuple[str, str, str, str, int, int]
 """Entrant, mission, mode, condition, seed and try."""
 
 
 class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One played episode of a suite.
-
-    `entrant`, `mission`, `mode`, `condition` and `seed` say which, `tries` is 1 for the first try with this seed.
-    `entrant_place` and `condition_place` are where the suite lists them, from 0; the others of a mission are compared
-    with the `baseline`. `privileged` is true if one of its policies sees the truth. `options` are those that it was
-    played with, without the places of files. `salt_sha256` tells whose policy seeds are drawn alike without telling the
-    salt. `code` is the SHA-256 over everything that decides an episode, `version` lingjing's. `wall_s` is how long it
-    took, seconds; `ended_unix_s` is when it ended (UNIX time, 0 in rows that do not say): aborts of several entrants at
-    once are told by it. `attention_iou` is that of the maps that lay beside the trace when the row was read from the
-    suite's folder (`lingjing.analysis.attention`), None where there were none.
-    """
+    """One played episode of a suite."""
 
     suite: str
     entrant: str
     group: str = ""
+    """The entrant's heading in tables; may be empty."""
     mission: str
     mode: str
     condition: str = ""
+    """The condition's name; empty without conditions."""
     baseline: bool = False
+    """True if other conditions of the mission are compared with this one."""
     entrant_place: int = 0
+    """The entrant's position in the suite file, from 0."""
     condition_place: int = 0
+    """The condition's position in the suite file, from 0."""
     seed: int
     tries: int = 1
+    """The number of the try with this seed, from 1."""
     standing: RowStanding = "counted"
     policy: str
+    """The policy's name."""
     model: str = ""
+    """The model's name; empty for other policies."""
     privileged: bool = False
+    """True if one of the entrant's policies observes the ground truth."""
     policy_seed: int = 0
+    """The seed of the policies' own random streams."""
     salt_sha256: str = ""
+    """The fingerprint of the salt: rows with equal fingerprints drew their policy seeds alike."""
     code: str = ""
+    """SHA-256 over all code and missions that decide an episode."""
     version: str = lingjing.__version__
+    """The version of lingjing."""
     wall_s: float = 0.0
+    """Duration, seconds of wall-clock time."""
     ended_unix_s: float = 0.0
+    """End of the episode, UNIX time; 0 if unknown. Simultaneous aborts of several entrants show an outage."""
     attention_iou: float | None = None
+    """IoU of the attention maps beside the trace when the row was read (`lingjing.analysis.attention`); None without
+    maps.
+    """
     options: PlayOptions
+    """The options of the episode, without places of files."""
     report: EpisodeReport
 
     @property
     def key(self) -> RowKey:
-        """What no two rows of one file share."""
+        """The unique key of a row in a file."""
         return self.entrant, self.mission, self.mode, self.condition, self.seed, self.tries
 
     @property
@@ -71,13 +80,14 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def column(self) -> str:
-        """`ssr-star`."""
+        """The column, such as `ssr-star`."""
         return f"{self.mission}-{self.mode}"
 
 
 def comparable(options: PlayOptions) -> PlayOptions:
-    """The options without what differs from machine to machine or from seed to seed, limits and records of calls too;
-    policies' files by their names."""
+    """Return the options that must be equal in one table: without paths, seeds, limits and call records. Policy files
+    are reduced to their names.
+    """
     return msgspec.structs.replace(
         options,
         mission="",
@@ -99,13 +109,14 @@ def _without_folder(policy: str) -> str:
 
 
 def code_sha256(missions: Iterable[Path]) -> str:
-    """SHA-256 over everything that decides an episode: the missions, the language's library, every file of the core and
-    of the agents."""
+    """Return the SHA-256 over everything that decides an episode: the missions, the language's library, and all files
+    of the core and of the agents.
+    """
     from importlib.util import find_spec
 
     agents = find_spec("lingjing_agents")
     roots = [Path(lingjing.__file__).parent, *map(Path, (agents.submodule_search_locations or []) if agents else [])]
-    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))  # some extend others
+    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))  # missions extend others
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in (*sorted(missions), *library)))
     for root in roots:
         for path in sorted(root.rglob("*")):

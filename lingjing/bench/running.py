@@ -1,9 +1,9 @@
-"""Playing what a suite's folder does not have yet: seed by seed, aborts again, everything kept as soon as it is known.
+"""Playing of the episodes that a suite's folder lacks: seed by seed, aborted ones again. Results are stored at once.
 
-An episode that the infrastructure aborted is played again with its seed, and never counts for or against an entrant;
-the third abort of one is kept as lost, so that no table hides it. What a policy does to itself is no abort, and neither
-is what it raises: where it keeps an episode from beginning, that is a failure (`POLICY_FAILED`). An entrant with lost
-episodes is not ranked (`unresolved`).
+An episode aborted by the infrastructure is played again with its seed, and never counts for or against an entrant.
+After the third abort it is stored as lost, so that tables report it. An error of the policy itself is no abort: if it
+prevents an episode from starting, that is a failure (`POLICY_FAILED`). An entrant with lost episodes is not ranked
+(`unresolved`).
 """
 
 from __future__ import annotations
@@ -33,61 +33,70 @@ from lingjing.play.spending import SpendingLimits
 from lingjing.trace.call_store import CALLS_NAME
 
 TRIES = 3
-"""How often one episode is tried before it is lost."""
+"""The number of tries of an episode before it is lost. Chosen."""
 
 LINGERS_S = 60.0
-"""How long an episode may take to end after its suite was killed."""
+"""Seconds in which an episode ends after its suite was killed, at most. Chosen."""
 
 OUT_OF_LIMITS = ("money:", "tokens:")
-"""How the detail of an abort begins that a limit of the suite itself has caused."""
+"""First words of the detail of an abort that a limit of the suite has caused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shard:
-    """The `number`-th of `count` parts of a suite, from 1. Episodes are dealt by hash, so that every part is alike."""
+    """The `number`-th of `count` parts of a suite, from 1. Episodes are distributed by hash, so all parts have similar
+    work.
+    """
 
     number: int = 1
     count: int = 1
 
     def has(self, cell: SuiteCell, seed: int) -> bool:
-        """Whether the episode is one of this part."""
+        """Return whether the episode belongs to this part."""
         key = "/".join((*cell.key, str(seed))).encode()
         return int.from_bytes(hashlib.sha256(key).digest()[:8]) % self.count == self.number - 1
 
 
 WHOLE = Shard()
+"""The complete suite as one part."""
 
 
 @dataclass(frozen=True, slots=True)
 class SuiteEpisode:
-    """One episode to play, and which try it is."""
+    """One episode to play."""
 
     cell: SuiteCell
     seed: int
     tries: int = 1
+    """The number of the try, from 1."""
 
 
 @dataclass(slots=True)
 class SuiteRun:
-    """A suite being played into a folder.
-
-    `max_cost` is how many US dollars all its calls of models may cost together, those of earlier commands too. `calls`
-    says what becomes of them (see `PlayOptions`); replayed ones are those of the suite's folder `calls_from`.
-    """
+    """The run of a suite into a folder."""
 
     plan: SuitePlan
     results: ResultsFolder
     code: str
+    """SHA-256 of the code and missions."""
     executor: Executor
     keep: bool = False
+    """True if all traces are kept."""
     max_cost: float | None = None
+    """Limit of the cost of all model calls, US dollars, including earlier commands; None: no limit."""
     calls: Literal["record", "replay", "live"] = "record"
+    """The handling of model calls (see `PlayOptions`)."""
     calls_from: Path | None = None
+    """The suite's folder with the record to replay."""
     tell: Callable[[SuiteRow, Countdown], None] = field(default=lambda row, countdown: None)
+    """Receives each row, and the estimate of the rest."""
     is_out_of_money: bool = False
+    """True after the limit was reached."""
 
     def due(self, seeds: Iterable[int], cells: Sequence[SuiteCell], shard: Shard = WHOLE) -> list[SuiteEpisode]:
-        """What is still to be played, seed by seed, so that an unfinished suite is matched as well."""
+        """Return the episodes still to be played, seed by seed, so that the cells of an unfinished suite are
+        matched.
+        """
         over = {(row.cell, row.report.seed) for row in self.results.rows if row.standing != "aborted"}
         tried = Counter((row.cell, row.report.seed) for row in self.results.rows if row.standing == "aborted")
         return [
@@ -98,48 +107,51 @@ class SuiteRun:
         ]
 
     def check_resumable(self, *, other_code: bool = False) -> None:
-        """Raise `UsageError` if the folder holds rows that may not stand beside those that would be played now."""
+        """Raise `UsageError` if the folder holds rows that may not stand beside new ones."""
         rows = self.results.rows
         folder, suite = self.results.folder, self.plan.suite.name
         others = sorted({row.suite for row in rows} - {suite})
         if others:
             raise UsageError(
-                f"`{folder}` holds results of the suite `{others[0]}`, this is `{suite}`", hint="choose another with -o"
+                f"`{folder}` holds results of the suite `{others[0]}`, this is `{suite}`",
+                hint="choose another folder with -o",
             )
-        strange = {row.code[:12] for row in rows if row.code != self.code}
-        if strange and not other_code:
+        other_versions = {row.code[:12] for row in rows if row.code != self.code}
+        if other_versions and not other_code:
             counted = sum(row.code != self.code for row in rows)
             raise UsageError(
-                f"{counted} of the {len(rows)} rows in `{folder}` were played by other code or missions "
-                f"({', '.join(sorted(strange))}; now it is {self.code[:12]})",
-                hint="choose another folder with -o, or go on all the same with --other-code",
+                f"{counted} of the {len(rows)} rows in `{folder}` were played with other code or missions "
+                f"({', '.join(sorted(other_versions))}; now {self.code[:12]})",
+                hint="choose another folder with -o, or continue anyway with --other-code",
             )
         now = {cell.key: comparable(self._options(cell, 0)) for cell in self.plan.cells}
         changed = [row for row in rows if row.cell in now and comparable(row.options) != now[row.cell]]
         if changed:
             first = changed[0]
             raise UsageError(
-                f"{len(changed)} of the rows in `{folder}` were played with other options than the suite has now; the "
+                f"{len(changed)} of the rows in `{folder}` were played with options that differ from the suite's; the "
                 f"first is {first.entrant}, {first.column}{first.condition and f', {first.condition}'}, seed "
                 f"{first.seed}: {_difference(first.options, now[first.cell])}",
-                hint="choose another folder with -o, or put the suite back as it was",
+                hint="choose another folder with -o, or restore the suite file",
             )
 
     def check_recorded(self, episodes: Sequence[SuiteEpisode]) -> None:
-        """Raise `UsageError` if calls are replayed and some episodes have no record of theirs."""
+        """Raise `UsageError` if calls are replayed and some episodes have no record of calls."""
         if self.calls_from is None:
             return
-        asking = [self._name(episode) for episode in episodes if episode.cell.player.declared.calls]
-        missing = [name for name in asking if not (self.calls_from / "runs" / name / CALLS_NAME).is_file()]
+        with_calls = [self._name(episode) for episode in episodes if episode.cell.player.declared.calls]
+        missing = [name for name in with_calls if not (self.calls_from / "runs" / name / CALLS_NAME).is_file()]
         if missing:
             raise UsageError(
-                f"{len(missing)} of {len(asking)} episodes have no record of model calls in `{self.calls_from}`; the "
-                f"first is {missing[0]}",
-                hint="leave them out with --seeds, --limit, --missions, --modes or --entrants",
+                f"{len(missing)} of {len(with_calls)} episodes have no record of model calls in `{self.calls_from}`; "
+                f"the first is {missing[0]}",
+                hint="exclude them with --seeds, --limit, --missions, --modes or --entrants",
             )
 
     def play(self, episodes: Sequence[SuiteEpisode]) -> None:
-        """Play them all; an interrupt, or a fault that all episodes would have, is raised with what is done kept."""
+        """Play all episodes. After an interrupt or an error that all episodes would share, finished rows are stored
+        and the error is raised.
+        """
         countdown = Countdown(self.executor.jobs, (episode.cell.key for episode in episodes))
         for row in self.results.rows:
             countdown.learn(row.cell, row.wall_s, cost_of(row))
@@ -148,13 +160,13 @@ class SuiteRun:
             waiting = self._round(waiting, countdown)
 
     def _round(self, episodes: Sequence[SuiteEpisode], countdown: Countdown) -> list[SuiteEpisode]:
-        """Play each once; those that are to be played again."""
+        """Play each episode once and return those to play again."""
         of = {self._folder(episode): episode for episode in episodes}
         started: dict[Path, float] = {}
         again: list[SuiteEpisode] = []
         for task, report in self.executor.play(self._tasks(of, started)):
             episode, wall_s = of[task.folder], time.monotonic() - started.pop(task.folder)
-            if report.reason == INTERRUPTED:  # it is not over: it is played anew by the next command
+            if report.reason == INTERRUPTED:  # unfinished: the next command plays it again
                 continue
             if report.reason == ABORTED and report.detail.startswith("calls:"):
                 raise UsageError(f"{task.folder.name}: {report.detail}", hint=report.hint)
@@ -162,8 +174,8 @@ class SuiteRun:
                 self.is_out_of_money = True
                 continue
             row = self._row(episode, task.options, report, wall_s)
-            if not self._keeps(episode.cell):  # before the row is there: a kill in between would leave it for good
-                take_away(task.folder)
+            if not self._keeps(episode.cell):  # before the row is stored: a kill in between would leave the run forever
+                remove_run(task.folder)
             self.results.add(row)
             if row.standing == "aborted":
                 again.append(SuiteEpisode(episode.cell, episode.seed, episode.tries + 1))
@@ -174,20 +186,20 @@ class SuiteRun:
         return again
 
     def _tasks(self, of: dict[Path, SuiteEpisode], started: dict[Path, float]) -> Iterator[EpisodeTask]:
-        """The tasks, each with what an earlier, unfinished try left taken away; no more once the money is used up."""
+        """Yield the tasks until the money is spent; the remains of an unfinished try are removed first."""
         played_on = Counter(_played_on(episode) for episode in of.values())
         for folder, episode in of.items():
             self.is_out_of_money |= self.max_cost is not None and self.spent() >= self.max_cost
             if self.is_out_of_money:
                 return
-            take_away(folder)
+            remove_run(folder)
             started[folder] = time.monotonic()
             options = self._counted(self._options(episode.cell, episode.seed), episode)
             repeated = played_on[_played_on(episode)] > 1
             yield EpisodeTask(options, folder, repeated=repeated, reports_failure=True)
 
     def spent(self) -> float:
-        """US dollars that the folder's calls of models have cost, those of aborted and of stopped episodes too."""
+        """Return the cost of all model calls of the folder, US dollars, including aborted and unfinished episodes."""
         rows = sum(cost_of(row) for row in self.results.rows)
         return max(rows, SpendingLimits(None, None, self._ledger).spent().usd if self._ledger.is_file() else 0.0)
 
@@ -196,7 +208,7 @@ class SuiteRun:
         return self.results.folder / "money"
 
     def _counted(self, options: PlayOptions, episode: SuiteEpisode) -> PlayOptions:
-        """The options with what becomes of calls, where there are any, and where their money is counted."""
+        """Return the options with the handling of calls and the ledger, if the policy calls models."""
         if not episode.cell.player.declared.calls:
             return options
         record = self._name(episode)
@@ -216,7 +228,7 @@ class SuiteRun:
         return self.results.folder / "runs" / self._name(episode)
 
     def _name(self, episode: SuiteEpisode) -> str:
-        """What the run's folder is called in the folder of any suite that plays it."""
+        """Return the name of the run's folder, which is the same in the folder of any suite."""
         cell = episode.cell
         whole = "-".join((*filter(None, cell.key), str(episode.seed)))
         plain = re.sub(r"[^\w.=-]+", "_", whole)[:100]
@@ -224,7 +236,7 @@ class SuiteRun:
         return f"{plain}{unique}"
 
     def _keeps(self, cell: SuiteCell) -> bool:
-        """Whether its runs stay: what a model was asked and answered has been paid for."""
+        """Return whether the cell's runs are kept. Recorded model calls are, because they were paid for."""
         return self.keep or cell.player.declared.calls
 
     def _row(self, episode: SuiteEpisode, options: PlayOptions, report: EpisodeReport, wall_s: float) -> SuiteRow:
@@ -260,18 +272,18 @@ class SuiteRun:
 
 
 def _played_on(episode: SuiteEpisode) -> tuple[object, ...]:
-    """What decides the instance: episodes of one are played on one placed world."""
+    """Return the key of the instance; episodes with one key share a placed world."""
     column = episode.cell.column
     return str(column.path), column.mode, tuple(sorted(column.settings.items())), episode.seed
 
 
 def cost_of(row: SuiteRow) -> float:
-    """US dollars that the row's policies spent on models."""
+    """Return the cost of the row's model calls, US dollars."""
     return row.report.metrics.cost_usd if row.report.metrics is not None else 0.0
 
 
-def take_away(folder: Path) -> None:
-    """Remove a run. An episode whose suite was killed may write into it for a moment yet, until it has ended itself."""
+def remove_run(folder: Path) -> None:
+    """Remove a run. An episode of a killed suite may still write into it until it ends."""
     deadline = time.monotonic() + LINGERS_S
     while folder.exists():
         try:
@@ -283,10 +295,10 @@ def take_away(folder: Path) -> None:
 
 
 def _difference(then: PlayOptions, now: PlayOptions) -> str:
-    """The first option that differs, as it was and as it is."""
+    """Return the first option that differs, with its old and new value."""
     then = comparable(then)
     name = next(name for name in then.__struct_fields__ if getattr(then, name) != getattr(now, name))
     return f"`{name}` was {getattr(then, name)!r} and is {getattr(now, name)!r}"
 
 
-__all__ = ["TRIES", "Shard", "SuiteEpisode", "SuiteRun", "cost_of", "take_away"]
+__all__ = ["TRIES", "Shard", "SuiteEpisode", "SuiteRun", "cost_of", "remove_run"]

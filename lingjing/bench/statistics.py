@@ -1,7 +1,7 @@
-"""Intervals and tests for the numbers of tables: the bootstrap, McNemar's test, Holm's correction.
+"""Intervals and tests for tables: the bootstrap, McNemar's test and Holm's correction.
 
-Everything is a function of its arguments: the bootstrap draws from a stream of its own that starts from a fixed seed.
-Levels are 0.95 everywhere.
+All results are functions of the arguments: the bootstrap draws from its own stream with a fixed seed. All confidence
+levels are 0.95.
 """
 
 from __future__ import annotations
@@ -17,23 +17,30 @@ import numpy.typing as npt
 from lingjing.analysis.shares import ConfidenceBounds
 
 LEVEL = 0.95
+"""The confidence level of all intervals."""
+
 DRAWS = 2000
-"""Bootstrap samples; more move the ends of an interval by less than a tenth of a point at 100 episodes."""
+"""Bootstrap samples. With more, the ends of an interval over 100 episodes move by less than 0.1 percentage points."""
 
 InstanceT = TypeVar("InstanceT", bound=Hashable)
+"""The key of an instance."""
 
 
 class PairedTest(NamedTuple):
-    """McNemar's test of two entrants on the same instances: how often only the one or only the other won, and p."""
+    """The result of McNemar's test of two entrants on the same instances."""
 
     pairs: int
+    """Common instances."""
     only_first: int
+    """Instances that only the first entrant won."""
     only_second: int
+    """Instances that only the second entrant won."""
     p: float
+    """The two-sided p value."""
 
 
 def bootstrap(values: Sequence[float]) -> ConfidenceBounds:
-    """The percentile bootstrap interval of a mean; nan of nothing, the value itself of one."""
+    """Return the percentile bootstrap interval of a mean; nan without values, the value itself for one value."""
     if not values:
         return ConfidenceBounds(math.nan, math.nan)
     drawn = np.asarray(values, dtype=np.float64)
@@ -41,21 +48,22 @@ def bootstrap(values: Sequence[float]) -> ConfidenceBounds:
 
 
 def drawn_samples(count: int) -> npt.NDArray[np.int64]:
-    """The bootstrap samples of `count` things: (samples, count) of their places."""
+    """Return bootstrap samples of `count` items: an array (samples, count) of indices."""
     return _generator().integers(0, count, (DRAWS, count))
 
 
 def bounds_of(values: npt.NDArray[np.float64]) -> ConfidenceBounds:
-    """The interval that holds the middle of a statistic's values over samples, as far as they are numbers; nan if none
-    is one."""
+    """Return the central interval of a statistic's values over samples. nan values are ignored; nan if all are."""
     if np.isnan(values).all():
         return ConfidenceBounds(math.nan, math.nan)
     return _quantiles(values)
 
 
 def macro_average(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> float:
-    """The task-balanced mean: over modes within a mission first, then over missions; `columns` are values by
-    (mission, mode) and seed."""
+    """Return the task-balanced mean: over the modes of a mission first, then over missions.
+
+    `columns` are values by (mission, mode) and seed.
+    """
     missions: dict[str, list[float]] = {}
     for (mission, _), values in columns.items():
         missions.setdefault(mission, []).append(fmean(values.values()))
@@ -63,8 +71,11 @@ def macro_average(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> flo
 
 
 def macro_bounds(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> ConfidenceBounds:
-    """The bootstrap interval of the macro average. The seeds of a mission are drawn together in all of its modes, since
-    a seed is the same instance in each."""
+    """Return the bootstrap interval of the macro average.
+
+    The seeds of a mission are drawn together for all of its modes, because a seed is the same instance in each of
+    them.
+    """
     random = _generator()
     drawn_means = []
     for mission in dict.fromkeys(mission for mission, _ in columns):
@@ -73,14 +84,14 @@ def macro_bounds(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> Conf
         table = np.array([[values.get(seed, math.nan) for seed in seeds] for values in modes])
         drawn = table[:, random.integers(0, len(seeds), (DRAWS, len(seeds)))]
         known = ~np.isnan(drawn)
-        with np.errstate(invalid="ignore"):  # a draw may hold no seed that a mode has played
+        with np.errstate(invalid="ignore"):  # a sample may contain no seed of a mode
             means = np.where(known, drawn, 0.0).sum(axis=2) / known.sum(axis=2)
         drawn_means.append(np.nanmean(means, axis=0))
     return _quantiles(np.mean(drawn_means, axis=0))
 
 
 def mcnemar(first: Mapping[InstanceT, bool], second: Mapping[InstanceT, bool]) -> PairedTest:
-    """McNemar's exact test over the instances that both have played: two-sided binomial over the pairs that differ."""
+    """Return McNemar's exact test over the common instances: a two-sided binomial test over the pairs that differ."""
     from scipy.stats import binomtest
 
     shared = first.keys() & second.keys()
@@ -92,7 +103,7 @@ def mcnemar(first: Mapping[InstanceT, bool], second: Mapping[InstanceT, bool]) -
 
 
 def holm(values: Sequence[float]) -> list[float]:
-    """Holm's correction of p values for how many there are, in the order given."""
+    """Return p values with Holm's correction for their number, in the same order."""
     corrected, highest = [0.0] * len(values), 0.0
     for rank, at in enumerate(sorted(range(len(values)), key=lambda at: values[at])):
         highest = max(highest, min(1.0, values[at] * (len(values) - rank)))

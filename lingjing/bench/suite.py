@@ -1,7 +1,8 @@
-"""A suite as people write it: a TOML file that says who plays what, how often, and which tables are made of it.
+"""The form of a suite file: a TOML file with missions, seeds, entrants, conditions and tables.
 
-`read_suite` reads one and tells every fault of its form with its path; what the names in it mean is for `planning`.
-`readable` is what can still be made of a faulty part, so that the faults of its form hide none of its names' faults.
+`read_document` reads a file, and `form_faults` lists all errors of its form with their paths. The meaning of names is
+checked in `planning`. `readable` returns the valid rest of a faulty part, so that errors of form do not hide errors of
+names.
 """
 
 from __future__ import annotations
@@ -22,15 +23,17 @@ from lingjing.option_reading import unknown_option
 from lingjing.validation import shown, worded
 
 FORMAT = 1
-"""The version of the form; a file of another one is refused."""
+"""The version of the form; files of other versions are rejected."""
 
 MOST_BYTES = 4 * 2**20
-"""Of a suite file."""
+"""The greatest size of a suite file. Chosen."""
 
 MOST_SEEDS = 100_000
-"""A range beyond this is a slip of the finger."""
+"""Seeds in a range, at most; a longer range is a typing error. Chosen."""
 
 SuiteMode = Literal["star", "broadcast", "single"]
+"""The communication modes of missions."""
+
 TableKind = Literal[
     "success",
     "intervals",
@@ -44,11 +47,12 @@ TableKind = Literal[
     "paired",
     "cost",
 ]
+"""The kinds of tables (`lingjing.bench.tables.TABLES`)."""
 
 
-def _seeds(given: object) -> tuple[int, ...]:
-    """`20` or `"20"` is the seeds 0 to 19, `"3-7"` those from 3 to 7, a list is what it lists."""
-    numbers = [_whole(part) for part in given.split("-")] if isinstance(given, str) else [given]
+def _seeds(value: object) -> tuple[int, ...]:
+    """Parse seeds: `20` or `"20"` means 0 to 19, `"3-7"` means 3 to 7, and a list names them singly."""
+    numbers = [_whole(part) for part in value.split("-")] if isinstance(value, str) else [value]
     match numbers:
         case [bool()]:
             pass
@@ -56,45 +60,49 @@ def _seeds(given: object) -> tuple[int, ...]:
             return tuple(range(count))
         case [int(first), int(last)] if _is_seed(last) and 0 <= last - first < MOST_SEEDS:
             return tuple(range(first, last + 1))
-        case [list(listed) | tuple(listed)] if listed and all(_is_seed(one) for one in listed):
+        case [list(listed) | tuple(listed)] if listed and all(_is_seed(seed) for seed in listed):
             return tuple(dict.fromkeys(listed))
-    raise ValueError(f"is {shown(given)}, and names no seeds: write a number of seeds, as 20, or a range, as '0-19'")
+    raise ValueError(f"is {shown(value)}, which is neither a number of seeds, such as 20, nor a range, such as '0-19'")
 
 
 def _whole(text: str) -> int | None:
-    """The number of up to 19 digits, as the largest seed has; None for any other text."""
+    """Return the number of a text of up to 19 digits (the length of the greatest seed), or None."""
     return int(text) if re.fullmatch(r"\s*[0-9]{1,19}\s*", text) else None
 
 
-def _is_seed(given: object) -> bool:
-    return isinstance(given, int) and not isinstance(given, bool) and 0 <= given < 2**63
+def _is_seed(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
 
 
 Seeds = Annotated[tuple[int, ...], BeforeValidator(_seeds, json_schema_input_type=int | str | list[int])]
+"""Seeds in order, in any of the forms of `_seeds`."""
+
 ShortText = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\x00-\x1f\x7f]+$")]
+"""A name without control characters."""
+
 NameOrFile = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00-\x1f\x7f]+$")]
+"""A name, or a path relative to the suite file."""
+
 Plain = str | int | float | bool
 """A value as an option or a setting has it in TOML."""
 
 
 class SuitePart(BaseModel):
-    """What the parts of a suite share: unknown names are faults, values do not change."""
+    """The base of all parts of a suite: unknown names are errors, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Entrant(SuitePart):
-    """One row of the tables: a chat model or a policy, with what it is told."""
+    """One row of the tables: a model or another policy, with its options."""
 
-    name: ShortText | None = Field(
-        None, description="what it is called in tables (default: the model's or policy's name)"
-    )
-    model: ShortText | None = Field(None, description="a model that `lingjing plugins` lists; its policy plays it")
+    name: ShortText | None = Field(None, description="its name in tables (default: the model's or policy's name)")
+    model: ShortText | None = Field(None, description="a model that `lingjing plugins` lists; its policy plays")
     policy: NameOrFile | None = Field(None, description="a policy's name, or FILE.py:CLASS beside the suite")
-    group: ShortText | None = Field(None, description="the heading under which it stands (default: a model's tier)")
+    group: ShortText | None = Field(None, description="its heading in tables (default: the model's tier)")
     args: dict[str, Plain] = Field({}, description="options of the policy")
     policies_for: dict[str, str] = Field({}, description="other policies by role or agent")
-    blank_pictures: bool = Field(False, description="hand the policy black pictures (a control)")
+    blank_pictures: bool = Field(False, description="give the policy black pictures (a control experiment)")
 
     @model_validator(mode="after")
     def _is_one_of_two(self) -> Self:
@@ -104,59 +112,66 @@ class Entrant(SuitePart):
 
 
 class SuiteCondition(SuitePart):
-    """One setting under which entrants play: values of the missions' parameters, options of the policies."""
+    """One setting of a comparison: values of the missions' parameters, and options of the policies."""
 
-    name: ShortText = Field(description="what it is called in tables")
+    name: ShortText = Field(description="its name in tables")
     missions: tuple[ShortText, ...] | None = Field(None, min_length=1, strict=False, description="default: the suite's")
     modes: tuple[SuiteMode, ...] | None = Field(None, min_length=1, strict=False, description="default: the suite's")
     settings: dict[str, Plain] = Field({}, description="values of the mission's parameters, with their units")
     args: dict[str, Plain] = Field({}, description="options of the policies")
     entrants: tuple[ShortText, ...] | None = Field(
-        None, min_length=1, strict=False, description="names of those who play under it (default: all)"
+        None, min_length=1, strict=False, description="names of the entrants that play under it (default: all)"
     )
-    baseline: bool = Field(False, description="what the others of its missions are compared with")
+    baseline: bool = Field(False, description="other conditions of its missions are compared with it")
 
 
 class Suite(SuitePart):
-    """A suite: entrants x missions x modes x conditions x seeds."""
+    """A suite: entrants × missions × modes × conditions × seeds."""
 
     suite: Literal[1] = Field(description="the version of this form")
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="a word for folders: letters, digits, hyphens")
-    title: str = Field("", max_length=200, description="what its tables are headed with")
-    about: str = Field("", max_length=4000, description="what is studied, and which table of the paper it makes")
+    name: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="the name of its folder: letters, digits, hyphens"
+    )
+    title: str = Field("", max_length=200, description="the heading of its tables")
+    about: str = Field("", max_length=4000, description="the question of the study, and the table of the paper")
     missions: tuple[NameOrFile, ...] = Field(
-        min_length=1, strict=False, description="shipped names, or files beside it"
+        min_length=1, strict=False, description="shipped names, or files beside the suite"
     )
     modes: tuple[SuiteMode, ...] | None = Field(
-        None, min_length=1, strict=False, description="only these modes (default: all that a mission allows)"
+        None, min_length=1, strict=False, description="only these modes (default: all modes of a mission)"
     )
-    seeds: Seeds = Field(description="how many seeds from 0, a range 'A-B', or a list")
+    seeds: Seeds = Field(description="a number of seeds from 0, a range 'A-B', or a list")
     args: dict[str, Plain] = Field({}, description="options of every entrant's policy")
-    entrants: tuple[Entrant, ...] = Field(min_length=1, strict=False, description="who plays")
+    entrants: tuple[Entrant, ...] = Field(min_length=1, strict=False, description="the policies and models to compare")
     conditions: tuple[SuiteCondition, ...] = Field(
-        (), strict=False, description="under what (default: as missions are)"
+        (), strict=False, description="settings to compare (default: the missions' own)"
     )
-    sweeps: bool = Field(False, description="play the values that the missions' sweeps declare")
-    evaluators: tuple[ShortText, ...] = Field(("mission",), min_length=1, strict=False, description="who scores")
+    sweeps: bool = Field(False, description="play the values of the missions' sweeps")
+    evaluators: tuple[ShortText, ...] = Field(
+        ("mission",), min_length=1, strict=False, description="the evaluators that score"
+    )
     executor: Literal["local", "ray"] = Field("local", description="processes of this machine, or a Ray cluster")
-    tables: tuple[TableKind, ...] = Field(("success",), min_length=1, strict=False, description="what is printed")
+    tables: tuple[TableKind, ...] = Field(
+        ("success",), min_length=1, strict=False, description="the kinds of tables to print"
+    )
 
     @model_validator(mode="after")
     def _has_one_kind_of_condition(self) -> Self:
         if self.sweeps and self.conditions:
-            raise ValueError("has conditions and sweeps too: leave one of them out")
+            raise ValueError("has both conditions and sweeps: remove one of them")
         return self
 
 
 PartT = TypeVar("PartT", bound=SuitePart)
+"""A part of a suite."""
 
 
 ATTRIBUTION = "planted"
-"""The key of a suite that measures methods of attribution (`lingjing.bench.attribution`) and is of another form."""
+"""The key of a suite that measures attribution methods (`lingjing.bench.attribution`) and has another form."""
 
 
 def shipped_suites() -> tuple[str, ...]:
-    """The names of the suites of this form that come with the package, sorted."""
+    """Return the names of the shipped suites of this form, sorted."""
     return tuple(name for name in _shipped_names() if ATTRIBUTION not in read_document(_shipped_path(name)))
 
 
@@ -169,47 +184,47 @@ def _shipped_path(name: str) -> Path:
 
 
 def attribution_suites() -> tuple[str, ...]:
-    """The names of the suites that measure methods of attribution, sorted."""
+    """Return the names of the shipped suites that measure attribution methods, sorted."""
     return tuple(name for name in _shipped_names() if ATTRIBUTION in read_document(_shipped_path(name)))
 
 
 def find_suite(word: str) -> Path:
-    """A file that is there wins; else a shipped suite by name (`main`, `suites/main.toml`). Raises `UsageError`."""
+    """Return an existing file, else a shipped suite by name (`main`, `suites/main.toml`). Raises `UsageError`."""
     from lingjing.suggest import did_you_mean
 
     path = Path(word)
     try:
         if path.is_file():
             return path
-    except OSError:  # a name longer than any file system takes
+    except OSError:  # the name is longer than the file system allows
         pass
     named = path.parts[1:] if path.parts[:1] == ("suites",) else path.parts
     if len(named) == 1 and named[0].removesuffix(".toml") in _shipped_names():
         return _shipped_path(named[0].removesuffix(".toml"))
-    said = did_you_mean(path.stem, _shipped_names(), "suites")
-    raise UsageError(f"there is no suite `{word[:300]}`", hint=said or "`lingjing bench list` lists those that ship")
+    hint = did_you_mean(path.stem, _shipped_names(), "suites")
+    raise UsageError(f"there is no suite `{word[:300]}`", hint=hint or "`lingjing bench list` lists the shipped suites")
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """A suite file's values. Raises `UsageError` for a file that cannot be read or is no TOML."""
+    """Return the values of a suite file. Raises `UsageError` for an unreadable file or one that is not TOML."""
     try:
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
-            raise UsageError(f"`{path}` is no suite: it is longer than {MOST_BYTES // 2**20} MB")
+            raise UsageError(f"`{path}` is not a suite: it is longer than {MOST_BYTES // 2**20} MB")
         return tomllib.loads(data.decode())
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"`{path}` is no text in UTF-8") from error
-    except ValueError as error:  # beside `TOMLDecodeError`, a number of more than 4,300 digits
+        raise UsageError(f"`{path}` is not UTF-8 text") from error
+    except ValueError as error:  # `TOMLDecodeError`, or a number of more than 4,300 digits
         raise UsageError(f"`{path}` is not TOML: {error}") from error
-    except RecursionError as error:  # the parser calls itself for each bracket
-        raise UsageError(f"`{path}` is no suite: its values are nested too deeply") from error
+    except RecursionError as error:  # the parser recurses for each bracket
+        raise UsageError(f"`{path}` is not a suite: its values are nested too deeply") from error
 
 
 def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:
-    """What is wrong with the form of a suite's values, each with its path."""
+    """Return the errors of form in a suite's values, each with its path."""
     version = document.get("suite")
     if isinstance(version, int) and version != FORMAT:
         fault = Fault("suite", f"is {version}; this version of lingjing reads suites of form {FORMAT}")
@@ -221,34 +236,39 @@ def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:
     return ()
 
 
-def readable(kind: type[PartT], given: object) -> PartT | None:
-    """What `given` is without its faults of form, with a name of its own where only that is missing; None if nothing
-    that means anything is left of it."""
+def readable(kind: type[PartT], values: object) -> PartT | None:
+    """Return the part without its faulty values, with a substitute name if only the name is missing; None if nothing
+    remains.
+    """
     for _ in range(10):
         try:
-            return kind.model_validate(given)
+            return kind.model_validate(values)
         except ValidationError as error:
-            faulty = {str(one["loc"][0]) for one in error.errors() if one["loc"] and one["type"] != "missing"}
-            lacking = {one["loc"] for one in error.errors() if one["type"] == "missing"}
-        if not isinstance(given, Mapping):
+            faulty = {
+                str(problem["loc"][0]) for problem in error.errors() if problem["loc"] and problem["type"] != "missing"
+            }
+            lacking = {problem["loc"] for problem in error.errors() if problem["type"] == "missing"}
+        if not isinstance(values, Mapping):
             return None
-        if faulty & set(given):
-            given = {name: value for name, value in given.items() if name not in faulty}
+        if faulty & set(values):
+            values = {name: value for name, value in values.items() if name not in faulty}
         elif lacking == {("name",)}:
-            given = {**given, "name": f"one without a name {id(given)}"}
+            values = {**values, "name": f"one without a name {id(values)}"}
         else:
             return None
     return None
 
 
 def faults_error(path: Path, faults: tuple[Fault, ...]) -> UsageError:
-    """The error that tells all faults of a suite file."""
-    told = lines_of((Fault(one.where, f"{one.message}{one.hint and f'; {one.hint}'}") for one in faults), str(path))
-    return UsageError(told, hint="docs/studies.md says what a suite may hold", faults=faults)
+    """Return the error that lists all errors of a suite file."""
+    lines = lines_of(
+        (Fault(fault.where, f"{fault.message}{fault.hint and f'; {fault.hint}'}") for fault in faults), str(path)
+    )
+    return UsageError(lines, hint="docs/studies.md describes the form of a suite", faults=faults)
 
 
 def json_schema() -> bytes:
-    """The JSON Schema of a suite's values (draft 2020-12), for editors and for those who write suites by program."""
+    """Return the JSON Schema of a suite's values (draft 2020-12), for editors and for programs that write suites."""
     schema = Suite.model_json_schema(mode="validation")
     whole = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "suite.schema.json", **schema}
     return msgspec.json.format(msgspec.json.encode(whole, order="deterministic"), indent=2) + b"\n"
@@ -257,21 +277,25 @@ def json_schema() -> bytes:
 def _form_faults(error: ValidationError) -> Iterator[Fault]:
     from lingjing.suggest import nearest
 
-    found = error.errors(include_url=False)
-    for one in found:
-        where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in one["loc"]).removeprefix(".")
-        if one["type"] == "too_short" and any(other["loc"][:-1] == one["loc"] for other in found if other is not one):
-            continue  # it is too short because what is in it is wrong, which is told
-        if one["type"] == "extra_forbidden":
+    problems = error.errors(include_url=False)
+    for problem in problems:
+        where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).removeprefix(
+            "."
+        )
+        if problem["type"] == "too_short" and any(
+            other["loc"][:-1] == problem["loc"] for other in problems if other is not problem
+        ):
+            continue  # it is too short because its content is wrong, which is reported
+        if problem["type"] == "extra_forbidden":
             kinds: dict[object, type[SuitePart]] = {"entrants": Entrant, "conditions": SuiteCondition}
-            kind = kinds.get(one["loc"][0], Suite) if len(one["loc"]) > 1 else Suite
-            fault = unknown_option(str(one["loc"][-1]), kind.model_fields)
+            kind = kinds.get(problem["loc"][0], Suite) if len(problem["loc"]) > 1 else Suite
+            fault = unknown_option(str(problem["loc"][-1]), kind.model_fields)
             yield Fault(where, fault.message, fault.hint)
-        elif one["type"] == "literal_error":
-            close = nearest(str(one["input"]), re.findall(r"'([^']+)'", one["ctx"]["expected"]))
-            yield Fault(where, worded(one), f"did you mean `{close}`?" if close else "")
+        elif problem["type"] == "literal_error":
+            close = nearest(str(problem["input"]), re.findall(r"'([^']+)'", problem["ctx"]["expected"]))
+            yield Fault(where, worded(problem), f"did you mean `{close}`?" if close else "")
         else:
-            yield Fault(where, worded(one))
+            yield Fault(where, worded(problem))
 
 
 __all__ = [

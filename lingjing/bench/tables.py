@@ -1,9 +1,9 @@
-"""The tables of the paper, made of a suite's rows: values with marks for the best and the second best.
+"""The paper's tables from a suite's rows, with marks for the best and the second best value.
 
-A kind of table is a row of `TABLES`; all are functions of rows alone. Aborted tries are in none of them. Lost episodes
-are in no rate and listed in a note; the rates of their entrant are followed by the worst and the best case, and it is
-never the best. Neither is an entrant that was shown the truth.
-Shares are percentages. What nobody has played is a dash, what is not defined is N/A.
+`TABLES` holds the kinds of tables; each is a function of rows. Aborted tries are in no table. Lost episodes are in no
+rate; a note lists them, and the rates of their entrant are followed by the worst and the best case. Entrants with lost
+episodes and privileged entrants are never marked. Shares are in per cent. A dash stands for a cell without episodes,
+N/A for an undefined number.
 """
 
 from __future__ import annotations
@@ -44,11 +44,13 @@ from lingjing.bench.unresolved import open_rows, unresolved_entrants, with_marke
 from lingjing.play.report import POLICY_FAILED
 
 FEWEST = 10
-"""Seeds in each column from which on the interval of a macro average is told: fewer say nothing of how it varies."""
+"""The smallest number of seeds per column for the interval of a macro average. Chosen: fewer seeds do not show the
+variation.
+"""
 
 
 def make_tables(rows: Sequence[SuiteRow], kinds: Iterable[str], title: str = "") -> tuple[ResultTable, ...]:
-    """The tables of those kinds; one that has nothing to show is left out. Raises `KeyError` for an unknown kind."""
+    """Return the tables of these kinds, without empty ones. Raises `KeyError` for an unknown kind."""
     left_open = open_rows(rows)
     unresolved = frozenset(row.entrant for row in left_open)
     counted = [row for row in rows if row.standing == "counted"]
@@ -64,7 +66,7 @@ def _place(row: SuiteRow) -> tuple[int, int, int]:
 
 
 def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
-    """What a reader of any table must know: how much was played, what was lost, who was shown the truth."""
+    """Return the notes below every table: numbers of counted, aborted and lost episodes, and the meaning of marks."""
     counted = [row for row in rows if row.standing == "counted"]
     aborted = sum(row.standing == "aborted" for row in rows)
     lost = sorted(row.key for row in rows if row.standing == "lost")
@@ -82,24 +84,24 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
     if len(codes) > 1:
         notes.append(f"the rows were played by {len(codes)} versions of the code")
     if any(row.privileged for row in rows):
-        notes.append(f"{PRIVILEGED} is shown the truth and is never marked as best")
+        notes.append(f"{PRIVILEGED} observes the ground truth and is never marked as best")
     if unresolved_entrants(rows):
         notes.append(
-            f"{UNRESOLVED} has episodes that are lost, or were played again after an abort that it may have caused "
-            "(its own service was gone, or a process or a file of the episode): it is not "
+            f"{UNRESOLVED} has episodes that were lost, or played again after an abort that it may have caused "
+            "(its own service, a process or a file of the episode failed): it is not "
             "ranked, and the worst and the best case follow its rates"
         )
     return tuple(notes)
 
 
 def _named(keys: Sequence[RowKey]) -> str:
-    """The first of some episodes, and the number of the others."""
+    """Return the names of the first episodes, and the number of the others."""
     named = ", ".join(f"{key[0]} {key[1]}-{key[2]}{key[3] and f' ({key[3]})'} seed {key[4]}" for key in keys[:8])
     return f"{named} and {len(keys) - 8} more" if len(keys) > 8 else named
 
 
 def _replaced_answers(counted: Sequence[SuiteRow]) -> str:
-    """The entrants that have lost turns, with the number of these in all their counted episodes."""
+    """Return the entrants with replaced answers, each with the number in all its counted episodes."""
     numbers: Counter[str] = Counter()
     for row in counted:
         if row.report.metrics is not None:
@@ -111,7 +113,7 @@ def _replaced_answers(counted: Sequence[SuiteRow]) -> str:
 
 
 def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """The paper's main table: TSR of every entrant in every column, and the macro average."""
+    """Yield the paper's main table: TSR of every entrant in every column, and the macro average."""
     for condition, some in grouped(rows, lambda row: row.condition).items():
         columns = columns_of(some)
         lines = []
@@ -124,7 +126,9 @@ def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """The same with what is behind each rate: successes of episodes, Wilson's interval; a bootstrap for the average."""
+    """Yield the main table with the counts and Wilson's interval of each rate, and a bootstrap interval of the
+    average.
+    """
     for condition, some in grouped(rows, lambda row: row.condition).items():
         columns = columns_of(some)
         lines = []
@@ -141,17 +145,17 @@ def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """The paper's table of communication modes: what each costs in the same instances."""
+    """Yield the paper's table of communication modes on the same instances."""
     lines: list[ResultLine] = []
     entrants = grouped(rows, lambda row: (row.entrant, row.condition))
     for (entrant, condition), own in entrants.items():
         for mission, some in grouped(own, lambda row: row.mission).items():
             both = [Played.of(row for row in some if row.mode == mode) for mode in ("star", "broadcast")]
-            if not all(one.episodes for one in both):
+            if not all(played.episodes for played in both):
                 continue
             group = "" if len(entrants) == 1 else f"{entrant}{condition and f', {condition}'}"
             for name, of, text, lower in _MODE_MEASURES:
-                cells = [text(of(one)) for one in both]
+                cells = [text(of(played)) for played in both]
                 if not is_out_of_competition(entrant):
                     cells = list(best_of(cells, lower=lower, second=False))
                 lines.append(ResultLine(group, (mission.upper(), name), tuple(cells)))
@@ -161,7 +165,7 @@ def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """Ablations, sweeps, prompts and interventions: every condition of a mission under each entrant."""
+    """Yield ablations, sweeps, prompts and interventions: every condition of a mission for each entrant."""
     for (mission, mode), some in grouped(rows, lambda row: (row.mission, row.mode)).items():
         lines: list[ResultLine] = []
         stages = tuple(Played.of(some).steps())
@@ -193,7 +197,7 @@ def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """Provenance: cumulative success of the stages, and how well the calls behind them saw."""
+    """Yield the cumulative success of stages, with the perception figures behind them."""
     for condition, some in grouped(rows, lambda row: row.condition).items():
         missions = grouped(some, lambda row: (row.entrant, row.mission, row.mode))
         names = tuple(dict.fromkeys(name for own in missions.values() for name in Played.of(own).stages()))
@@ -225,7 +229,7 @@ def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """The paper's behavioural signatures and rates of actions: means over episodes, actions pooled."""
+    """Yield the paper's behavioural signatures, as means over episodes, and rates of actions, pooled."""
     for condition, some in grouped(rows, lambda row: row.condition).items():
         lines = []
         for entrant, own in grouped(some, lambda row: row.entrant).items():
@@ -257,7 +261,7 @@ def _behaviour(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """The paper's perception by entrant: what was overlooked, what was made up, where it looked."""
+    """Yield the paper's perception table by entrant: missed, hallucinated and confused targets, and attention."""
     lines = []
     for entrant, own in grouped(rows, lambda row: row.entrant).items():
         played = Played.of(own)
@@ -277,11 +281,11 @@ def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
 
 
 def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
-    """What an episode takes: calls, tokens, dollars, seconds."""
+    """Yield the cost of an episode: calls, tokens, dollars, seconds."""
     lines = []
     for entrant, own in grouped(rows, lambda row: row.entrant).items():
         played = Played.of(own)
-        total = sum(one.cost_usd for one in played.metrics())
+        total = sum(metrics.cost_usd for metrics in played.metrics())
         cells = (
             ResultCell(str(len(own)), len(own)),
             plain(played.mean("calls"), ".0f"),
@@ -310,47 +314,47 @@ TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]]
     "paired": paired_tests,
     "cost": _cost,
 }
-"""Every kind of table by its name in a suite."""
+"""The functions of all kinds of tables, by their names in a suite."""
 
 _WITH_CASES = frozenset({"success", "intervals", "conditions"})
-"""The kinds that are given the open rows too, and show the worst and the best case."""
+"""The kinds that also receive the open rows and show the worst and the best case."""
 
 
 # -- values and marks
 
 
 def column_head(mission: str, mode: str, columns: Iterable[tuple[str, str]]) -> str:
-    """`VDN`, and `UFR^s` or `UFR^b` where the mission is there in both modes, as in the paper."""
+    """Return `VDN`, or `UFR^s` and `UFR^b` for a mission in both modes, as in the paper."""
     both = len({other for name, other in columns if name == mission}) > 1
     return f"{mission.upper()}^{mode[0]}" if both else mission.upper()
 
 
 def average_of(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> float:
-    """The macro average of TSR over those columns; nan unless there are counted episodes in each."""
+    """Return the macro average of TSR over the columns; nan unless each has counted episodes."""
     return _average([row for row in rows if row.standing == "counted"], columns)
 
 
 def rate_cell(played: Played) -> ResultCell:
-    """The share of successes, with the worst and the best case where episodes are open."""
+    """Return the share of successes, with the worst and the best case if episodes are open."""
     return with_cases(played.rate(), *played.cases()) if played.is_open else percent(played.rate())
 
 
 def average_cell(
     rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]], *, with_range: bool = False
 ) -> ResultCell:
-    """The macro average over those columns, with its cases where episodes are open, else with its interval if wanted.
+    """Return the macro average, with its cases if episodes are open, else with its interval on request.
 
-    The rows are counted ones and open ones.
+    `rows` are the counted and the open ones.
     """
     average = average_of(rows, columns)
     worst, best = (_average(rows, columns, lost_as=value) for value in (0.0, 1.0))
     if any(row.standing != "counted" for row in rows) and not math.isnan(worst):
         return with_cases(average, worst, best)
-    return ranged(average, average_range(rows, columns)) if with_range else percent(average)
+    return ranged(average, _average_range(rows, columns)) if with_range else percent(average)
 
 
-def average_range(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> ConfidenceBounds:
-    """The interval of the macro average; nan where a column has too few seeds."""
+def _average_range(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> ConfidenceBounds:
+    """Return the interval of the macro average; nan if a column has too few seeds."""
     values = _seeded(rows, columns)
     enough = all(len(each) >= FEWEST for each in values.values())
     return macro_bounds(values) if enough and values else ConfidenceBounds(math.nan, math.nan)
@@ -363,16 +367,18 @@ def _played(rows: Iterable[SuiteRow], column: tuple[str, str]) -> Played:
 def _seeded(
     rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]], lost_as: float | None = None
 ) -> dict[tuple[str, str], dict[int, float]]:
-    """Successes by column and seed: of counted rows, and with `lost_as` of open ones too (0: the worst case)."""
-    found: dict[tuple[str, str], dict[int, float]] = {column: {} for column in columns}
+    """Return successes by column and seed: of counted rows, and with `lost_as` also of open ones (0: the worst
+    case).
+    """
+    by_column: dict[tuple[str, str], dict[int, float]] = {column: {} for column in columns}
     for row in rows:
-        if row.standing == "counted" and (row.mission, row.mode) in found:
-            found[row.mission, row.mode][row.seed] = float(row.report.success)
+        if row.standing == "counted" and (row.mission, row.mode) in by_column:
+            by_column[row.mission, row.mode][row.seed] = float(row.report.success)
     for row in rows if lost_as is not None else ():
         is_doubtful = row.standing == "lost" or (row.standing == "aborted" and lost_as == 0.0)
-        if is_doubtful and (row.mission, row.mode) in found:
-            found[row.mission, row.mode][row.seed] = lost_as or 0.0
-    return found
+        if is_doubtful and (row.mission, row.mode) in by_column:
+            by_column[row.mission, row.mode][row.seed] = lost_as or 0.0
+    return by_column
 
 
 def _average(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]], lost_as: float | None = None) -> float:
@@ -393,7 +399,7 @@ _MODE_MEASURES: tuple[tuple[str, Callable[[Played], float], Callable[[float], Re
     ("Gap", lambda played: played.mean("gap"), measure(".0f"), True),
     ("Rep", lambda played: played.weighted("rep", "target_events"), measure(".0f", 100.0), True),
 )
-"""The paper's measures of communication: name, value, text, and whether less is better."""
+"""The paper's measures of communication: name, value, text, and True if less is better."""
 
 
 def _wilson_cell(played: Played) -> ResultCell:
@@ -421,6 +427,6 @@ def _finite(value: float) -> float:
 
 
 __all__ = [
-    "TABLES", "average_cell", "average_of", "average_range", "column_head", "make_tables", "rate_cell",
+    "TABLES", "average_cell", "average_of", "column_head", "make_tables", "rate_cell",
     "standing_notes",
 ]  # fmt: skip

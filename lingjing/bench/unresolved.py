@@ -1,10 +1,10 @@
-"""Episodes whose result is open, and the entrants that have any.
+"""Open episodes, that is, episodes without a certain result, and the entrants that have them.
 
-A lost episode has no result. An episode that was played again because its entrant's own service was gone has one, and a
-service that goes away only when its policy loses would choose it. So would a policy that ends a process of the harness
-or takes its trace away: it shares the machine with them. Such a result counts in the rates; the worst case takes it for
-a failure. It is beyond doubt if another entrant was aborted by the same cause at the same time: then it was the
-network, the machine or a service that both use.
+A lost episode has no result. An episode that was played again after a failure of its entrant's own service has a
+result that the entrant could choose: the service could fail only when the policy loses. The same holds for a policy
+that ends a process of the harness or removes its trace, because it runs on the same machine. Such a result counts in
+the rates, and the worst case counts it as a failure. It is certain if another entrant was aborted by the same cause at
+the same time: then the cause was the network, the machine or a common service.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from lingjing.play.outages import SERVICE_GONE
 from lingjing.play.report import SERVER_KILLED
 
 AT_ONCE_S = 300.0
-"""Within how many seconds two aborts count as simultaneous. Chosen: `react` reports an outage after three ticks, each
-of which waits up to 90 s for the model."""
+"""Seconds within which two aborts count as simultaneous. Chosen: `react` reports an outage after three ticks, each of
+which waits up to 90 s for the model.
+"""
 
 
 _WITHIN_REACH = (
@@ -32,23 +33,24 @@ _WITHIN_REACH = (
     "the world process died",
     "the camera process died",
 )
-"""The beginnings of the details of aborts that a policy can cause: by its service, or by the processes and files on its
-machine. An error of an engine is not among them."""
+"""First words of the details of aborts that a policy can cause, by its service or by processes and files on its
+machine. Errors of engines are not among them.
+"""
 
 
 def open_rows(rows: Iterable[SuiteRow]) -> list[SuiteRow]:
-    """The lost episodes, and the aborted tries that only their entrant may have caused."""
+    """Return the lost episodes, and the aborted tries that only their entrant may have caused."""
     aborts = [row for row in rows if row.standing != "counted"]
     return [row for row in aborts if row.standing == "lost" or _is_alone(row, aborts)]
 
 
 def unresolved_entrants(rows: Iterable[SuiteRow]) -> frozenset[str]:
-    """The names of the entrants that have open episodes: they are not ranked."""
+    """Return the names of the entrants with open episodes; they are not ranked."""
     return frozenset(row.entrant for row in open_rows(rows))
 
 
 def with_marked_names(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> list[SuiteRow]:
-    """The rows, with `UNRESOLVED` behind the names of these entrants, so that no table takes them for the best."""
+    """Return the rows with `UNRESOLVED` after the names of these entrants, so that no table marks them as best."""
     return [
         msgspec.structs.replace(row, entrant=f"{row.entrant} {UNRESOLVED}") if row.entrant in unresolved else row
         for row in rows
@@ -56,22 +58,22 @@ def with_marked_names(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> l
 
 
 def _is_alone(row: SuiteRow, aborts: Sequence[SuiteRow]) -> bool:
-    """True if the entrant may have caused the abort and no other entrant had such a one at the same time."""
+    """Return whether the entrant may have caused the abort and no other entrant was aborted so at the same time."""
     cause = _cause(row)
     others = (other for other in aborts if other.entrant != row.entrant and _cause(other) == cause)
     return bool(cause) and not any(_is_at_once(row, other) for other in others)
 
 
 def _cause(row: SuiteRow) -> str:
-    """The beginning of the detail of an abort that a policy can cause; "" for any other."""
+    """Return the first words of the detail of an abort that a policy can cause; "" for other aborts."""
     return next((cause for cause in _WITHIN_REACH if row.report.detail.startswith(cause)), "")
 
 
-def _is_at_once(one: SuiteRow, other: SuiteRow) -> bool:
-    """True if both rows say when their episodes ended, and these are near each other."""
-    if not (one.ended_unix_s and other.ended_unix_s):
+def _is_at_once(row: SuiteRow, other: SuiteRow) -> bool:
+    """Return whether both rows hold the end of their episodes and these are simultaneous."""
+    if not (row.ended_unix_s and other.ended_unix_s):
         return False
-    return abs(one.ended_unix_s - other.ended_unix_s) <= AT_ONCE_S
+    return abs(row.ended_unix_s - other.ended_unix_s) <= AT_ONCE_S
 
 
 __all__ = ["AT_ONCE_S", "open_rows", "unresolved_entrants", "with_marked_names"]

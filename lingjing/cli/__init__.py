@@ -1,23 +1,26 @@
-"""The command line: one module a verb, each with `add_options(parser)` and `handler(args) -> int`.
+"""The command line `lingjing VERB …`.
 
-`main` picks the verb and imports its module alone, `parser` reads the arguments, `process` is the command's own process
-(streams, signals, exit codes), `files` reads missions and writes texts, `console` draws. A verb with actions declares a
-handler for each of them.
+A *verb* is one module of this package with `add_options(parser)` and `handler(args) -> int`, which returns the exit
+code. A verb with *actions* (`lingjing bench table`) declares one handler for each action. The module's docstring is
+the description in `--help`.
 
-- `validate`, `compile`, `fmt`, `explain`, `lsp`   a text: its errors, its graph, its layout, what a code means
-- `graph`, `docs` ← `missionpage`                  a mission as a picture, as a page
-- `scene`                                          a map → a city
-- `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
-  `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
-- `bench` ← `attribution` (planted faults)          a suite of many episodes: its rows, its tables
-- `verify`, `replay`, `why`, `metrics`             a trace: is it what was written, does it happen again, why and what
-- `fork`, `blame`, `value` ← `branches`            a trace: what would have had to be different, what was worth saying
-- `view`, `film`                                   a trace to look at: in the browser, as a film
-- `report`                                         many episodes as the paper's figures
+`main` finds the verb and imports its module alone. `parser` reads the arguments. `process` holds the standard streams,
+the signals and the end of the process. `files` reads missions and writes files. `console` draws on terminals.
+
+- `validate`, `compile`, `fmt`, `explain`, `lsp`   mission text: its errors, graph, layout; the meaning of an error code
+- `graph`, `docs` ← `missionpage`                  a mission as a picture, and as a page
+- `scene`                                          a city built from a map
+- `run` ← `arguments` (parsing of option values), `progress` (the live line), `watch` (the episode in the terminal),
+  `scorecard` (the numbers of one episode), `results` (printed results of one or many episodes)
+- `bench` ← `attribution` (planted faults)         a suite of many episodes, its rows and its tables
+- `verify`, `replay`, `why`, `metrics`             a trace: integrity, determinism, reason of the outcome, metrics
+- `fork`, `blame`, `value` ← `branches`            branches of a trace: interventions, blame, value of messages
+- `view`, `film`                                   a trace in the browser, and as a film
+- `report`                                         the paper's figures from many episodes
 - `shrink`                                         the smallest mission that fails as a trace did
-- `calls`                                          what an episode's policies asked chat models
-- `prompts`                                        a policy's prompts; a better one from failed traces
-- `frames`                                         sets of traces' frames for detectors; a probe of detectors
-- `plugins` ← `installed`, `new` ← `newengine`     what is installed, what is begun
-- `doctor` ← `libraries`                           what the machine lacks
+- `calls`                                          the recorded model calls of an episode
+- `prompts`                                        prompts of policies, and their revision from failed traces
+- `frames`                                         labelled sets of frames for detectors, and a probe of detectors
+- `plugins` ← `installed`, `new`                   installed plug-ins, and files to start a new one from
+- `doctor` ← `libraries`                           a check of the machine
 """

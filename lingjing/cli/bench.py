@@ -1,4 +1,4 @@
-"""`lingjing bench SUITE`: play a suite of many episodes, go on where it was stopped, make the paper's tables of it."""
+"""`lingjing bench SUITE`: play a suite of many episodes, continue an interrupted one, and make the paper's tables."""
 
 from __future__ import annotations
 
@@ -29,17 +29,22 @@ KINDS = (
     "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "failures", "drift", "paired",
     "cost",
 )  # fmt: skip
+"""The kinds of tables; `lingjing.bench.tables` makes them."""
+
 FORMATS = ("markdown", "latex", "csv", "html")
+"""The formats of tables; `lingjing.bench.exports` writes them."""
 
 
 def add_options(parser: ArgumentParser) -> None:
-    """Declare what the verb can do; a word that is none of its actions is a suite to play."""
+    """Declare the actions; a first word that is no action is a suite to play."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     parser.implied_word = "play"
     _add_play(actions.add_parser("play", help="play a suite (the word `play` may be left out)", description=__doc__))
     table = actions.add_parser("table", help="make tables of results", description=_table.__doc__)
     _add_results(table)
-    table.add_argument("--kind", nargs="+", choices=KINDS, default=["success"], help="which (default success)")
+    table.add_argument(
+        "--kind", nargs="+", choices=KINDS, default=["success"], help="kinds of tables (default success)"
+    )
     table.add_argument("--format", choices=FORMATS, default="markdown")
     table.add_argument("-o", "--output", metavar="OUT", help="a file (default: standard output)")
     table.set_defaults(handler=_table)
@@ -62,35 +67,46 @@ def add_options(parser: ArgumentParser) -> None:
 
 def _add_results(parser: ArgumentParser) -> None:
     parser.add_argument("results", metavar="RESULTS", nargs="+", type=Path, help="a suite's folders, or .parquet files")
-    parser.add_argument("--other-code", action="store_true", help="put rows of several versions of the code together")
+    parser.add_argument(
+        "--other-code", action="store_true", help="accept rows that different versions of the code played"
+    )
 
 
 def _add_play(play: ArgumentParser) -> None:
     play.add_argument("suite", metavar="SUITE", help="a .toml file, or a shipped suite's name")
-    play.add_argument("-o", "--output", metavar="DIR", type=Path, help="where results are kept and gone on with")
-    play.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
-    play.add_argument("--missions", metavar="NAME", nargs="+", help="only these of its missions")
-    play.add_argument("--modes", nargs="+", choices=MODES, help="only these modes")
-    play.add_argument("--entrants", metavar="NAME", nargs="+", help="only these of its entrants")
-    play.add_argument("--seeds", metavar="A-B", help="other seeds than the suite's, both ends included")
-    play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds, to try it")
-    play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of all its entrants")
-    play.add_argument("--method", metavar="NAME", nargs="+", help="these methods of attribution (`planted` alone)")
-    play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
-    play.add_argument("--executor", choices=("local", "ray"), help="who plays: this machine, or a Ray cluster")
-    play.add_argument("--ray-address", metavar="ADDRESS", default="auto", help="the cluster (default: the one here)")
-    play.add_argument("--max-cost", metavar="USD", type=float, help="the most that all calls of models may cost")
     play.add_argument(
-        "--calls", choices=("record", "replay", "live"), default="record", help="what becomes of questions to models"
+        "-o", "--output", metavar="DIR", type=Path, help="the results folder; an existing one is continued"
     )
-    play.add_argument("--calls-from", metavar="DIR", type=Path, help="the suite's folder whose record is replayed")
-    play.add_argument("--keep", action="store_true", help="keep every trace (those of models are kept anyway)")
-    play.add_argument("--other-code", action="store_true", help="go on in a folder whose rows other code has played")
-    play.add_argument("--check", action="store_true", help="check the suite, say what it would play, and stop")
+    play.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
+    play.add_argument("--missions", metavar="NAME", nargs="+", help="only these missions of the suite")
+    play.add_argument("--modes", nargs="+", choices=MODES, help="only these modes")
+    play.add_argument("--entrants", metavar="NAME", nargs="+", help="only these entrants of the suite")
+    play.add_argument("--seeds", metavar="A-B", help="seeds in place of the suite's, both ends included")
+    play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds")
+    play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of the suite's entrants")
+    play.add_argument("--method", metavar="NAME", nargs="+", help="these attribution methods (for the suite `planted`)")
+    play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
+    play.add_argument("--executor", choices=("local", "ray"), help="play on this machine, or on a Ray cluster")
+    play.add_argument(
+        "--ray-address", metavar="ADDRESS", default="auto", help="the address of the cluster (default: a local one)"
+    )
+    play.add_argument("--max-cost", metavar="USD", type=float, help="the greatest cost of all model calls")
+    play.add_argument(
+        "--calls",
+        choices=("record", "replay", "live"),
+        default="record",
+        help="record model calls (default), replay a record, or do neither",
+    )
+    play.add_argument("--calls-from", metavar="DIR", type=Path, help="the suite's folder with the record to replay")
+    play.add_argument("--keep", action="store_true", help="keep every trace (those of model policies are always kept)")
+    play.add_argument(
+        "--other-code", action="store_true", help="continue a folder whose rows another version of the code played"
+    )
+    play.add_argument("--check", action="store_true", help="check the suite, print what it would play, and stop")
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Play what is missing, keep rows and tables in the folder, print the suite's tables."""
+    """Play the missing episodes, store rows and tables in the folder, and print the suite's tables."""
     from lingjing.bench.attribution import is_attribution_suite
     from lingjing.bench.folder import open_results
     from lingjing.bench.money import check_ready, is_paid
@@ -107,8 +123,8 @@ def handler(args: argparse.Namespace) -> int:
     if is_attribution_suite(path):
         return measure(path, args)
     if args.method:
-        raise UsageError(f"--method: the suite `{args.suite}` measures no methods of attribution")
-    shard = shard_of(args.shard) if args.shard else None
+        raise UsageError(f"--method: the suite `{args.suite}` measures no attribution methods")
+    shard = _parse_shard(args.shard) if args.shard else None
     plan = read_plan(path, PluginHost(), args.policy or ())
     cells = _chosen(plan, args)
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
@@ -116,20 +132,20 @@ def handler(args: argparse.Namespace) -> int:
     if args.check:
         episodes = _episodes(cells, seeds, shard)
         say(f"{plan.path}: {_size(cells, len(seeds), shard)}{len(episodes)} episodes")
-        _tell_cost(plan, episodes)
+        _print_cost(plan, episodes)
         return ExitCode.OK
     players = tuple({cell.player.name: cell.player for cell in cells}.values())
     if args.calls != "replay":
         check_ready(players, args.max_cost)
     if args.calls != "replay" and any(map(is_paid, players)) and args.max_cost is None:
-        _tell_cost(plan, _episodes(cells, seeds, shard))
-        raise UsageError("calls of models cost money", hint="say how much may be spent with --max-cost USD")
+        _print_cost(plan, _episodes(cells, seeds, shard))
+        raise UsageError("the model calls of this suite cost money", hint="set a limit with --max-cost USD")
     code = code_sha256(plan.files)
     part = f"-{shard.number}of{shard.count}" if shard else ""
     folder = args.output or RUNS / "bench" / f"{plan.suite.name}-{code[:12]}{part}"
     with open_results(folder) as results:
         if args.calls_from is not None:
-            results.take_salt(args.calls_from)
+            results.adopt_salt(args.calls_from)
         executor = _executor(args, plan, results)
         run = SuiteRun(plan, results, code, executor, keep=args.keep, max_cost=args.max_cost,
                        calls=args.calls, calls_from=args.calls_from)  # fmt: skip
@@ -159,26 +175,26 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
     due = run.due(seeds, cells, shard or WHOLE)
     run.check_recorded(due)
     finals = sum(row.standing != "aborted" for row in results.rows)
-    say(f"{suite.name}: {finals} episodes are there, {len(due)} to play, results in {results.folder}")
+    say(f"{suite.name}: {finals} episodes done, {len(due)} to play, results in {results.folder}")
     done = 0
 
     def tell(row: SuiteRow, countdown: Countdown) -> None:
         nonlocal done
         done += row.standing != "aborted"
-        say(f"{_bar(done, len(due), countdown)} {_one(row)}")
+        say(f"{_bar(done, len(due), countdown)} {_episode_line(row)}")
 
     run.tell = tell
     try:
         run.play(due)
     except KeyboardInterrupt:
-        say(f"interrupted after {done} of {len(due)} episodes; the same command goes on from here")
+        say(f"interrupted after {done} of {len(due)} episodes; the same command continues from here")
         raise
     results.compact()
     if run.is_out_of_money:
         raise UsageError(
-            f"what is left of ${run.max_cost:g} may not pay another call (${run.spent():.2f} is spent): "
-            f"{len(due) - done} of {len(due)} episodes are left",
-            hint="the same command with a higher --max-cost goes on; `lingjing bench table` shows what there is",
+            f"the rest of ${run.max_cost:g} may not pay for another call (${run.spent():.2f} spent): "
+            f"{len(due) - done} of {len(due)} episodes are not played",
+            hint="the same command with a higher --max-cost continues; `lingjing bench table` shows the results so far",
         )
     tables = make_tables(with_attention(results.rows, results.folder), suite.tables, suite.title)
     for name, export in EXPORTS.items():
@@ -191,7 +207,7 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
 
 
 def _report_lost(rows: Sequence[SuiteRow]) -> int:
-    """The exit code of a suite with these lost episodes, after a message where there are any."""
+    """Print an error message if episodes were lost; return the exit code."""
     if not rows:
         return ExitCode.OK
     first, number = rows[0].report, f"{len(rows)} {'episode is' if len(rows) == 1 else 'episodes are'} lost"
@@ -205,7 +221,7 @@ def _report_lost(rows: Sequence[SuiteRow]) -> int:
 
 
 def _table(args: argparse.Namespace) -> int:
-    """Print tables of one or several results, which may still be played."""
+    """Print tables of one or several results; unfinished results are accepted."""
     from lingjing.bench.exports import EXPORTS, html_page
     from lingjing.bench.merging import merge_results
     from lingjing.bench.tables import make_tables
@@ -217,13 +233,15 @@ def _table(args: argparse.Namespace) -> int:
 
 
 def _merge(args: argparse.Namespace) -> int:
-    """Join shards, or submitted results, into one Parquet file; what does not fit together is refused."""
+    """Join shards, or results of several machines, into one Parquet file. Results that do not fit together are
+    rejected.
+    """
     from lingjing.bench.folder import write_whole
     from lingjing.bench.merging import merge_results
     from lingjing.bench.parquet import encode_rows
 
     if args.output.exists():
-        raise UsageError(f"`{args.output}` is there already", hint="results are never overwritten: name a new file")
+        raise UsageError(f"`{args.output}` already exists", hint="results are never overwritten: name a new file")
     rows = merge_results(args.results, other_code=args.other_code)
     try:
         write_whole(args.output, encode_rows(rows))
@@ -234,7 +252,7 @@ def _merge(args: argparse.Namespace) -> int:
 
 
 def _leaderboard(args: argparse.Namespace) -> int:
-    """Rank the entrants of one suite's results on a page that loads nothing from elsewhere."""
+    """Write an HTML page that ranks the entrants of one suite's results. The page loads nothing from the network."""
     from lingjing.bench.leaderboard import leaderboard
     from lingjing.bench.merging import merge_results
 
@@ -243,7 +261,9 @@ def _leaderboard(args: argparse.Namespace) -> int:
 
 
 def _card(args: argparse.Namespace) -> int:
-    """Describe results in Markdown, for a README beside them: what was run, by whom, what the columns are."""
+    """Describe results in Markdown, for a README beside them: the suite, the entrants and the meaning of each
+    column.
+    """
     from lingjing.bench.dataset_card import dataset_card
     from lingjing.bench.merging import merge_results
     from lingjing.bench.suite import read_document
@@ -255,14 +275,14 @@ def _card(args: argparse.Namespace) -> int:
 
 
 def _list(args: argparse.Namespace) -> int:
-    """Print the name of every shipped suite with its title and its size."""
+    """Print the name, title and size of every shipped suite."""
     from lingjing.bench.attribution import read_attribution_suite
     from lingjing.bench.suite import Suite, attribution_suites, find_suite, read_document, shipped_suites
 
     for name in shipped_suites():
         suite = Suite.model_validate(read_document(find_suite(name)))
-        who = f"{len(suite.entrants)} entrant{'s' * (len(suite.entrants) > 1)}"
-        print(f"{name:<14}{suite.title} ({who}, {len(suite.seeds)} seeds)")
+        entrants = f"{len(suite.entrants)} entrant{'s' * (len(suite.entrants) > 1)}"
+        print(f"{name:<14}{suite.title} ({entrants}, {len(suite.seeds)} seeds)")
     for name in attribution_suites():
         measured, episodes = read_attribution_suite(find_suite(name))
         print(f"{name:<14}{measured.title} ({len(episodes)} episodes)")
@@ -272,40 +292,44 @@ def _list(args: argparse.Namespace) -> int:
 # -- arguments
 
 
-def shard_of(text: str) -> Shard:
-    """`3/16`. Raises `UsageError` for anything else."""
+def _parse_shard(text: str) -> Shard:
+    """Parse `3/16`. Raises `UsageError` for any other form."""
     from lingjing.bench.running import Shard
 
     number, slash, count = text.partition("/")
     if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
         return Shard(int(number), int(count))
-    raise UsageError(f"--shard {text}: no part of a suite", hint="write it like 3/16: the third of sixteen parts")
+    raise UsageError(
+        f"--shard {text}: not a part of a suite", hint="write K/N, such as 3/16 for the third of sixteen parts"
+    )
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
     check_counts(("-j", args.jobs), ("--limit", args.limit))
     if args.max_cost is not None and not 0.0 < args.max_cost < 1e9:
-        raise UsageError(f"--max-cost {args.max_cost:g}: an amount of US dollars is due")
+        raise UsageError(f"--max-cost {args.max_cost:g}: must be an amount of US dollars above 0")
     if (args.calls == "replay") != (args.calls_from is not None):
         raise UsageError(
-            "--calls replay and --calls-from DIR belong together", hint="name the suite's folder to replay"
+            "--calls replay and --calls-from DIR need each other", hint="name the suite's folder to replay"
         )
     if args.calls_from is not None and not (args.calls_from / "salt").is_file():
-        raise UsageError(f"--calls-from: `{args.calls_from}` is no suite's folder")
+        raise UsageError(f"--calls-from: `{args.calls_from}` is not the results folder of a suite")
 
 
 def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:
-    """The suite's cells that the command line asks for. Raises `UsageError` for names that it does not have."""
+    """Return the suite's cells that the command line selects. Raises `UsageError` for a name that the suite does not
+    have.
+    """
     from lingjing.suggest import did_you_mean
 
     entrants = [player.name for player in plan.players]
-    for option, given, known in (
+    for option, names, known in (
         ("--missions", args.missions, list(plan.missions)), ("--entrants", args.entrants, entrants),
     ):  # fmt: skip
-        for name in given or ():
+        for name in names or ():
             if name not in known:
                 hint = did_you_mean(name, known, option.removeprefix("--"))
-                raise UsageError(f"{option} {name}: the suite has none that is called so", hint=hint)
+                raise UsageError(f"{option} {name}: the suite has no such name", hint=hint)
     chosen = tuple(
         cell
         for cell in plan.cells
@@ -314,15 +338,15 @@ def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:
         and cell.player.name in (args.entrants or entrants)
     )
     if not chosen:
-        raise UsageError("nothing to play: no mission of the suite has such a mode", hint="leave --modes out")
+        raise UsageError("nothing to play: no chosen mission of the suite has a mode of --modes", hint="remove --modes")
     return chosen
 
 
-# -- what is said
+# -- printed lines
 
 
 def _episodes(cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> list[SuiteEpisode]:
-    """What is to be played, whatever a folder has of it."""
+    """Return the episodes to play, including those that the results folder already holds."""
     from lingjing.bench.running import WHOLE, SuiteEpisode
 
     part = shard or WHOLE
@@ -330,7 +354,7 @@ def _episodes(cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | N
 
 
 def _size(cells: Sequence[SuiteCell], seeds: int, shard: Shard | None) -> str:
-    """`2 entrants in 12 columns, 20 seeds: `, with which part of it that is."""
+    """Return the size in words: `2 entrants in 12 columns, 20 seeds: `, with the number of the shard."""
     entrants = len({cell.player.name for cell in cells})
     columns = len({cell.key[1:] for cell in cells})
     return (
@@ -339,16 +363,16 @@ def _size(cells: Sequence[SuiteCell], seeds: int, shard: Shard | None) -> str:
     )
 
 
-def _tell_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:
-    """What the episodes will cost, a line for each entrant whose calls cost money."""
-    from lingjing.bench.money import estimates, in_words
+def _print_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:
+    """Print the expected cost of the episodes: one line per entrant with paid model calls."""
+    from lingjing.bench.money import cost_lines, estimates
 
-    for line in in_words(estimates(episodes, plan.missions, ())):
+    for line in cost_lines(estimates(episodes, plan.missions, ())):
         say(line)
 
 
-def _one(row: SuiteRow) -> str:
-    """One episode in one line."""
+def _episode_line(row: SuiteRow) -> str:
+    """Return one episode's result as one line."""
     from lingjing.play.report import POLICY_FAILED
 
     report, condition = row.report, f", {row.condition}" if row.condition else ""
@@ -361,14 +385,14 @@ def _one(row: SuiteRow) -> str:
 
 
 def _bar(done: int, whole: int, countdown: Countdown) -> str:
-    """`[#####.....] 10/20, 1 h 05 min and $3.20 left:`."""
+    """Return the progress as text: `[#####.....] 10/20, 1 h 05 min and $3.20 left:`."""
     filled = round(10 * done / max(whole, 1))
     money = f" and ${countdown.left_usd:.2f}" if countdown.left_usd > 0.0 else ""
     return f"[{'#' * filled}{'.' * (10 - filled)}] {done}/{whole}, {duration(countdown.left_s)}{money} left:"
 
 
 def duration(seconds: float) -> str:
-    """`1 h 05 min`, `12 min`, `40 s`; `?` for nan."""
+    """Return a duration in words: `1 h 05 min`, `12 min`, `40 s`; `?` for nan."""
     if seconds != seconds:
         return "?"
     if seconds < 90.0:

@@ -1,4 +1,4 @@
-"""`lingjing blame TRACE`: which faculty of which agent, from which boundary on, lost an episode; found by branches."""
+"""`lingjing blame TRACE`: find the decisions (faculty, agent, boundaries) that lost an episode, by branches."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from lingjing.trace.reader import read_trace
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.epilog = "exit codes: 0 the search was made, whatever it found; 2 it cannot be; 3 an engine failed"
+    parser.epilog = "exit codes: 0 the search ended, with any result; 2 it is not possible; 3 an engine failed"
     parser.add_argument("trace", metavar="TRACE", help="the trace.mcap of an episode that ended by itself")
-    parser.add_argument("--branches", metavar="N", default="120", help="how many branches at most (default 120)")
-    parser.add_argument("--placebos", metavar="N", default="8", help="how many of them are placebos (default 8)")
-    parser.add_argument("--seed", metavar="N", default="0", help="of permutations and placebos (default 0)")
+    parser.add_argument("--branches", metavar="N", default="120", help="the greatest number of branches (default 120)")
+    parser.add_argument("--placebos", metavar="N", default="8", help="the number of them that are placebos (default 8)")
+    parser.add_argument("--seed", metavar="N", default="0", help="seed of permutations and placebos (default 0)")
     add_branch_options(parser)
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Search and print what was found."""
+    """Run the search and print its result."""
     trace = read_trace(args.trace)
     branched = branch_options(args, trace)
     options = BlameOptions(
@@ -41,9 +41,9 @@ def handler(args: argparse.Namespace) -> int:
         calls=branched.calls,
     )
     with BranchProgress("starting") as progress:
-        told = blame(trace, options, progress)
+        result = blame(trace, options, progress)
     if args.output_format == "json":
-        sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+        sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
     else:
-        print(blame_text(told))
+        print(blame_text(result))
     return ExitCode.OK

@@ -1,4 +1,4 @@
-"""What the verbs that play branches of traces share: options, and how a substitution is spelled."""
+"""Options of the verbs that play branches of traces, and parsing of faculties."""
 
 from __future__ import annotations
 
@@ -16,34 +16,37 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import Faculty
 
 FACULTY_NAMES: tuple[Faculty, ...] = get_args(Faculty)
+"""The faculties that `--substitute` accepts."""
 
 
 def add_branch_options(parser: argparse.ArgumentParser, *, referenced: bool = True) -> None:
-    """Declare them; `--reference` only where something is replaced by the truth."""
+    """Declare the options. `referenced`: with `--reference`, for verbs that replace decisions by those of a privileged
+    policy.
+    """
     parser.add_argument(
         "--policy", metavar="FILE.py:CLASS", action="append", default=[],
-        help="where a policy lies that the trace calls by its file's name",
+        help="the file of a policy that the trace names by its file",
     )  # fmt: skip
     parser.add_argument(
         "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[],
-        help="who plays this role or agent, if not whom the trace names",
+        help="the policy of this role or agent, in place of the trace's",
     )  # fmt: skip
     parser.add_argument(
         "--calls", choices=("replay", "live"), default="replay",
-        help="whether chat models may be asked beyond the branch (default: no)",
+        help="replay: use recorded answers only (default); live: call chat models after the branch point",
     )  # fmt: skip
     parser.set_defaults(reference="oracle")
     if referenced:
         parser.add_argument(
             "--reference", metavar="NAME",
-            help="the privileged policy that knows what would have been right (default oracle)",
+            help="the privileged policy whose decisions replace others (default oracle)",
         )  # fmt: skip
-    parser.add_argument("-j", "--jobs", metavar="N", default="2", help="branches at a time (default 2)")
+    parser.add_argument("-j", "--jobs", metavar="N", default="2", help="play N branches at a time (default 2)")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
 
 
 def branch_options(args: argparse.Namespace, trace: Trace, referenced: tuple[str, ...] | None = None) -> BranchOptions:
-    """The options as given. Raises `UsageError`."""
+    """Return the options of the command line. Raises `UsageError`."""
     for spec in args.policy:
         path, _, _ = spec.partition(":")
         if not Path(path).is_file():
@@ -62,15 +65,17 @@ def branch_options(args: argparse.Namespace, trace: Trace, referenced: tuple[str
 
 
 def parse_faculty(text: str, instance: Instance) -> tuple[tuple[Faculty, str], ...]:
-    """`FACULTY:AGENT`, or `FACULTY` for every agent that has it. Raises `UsageError`."""
+    """Parse `FACULTY:AGENT`, or `FACULTY` for every agent that has it, as pairs. Raises `UsageError`."""
     name, colon, agent = text.partition(":")
-    faculty = next((one for one in FACULTY_NAMES if one == name), None)
+    faculty = next((candidate for candidate in FACULTY_NAMES if candidate == name), None)
     if faculty is None:
-        known = nearest_or(name, FACULTY_NAMES, f"there are: {', '.join(FACULTY_NAMES)}")
-        raise UsageError(f"--substitute {text}: no faculty is called `{name}`", hint=known)
+        hint = nearest_or(name, FACULTY_NAMES, f"there are: {', '.join(FACULTY_NAMES)}")
+        raise UsageError(f"--substitute {text}: no faculty is called `{name}`", hint=hint)
     if colon:
         return ((faculty, agent),)
-    having = tuple((faculty, one.id) for one in instance.agents if faculty in faculties_of(instance, one))
+    having = tuple(
+        (faculty, candidate.id) for candidate in instance.agents if faculty in faculties_of(instance, candidate)
+    )
     if not having:
         raise UsageError(f"--substitute {text}: no agent of {instance.mission} has {faculty}")
     return having

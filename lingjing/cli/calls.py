@@ -1,4 +1,4 @@
-"""`lingjing calls TRACE`: what the policies of an episode asked chat models, and what they were answered."""
+"""`lingjing calls TRACE`: list and print the model calls that the policies of an episode made."""
 
 from __future__ import annotations
 
@@ -22,23 +22,25 @@ _SHOWN = 60
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("trace", metavar="TRACE", help="a trace, its folder, or the record beside it")
-    parser.add_argument("--agent", metavar="NAME", help="this agent's alone")
-    parser.add_argument("--tick", metavar="N", type=int, help="those of this boundary alone")
-    parser.add_argument("--full", action="store_true", help="print every question and answer whole")
-    parser.add_argument("--pictures", metavar="DIR", help="write the pictures that were shown into a folder, by hash")
+    parser.add_argument("--agent", metavar="NAME", help="only the calls of this agent")
+    parser.add_argument("--tick", metavar="N", type=int, help="only the calls at this boundary")
+    parser.add_argument("--full", action="store_true", help="print requests and answers in full")
+    parser.add_argument(
+        "--pictures", metavar="DIR", help="write the pictures of the requests into a folder, named by hash"
+    )
     parser.add_argument("--output-format", choices=("text", "json"), default="text")
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print the calls that were asked for."""
+    """Print the chosen calls."""
     place = Path(args.trace)
-    found = calls_of(place)
-    if found is None:
+    record = calls_of(place)
+    if record is None:
         raise UsageError(
             f"`{place}` has no record of model calls beside it" if place.exists() else f"there is no `{place}`",
-            hint=f"an episode whose policies ask chat models leaves `{CALLS_NAME}` beside its trace",
+            hint=f"an episode whose policies call chat models writes `{CALLS_NAME}` beside its trace",
         )
-    with closing(CallReader(found)) as reader:
+    with closing(CallReader(record)) as reader:
         calls = reader.calls(args.agent, args.tick)
         if args.pictures:
             calls = _writing_pictures(calls, reader, Path(args.pictures))
@@ -52,7 +54,7 @@ def handler(args: argparse.Namespace) -> int:
 
 
 def _print_json(calls: Iterable[RecordedCall]) -> None:
-    """One object a line, so that it may be read while it is written."""
+    """Print one object per line, so that a reader can begin before the last one is written."""
     for call in calls:
         whole = {
             "agent": call.agent,
@@ -70,7 +72,7 @@ def _print_full(calls: Iterable[RecordedCall]) -> None:
         for name, value in msgspec.json.decode(call.head).items():
             print(f"{name}: {value if isinstance(value, str) else msgspec.json.encode(value).decode()}")
         for message in map(msgspec.json.decode, call.messages):
-            print(f"--- {message.get('role')}\n{_said(message.get('content'))}")
+            print(f"--- {message.get('role')}\n{_content_text(message.get('content'))}")
         if call.result is not None and call.result.reasoning:
             print(f"--- reasoning\n{call.result.reasoning}")
         if call.result is not None and not call.result.failure:
@@ -91,12 +93,12 @@ def _row(call: RecordedCall) -> tuple[str, ...]:
 def _outcome(result: CallResult | None) -> str:
     if result is None:
         return "no result was recorded"
-    said = f"{result.fault}: {result.failure}" if result.failure else " ".join(result.text.split())
-    return said if len(said) <= _SHOWN else said[:_SHOWN] + "…"
+    text = f"{result.fault}: {result.failure}" if result.failure else " ".join(result.text.split())
+    return text if len(text) <= _SHOWN else text[:_SHOWN] + "…"
 
 
-def _said(content: object) -> str:
-    """The text of a message, and a line for each picture."""
+def _content_text(content: object) -> str:
+    """Return the text of a message, with a line for each picture."""
     if not isinstance(content, list):
         return str(content)
     return "\n".join(

@@ -19,26 +19,28 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
     parser.add_argument("--emit", choices=("mission", "reset-scenario", "ljs"), default="mission", help="what to write")
-    parser.add_argument("--plain", action="store_true", help="a resetScenario without the `lingjing` object")
-    drawn = parser.add_argument_group("what a resetScenario document is drawn with (it holds places and no draws)")
+    parser.add_argument("--plain", action="store_true", help="write a resetScenario without the `lingjing` object")
+    drawn = parser.add_argument_group(
+        "the draw of a resetScenario document (it holds drawn positions, no distributions)"
+    )
     drawn.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     drawn.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
     drawn.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Compile and write; the output appears whole or not at all."""
+    """Compile and write; the output file is complete or absent."""
     if args.emit != "reset-scenario" and (args.seed or args.mode or args.set):
         raise UsageError(
-            f"--emit {args.emit} holds every seed, mode and setting", hint="leave out --seed, --mode and --set"
+            f"--emit {args.emit} covers every seed, mode and setting", hint="remove --seed, --mode and --set"
         )
     if args.plain and args.emit != "reset-scenario":
         raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
     mission = read_mission(args.file)
     from lingjing.dsl.feasibility.providers import missing_files
 
-    for fault in missing_files(mission):
-        say(f"note: {fault.message}" + (f"; {fault.hint}" if fault.hint else ""))
+    for missing in missing_files(mission):
+        say(f"note: {missing.message}" + (f"; {missing.hint}" if missing.hint else ""))
     if args.emit == "mission":
         from lingjing.mission.document import encode
 
@@ -57,7 +59,7 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
 
     if mission.origin.document and (args.seed or args.mode or args.set):
         raise UsageError(
-            "a resetScenario document is given back as it is: nothing is left to draw",
+            "a resetScenario document is written unchanged: it has nothing left to draw",
             hint=f"compile the mission itself: lingjing compile {mission.name} --emit reset-scenario --seed …",
         )
     errors = ErrorCollector()
@@ -66,15 +68,15 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
     errors.check()
     text = emit(mission, seed=seed, mode=args.mode, settings=settings, plain=args.plain)
     if mission.origin.document not in ("", text):
-        say("note: the object 'lingjing' was added, which names the template; --plain leaves it out")
+        say("note: the object 'lingjing' was added, which names the template; --plain omits it")
     return text
 
 
 def _ljs(mission: Mission) -> str:
-    """The mission's text, and a note for whatever it does not say."""
+    """Return the mission as `.ljs` text, and print a note for each part that the text cannot express."""
     from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
 
     text = to_ljs(mission)
     for place in round_trip_losses(mission, text):
-        say(f"note: {place} has no place in .ljs text and is left out")
+        say(f"note: {place} cannot be written in .ljs and is left out")
     return text

@@ -1,4 +1,4 @@
-"""Rich's console for this command line: whatever it draws, foreign text reaches the terminal spelled out."""
+"""The rich console of the command line: control characters of foreign text are printed as escapes."""
 
 from __future__ import annotations
 
@@ -15,46 +15,46 @@ from lingjing.terminal import unguarded, visible
 
 
 class VisibleConsole(Console):
-    """A console whose segments hold no control character; styles and rich's own controls stay."""
+    """A console that replaces control characters in text; styles and rich's own controls are kept."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Rich's segments, spelled out."""
+        """Yield rich's segments with control characters replaced."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(visible(segment.text), segment.style)
 
 
 def console(stream: TextIO | None = None) -> VisibleConsole:
-    """A console on `stream` (default: standard output)."""
+    """Return a console on `stream` (default: standard output)."""
     return VisibleConsole(file=unguarded(stream or sys.stdout))
 
 
-class EscapedStream(io.TextIOBase):
-    """A stream before one of rich's, which would follow the escape sequences in what is printed during a display."""
+class _EscapedStream(io.TextIOBase):
+    """A stream in front of rich's, which would interpret escape sequences in text that is printed during a display."""
 
     def __init__(self, inner: TextIO | FileProxy) -> None:
         self._inner = inner
 
     def write(self, text: str) -> int:
-        """Write the text, spelled out."""
+        """Write the text with control characters replaced."""
         self._inner.write(visible(text))
         return len(text)
 
     def flush(self) -> None:
-        """Flush the stream behind it."""
+        """Flush the inner stream."""
         self._inner.flush()
 
     def fileno(self) -> int:
-        """The descriptor of the stream behind it."""
+        """Return the descriptor of the inner stream."""
         return self._inner.fileno()
 
     def isatty(self) -> bool:
-        """Whether that is a terminal."""
+        """Return whether the inner stream is a terminal."""
         return self._inner.isatty()
 
 
 def spell_proxies() -> None:
-    """Put `EscapedStream` before the streams that rich has just taken over; it puts the old ones back by itself."""
+    """Wrap the proxies that rich has put on the standard streams. Rich restores the original streams itself."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if isinstance(stream, FileProxy):
-            setattr(sys, name, EscapedStream(stream))
+            setattr(sys, name, _EscapedStream(stream))

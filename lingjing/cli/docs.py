@@ -1,4 +1,4 @@
-"""`lingjing docs MISSION`: a page of Markdown that says what a mission is, with pictures of played episodes."""
+"""`lingjing docs MISSION`: write a Markdown page that describes a mission, with pictures of played episodes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Write the page; without pictures it appears whole or not at all."""
+    """Write the page; without pictures the file is complete or absent."""
     mission = read_mission(args.file)
     if args.trace or args.results:
         _illustrated(args, mission)
@@ -39,7 +39,7 @@ def handler(args: argparse.Namespace) -> int:
 def _illustrated(args: argparse.Namespace, mission: Mission) -> None:
     from lingjing.numerics import pin
 
-    pin()  # pictures that nobody took are drawn anew
+    pin()  # pictures of unused cameras are rendered here
     from lingjing.cli.missionpage import write_page
 
     if args.output in (None, "-"):

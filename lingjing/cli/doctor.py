@@ -1,4 +1,4 @@
-"""`lingjing doctor`: check that this machine can play missions; every line says ok or what to do."""
+"""`lingjing doctor`: check that this machine can play missions; each line says ok, or what to do."""
 
 from __future__ import annotations
 
@@ -31,17 +31,19 @@ from lingjing.installation import (
 from lingjing.numerics import deviations, runtime_fingerprint, worker_environment
 
 PROBE_S = 60.0
-"""A probe that takes longer, less what it waited for a processor, is reported as hanging."""
+"""Time limit of a probe in seconds of its own time (waits for a processor are not counted). Chosen."""
 _LAST_LOOK_S = 0.05
+"""Seconds of a last read after the time limit: the probe may have ended meanwhile. Chosen."""
+
 _AGENTS_ADVICE = f"install the reference agents: {AGENTS.name}, in the folder `agents` of this project's checkout"
 ROOM_BYTES = 1 << 30
-"""Free disk that ten long episodes with pictures fit in."""
+"""Free disk space for ten long episodes with pictures."""
 
 EXTRAS = {
     "bench": "pyarrow", "envs": "pettingzoo", "film": "av", "foxglove": "websockets", "lsp": "pygls", "maps": "osmium",
     "ray": "ray", "rerun": "rerun",
 }  # fmt: skip
-"""Extras of the distribution that a mission is played without, and a package that each brings."""
+"""Optional extras of the distribution, each with a package that it installs. Missions are played without them."""
 
 _GL_PROBE = """
 import moderngl
@@ -82,26 +84,32 @@ print("fork and memfd_create work")
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """One line: what was looked at, what was found and, if it is not well, what to do."""
+    """The result of one check: a line of the output."""
 
     name: str
+    """The name of the check."""
     ok: bool
+    """False if the machine cannot play missions, or some of them, because of this."""
     found: str
+    """The measured value or the error."""
     advice: str = ""
+    """The remedy; empty if there is nothing to do."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "--numerics", action="store_true", help="say what computes, and play a tiny episode against its stored digest"
+        "--numerics",
+        action="store_true",
+        help="print the numerical libraries, and compare a tiny episode with its stored digest",
     )
     parser.add_argument("--output-format", choices=("text", "json"), default="text")
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print every finding; 0 if all are well, else 3."""
+    """Print every finding; return 0 if all are ok, else 3."""
     findings: list[Finding] = []
-    for finding in check_numerics() if args.numerics else (check() for check in CHECKS):
+    for finding in _check_numerics() if args.numerics else (check() for check in CHECKS):
         findings.append(finding)
         if args.output_format == "text":
             _print(finding)
@@ -111,51 +119,56 @@ def handler(args: argparse.Namespace) -> int:
 
 
 def check_python() -> Finding:
-    """The interpreter is new enough."""
+    """Check that the interpreter is new enough."""
     ok = sys.version_info >= (3, 11)
     advice = "" if ok else "use Python 3.11"
     if sys.version_info[:2] > (3, 11):
-        advice = "missions play and scores count; stored digests are those of Python 3.11, here others may come out"
+        advice = "missions and scores are valid; stored digests are those of Python 3.11 and may differ here"
     return Finding(name="python", ok=ok, found=platform.python_version(), advice=advice)
 
 
 def check_installation() -> Finding:
-    """The distributions are this project's, and no plug-in asks for another party's package."""
-    found = ", ".join(f"{name_of(own)} {version_of(own)}" for own in OWN)
+    """Check that the distributions are this project's, and that no plug-in requires another project's package."""
+    versions = ", ".join(f"{name_of(own)} {version_of(own)}" for own in OWN)
     other, left = other_party(), earlier_left()
-    asking = tuple(earlier_requirements())
+    requirements = tuple(earlier_requirements())
     if other is not None:
-        found = f"another party's `{other.name}` {other.version} is installed beside {found}"
-        return Finding(name="installation", ok=False, found=found, advice=repair_advice())
-    advice = [f"plug-in `{one.plugin}` requires another party's `{one.required}`: {one.advice}" for one in asking]
+        versions = f"`{other.name}` {other.version} of another project is installed beside {versions}"
+        return Finding(name="installation", ok=False, found=versions, advice=repair_advice())
+    advice = [
+        f"plug-in `{entry.plugin}` requires `{entry.required}` of another project: {entry.advice}"
+        for entry in requirements
+    ]
     if left:
-        names = " and ".join(f"`{one.name}`" for one in left)
+        names = " and ".join(f"`{entry.name}`" for entry in left)
         advice.append(f"metadata of the earlier names {names} is left: run `make setup`")
-    return Finding(name="installation", ok=True, found=found, advice="; ".join(advice))
+    return Finding(name="installation", ok=True, found=versions, advice="; ".join(advice))
 
 
-def check_system() -> Finding:
-    """Episodes need Linux; elsewhere the language tools work."""
+def _check_system() -> Finding:
+    """Check for Linux, which episodes need. The language tools work elsewhere too."""
     ok = sys.platform == "linux"
     advice = "" if ok else "play missions on Linux or WSL2; validate and compile work here"
     return Finding(name="system", ok=ok, found=platform.platform(terse=True), advice=advice)
 
 
 def check_processor() -> Finding:
-    """Whether digests are those of other machines; missions play either way."""
+    """Compare the numerical libraries and the processor with the reference. Differences change digests, not
+    validity.
+    """
     table = runtime_fingerprint()
-    found = ", ".join(f"{name} {said}" for name, said in table.items())
+    fingerprint = ", ".join(f"{name} {value}" for name, value in table.items())
     wrong = list(deviations(table))
     if table["libm"] not in {"fma", "no fma"}:
         wrong.append("this C library computes otherwise than glibc")
     if not wrong:
         return Finding(name="numbers", ok=True, found="this processor and C library compute what others do")
-    advice = "scores count, digests are this machine's own: only x86-64 with AVX2, FMA and the same libc has the same"
-    return Finding(name="numbers", ok=True, found=f"{'; '.join(wrong)} ({found})", advice=advice)
+    advice = "scores are valid, digests may differ: equal digests need x86-64 with AVX2, FMA and the same C library"
+    return Finding(name="numbers", ok=True, found=f"{'; '.join(wrong)} ({fingerprint})", advice=advice)
 
 
 def check_libraries() -> Finding:
-    """The system libraries load."""
+    """Check that the system libraries load."""
     missing = missing_libraries()
     if not missing:
         return Finding(name="libraries", ok=True, found=", ".join(library.soname for library in SYSTEM_LIBRARIES))
@@ -163,74 +176,74 @@ def check_libraries() -> Finding:
     return Finding(name="libraries", ok=False, found=f"cannot load {names}", advice=apt_line(missing))
 
 
-def check_rendering() -> Finding:
-    """A process of its own opens an OpenGL context and names the renderer."""
+def _check_rendering() -> Finding:
+    """Open an OpenGL context in a separate process and return the name of the renderer."""
     return _probe("rendering", _GL_PROBE, f"see `libraries` above, or {apt_line(SYSTEM_LIBRARIES)}")
 
 
-def check_flight() -> Finding:
-    """JSBSim starts."""
+def _check_flight() -> Finding:
+    """Check that JSBSim starts."""
     return _probe("flight", _JSBSIM_PROBE, "reinstall it: pip install --force-reinstall jsbsim")
 
 
-def check_road() -> Finding:
-    """SUMO starts and netconvert is there."""
+def _check_road() -> Finding:
+    """Check that SUMO starts and netconvert is installed."""
     return _probe("road", _ROAD_PROBE, f"for traffic and every scene but the bay: {install_line('road')}")
 
 
-def check_dogs() -> Finding:
-    """MuJoCo starts, the dog's model and walking policy are there."""
+def _check_dogs() -> Finding:
+    """Check that MuJoCo starts and that the robot dog's model and walking policy are installed."""
     from lingjing.engines.quadruped import assets
 
     advice = f"for robot dogs: {install_line('quadruped')} && {assets.install_line()}"
     return _probe("dogs", _DOGS_PROBE, advice)
 
 
-def check_processes() -> Finding:
-    """What the world process and its snapshots stand on."""
+def _check_processes() -> Finding:
+    """Check `fork` and `memfd_create`, which the world process and its snapshots use."""
     return _probe("processes", _MEMFD_PROBE, "a sandbox forbids fork or memfd_create: allow them, or --world inline")
 
 
 def check_queues() -> Finding:
-    """Whether deadlines can leave out the time in which a busy machine had no processor for an engine."""
+    """Check that the kernel counts waits for a processor, which deadlines exclude."""
     from lingjing.processes.deadlines import is_counted
 
     if is_counted():
         return Finding(name="queues", ok=True, found="waits for a processor are counted, and part of no deadline")
-    found = "this kernel does not count waits for a processor (no CONFIG_SCHED_INFO): deadlines are wall-clock time"
+    reason = "this kernel does not count waits for a processor (no CONFIG_SCHED_INFO): deadlines are wall-clock time"
     return Finding(
-        name="queues", ok=True, found=found, advice="on a busy machine raise `engine` and `capture` in `budget`"
+        name="queues", ok=True, found=reason, advice="on a busy machine raise `engine` and `capture` in `budget`"
     )
 
 
-def check_disk() -> Finding:
-    """Room and permission for runs in the working folder."""
+def _check_disk() -> Finding:
+    """Check free space and write permission in the working folder."""
     try:
         here = Path.cwd()
         free = shutil.disk_usage(here).free
     except OSError as error:
         return Finding(name="disk", ok=False, found=f"no working folder: {error.strerror}", advice="change to another")
     writable = os.access(here, os.W_OK)
-    found = f"{free / 1e9:.1f} GB free, {'writable' if writable else 'read-only'}"
+    space = f"{free / 1e9:.1f} GB free, {'writable' if writable else 'read-only'}"
     ok = writable and free >= ROOM_BYTES
-    return Finding(name="disk", ok=ok, found=found, advice="" if ok else "work in another folder, or use -o")
+    return Finding(name="disk", ok=ok, found=space, advice="" if ok else "work in another folder, or use -o")
 
 
 def check_cache() -> Finding:
-    """Room and permission for what is kept between runs."""
+    """Check that a cache folder can be written."""
     choice = choose_cache()
     if not choice.is_usable:
         advice = "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that can be written"
-        found = f"{choice.refused}, and there is none for temporary files"
-        return Finding(name="cache", ok=False, found=found, advice=advice)
+        state = f"{choice.refused}, and there is none for temporary files"
+        return Finding(name="cache", ok=False, found=state, advice=advice)
     if choice.refused:
-        found = f"{choice.folder}, a temporary folder: {choice.refused}"
-        return Finding(name="cache", ok=True, found=found, advice="set XDG_CACHE_HOME to a folder that can be written")
+        state = f"{choice.folder}, a temporary folder: {choice.refused}"
+        return Finding(name="cache", ok=True, found=state, advice="set XDG_CACHE_HOME to a folder that can be written")
     return Finding(name="cache", ok=True, found=choice.folder)
 
 
 def check_plugins() -> Finding:
-    """Entry points load and offer at least an engine and a policy."""
+    """Check that entry points load and offer at least one engine, policy and scene."""
     from lingjing.plugins.host import PluginHost
 
     try:
@@ -238,43 +251,48 @@ def check_plugins() -> Finding:
     except LingjingError as error:
         return Finding(name="plugins", ok=False, found=str(error), advice="reinstall or remove that plug-in")
     if host.faults:
-        found = "; ".join(map(str, host.faults))
-        return Finding(name="plugins", ok=False, found=found, advice="mend or uninstall it; what does not use it plays")
-    found = f"{len(host.engines)} engines, {len(host.policies)} policies, {len(host.scenes)} scenes"
+        summary = "; ".join(map(str, host.faults))
+        return Finding(
+            name="plugins",
+            ok=False,
+            found=summary,
+            advice="repair or uninstall it; episodes that do not use it can be played",
+        )
+    summary = f"{len(host.engines)} engines, {len(host.policies)} policies, {len(host.scenes)} scenes"
     ok = bool(host.engines and host.policies and host.scenes)
-    return Finding(name="plugins", ok=ok, found=found, advice="" if ok else _AGENTS_ADVICE)
+    return Finding(name="plugins", ok=ok, found=summary, advice="" if ok else _AGENTS_ADVICE)
 
 
 def check_extras() -> Finding:
-    """Which optional packages are here; a machine without them is well."""
+    """List the installed and missing optional packages; the check is ok without them."""
     missing = [extra for extra, package in EXTRAS.items() if find_spec(package) is None]
     here = [extra for extra in EXTRAS if extra not in missing]
-    found = f"installed: {', '.join(here) or 'none'}" + (f"; not installed: {', '.join(missing)}" if missing else "")
+    summary = f"installed: {', '.join(here) or 'none'}" + (f"; not installed: {', '.join(missing)}" if missing else "")
     advice = f"{install_line(*missing)}, or those of them that you need" if missing else ""
-    return Finding(name="extras", ok=True, found=found, advice=advice)
+    return Finding(name="extras", ok=True, found=summary, advice=advice)
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
     check_python,
     check_installation,
-    check_system,
+    _check_system,
     check_processor,
     check_libraries,
-    check_rendering,
-    check_flight,
-    check_road,
-    check_dogs,
-    check_processes,
+    _check_rendering,
+    _check_flight,
+    _check_road,
+    _check_dogs,
+    _check_processes,
     check_queues,
-    check_disk,
+    _check_disk,
     check_cache,
     check_plugins,
     check_extras,
 )
 
 
-def check_numerics() -> Iterator[Finding]:
-    """What each process of an episode computes with, and whether the stored episode comes out as stored."""
+def _check_numerics() -> Iterator[Finding]:
+    """Yield the numerical fingerprint of each process, and whether the stored episode has its stored digest."""
     from lingjing.play.selfcheck import check
 
     try:
@@ -283,38 +301,40 @@ def check_numerics() -> Iterator[Finding]:
         yield Finding(name="episode", ok=False, found=str(error), advice=error.hint or "`lingjing doctor` looks closer")
         return
     for place, table in result.processes.items():
-        found = ", ".join(f"{name} {said}" for name, said in table.items())
+        summary = ", ".join(f"{name} {value}" for name, value in table.items())
         wrong = deviations(table)
-        yield Finding(name=place, ok=not wrong, found=found, advice="; ".join(wrong))
+        yield Finding(name=place, ok=not wrong, found=summary, advice="; ".join(wrong))
     computed, stored = result.computed, result.stored
-    found = f"digest {computed.digest[:16]}, stored {stored.digest[:16]}"
+    summary = f"digest {computed.digest[:16]}, stored {stored.digest[:16]}"
     if result.is_same_renderer:
-        found += f"; pictures {computed.frames_digest[:16]}, stored {stored.frames_digest[:16]}, by {computed.renderer}"
+        summary += (
+            f"; pictures {computed.frames_digest[:16]}, stored {stored.frames_digest[:16]}, by {computed.renderer}"
+        )
     else:
-        found += f"; pictures are not compared: {computed.renderer} draws here, {stored.renderer} drew them"
+        summary += f"; pictures are not compared: {computed.renderer} draws here, {stored.renderer} drew them"
     suspects = "; ".join(result.suspects) or "nothing is known to differ: please report this, with these lines"
-    yield Finding(name="episode", ok=result.agrees, found=found, advice="" if result.agrees else suspects)
+    yield Finding(name="episode", ok=result.agrees, found=summary, advice="" if result.agrees else suspects)
 
 
 def _probe(name: str, code: str, advice: str) -> Finding:
-    """Run `code` in a process of its own: a crash there is a finding, not our end."""
+    """Run `code` in a separate process, so that a crash there is a finding."""
     process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=worker_environment(os.environ),
     )  # fmt: skip
     with process:
-        said = _said(process)
+        output = _output_of(process)
         process.kill()
-    if said is None:
+    if output is None:
         return Finding(name=name, ok=False, found=f"no answer within {PROBE_S:.0f} s", advice=advice)
     if process.returncode == 0:
-        return Finding(name=name, ok=True, found=_last_line(said[0]))
-    reason = _last_line(said[1]) or f"ended with code {process.returncode}"
+        return Finding(name=name, ok=True, found=_last_line(output[0]))
+    reason = _last_line(output[1]) or f"ended with code {process.returncode}"
     return Finding(name=name, ok=False, found=reason, advice=advice)
 
 
-def _said(process: subprocess.Popen[str]) -> tuple[str, str] | None:
-    """What a probe wrote; None if it did not end in time."""
+def _output_of(process: subprocess.Popen[str]) -> tuple[str, str] | None:
+    """Return standard output and standard error of a probe, or None if it did not end in time."""
     from lingjing.processes.deadlines import OwnDeadline
 
     deadline = OwnDeadline(process.pid, PROBE_S)

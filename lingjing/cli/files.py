@@ -1,4 +1,4 @@
-"""Missions read, and texts written, as every verb does it."""
+"""Reading of missions and writing of files, as all verbs do it."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from lingjing.trace.reader import Trace
 
 _CACHE_TOLD = "LINGJING_CACHE_TOLD"
-"""Environment variable: the temporary folder that the user knows of."""
+"""Environment variable with the temporary cache folder that a note has already named to the user."""
 
-NO_OUTCOME = "it is still played, was killed, cut or damaged (`lingjing verify` tells)"
-"""Why a trace ends before its episode."""
+NO_OUTCOME = "the episode still runs, or the file was cut or damaged (see `lingjing verify`)"
+"""Possible reasons why a trace ends before its episode."""
 
 RECORDED = {b"\x89MCAP0\r\n": "a trace", b"PAR1": "a suite's results"}
-"""How files of episodes begin (MCAP and Parquet specifications), and what they are."""
+"""The first bytes of recorded files (MCAP and Parquet specifications), and their names."""
 
 
 def read_mission(path: str) -> Mission:
-    """The mission of a file, a shipped name or standard input (`-`); notes on a document go to standard error."""
+    """Return the mission of a file, a shipped name or standard input (`-`); print notes on standard error."""
     from lingjing.dsl.loading.load import load_with_notes
 
     mission, notes = load_with_notes(path)
@@ -40,32 +40,32 @@ def read_mission(path: str) -> Mission:
 
 
 def check_cache() -> None:
-    """Say once, for this process and those that it starts, that a temporary folder is used as the cache.
+    """Print a note, once for this process and its children, if a temporary folder is used as the cache.
 
-    Raises `UsageError` where that cannot be written either.
+    Raises `UsageError` if the temporary folder cannot be written either.
     """
     choice = choose_cache()
     if not choice.is_usable:
         hint = "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that can be written"
-        raise UsageError(f"no folder for the cache: {choice.refused}, and none for temporary files either", hint=hint)
+        raise UsageError(f"no folder for the cache: {choice.refused}, and no folder for temporary files", hint=hint)
     if choice.refused and os.environ.get(_CACHE_TOLD) != choice.folder:
         os.environ[_CACHE_TOLD] = choice.folder
-        # Matplotlib, which draws overviews and plans, would say in its own words that its folder is not there.
+        # Matplotlib draws overviews and plans; without this it prints a warning of its own about its folder.
         os.environ.setdefault("MPLCONFIGDIR", os.path.join(choice.folder, "matplotlib"))  # noqa: PTH118
-        say(f"note: {choice.refused}: the cache is `{choice.folder}`; XDG_CACHE_HOME names another")
+        say(f"note: {choice.refused}: the cache is `{choice.folder}`; XDG_CACHE_HOME sets another")
 
 
 def say_if_cut(trace: Trace) -> None:
-    """Say on standard error that a file holds a part of its episode only, for whatever is then made of it."""
+    """Print a note on standard error if a file holds only a part of its episode."""
     if trace.outcome is None:
-        last = f"ends behind boundary {trace.boundaries[-1].tick}" if trace.boundaries else "holds no boundary"
+        last = f"ends after boundary {trace.boundaries[-1].tick}" if trace.boundaries else "holds no boundary"
         say(f"note: {trace.path} {last} without an outcome: {NO_OUTCOME}")
 
 
 def write_output(content: str | bytes, output: str | None, reads: Iterable[str | Path] = ()) -> None:
-    """Write to the file that is named, whole or not at all, or a text to standard output (None or `-`).
+    """Write to the named file, or a text to standard output (None or `-`). The file is complete or absent.
 
-    Raises `UsageError` for one of the files that the command `reads`, and as `write_whole` does.
+    Raises `UsageError` if the file is one of those that the command `reads`, and as `write_whole` does.
     """
     if output in (None, "-"):
         write_data(content if isinstance(content, str) else content.decode())
@@ -75,7 +75,7 @@ def write_output(content: str | bytes, output: str | None, reads: Iterable[str |
 
 
 def check_output(output: str, reads: Iterable[str | Path] = ()) -> None:
-    """Raise `UsageError` where a file cannot or must not be written, before long work is done for it."""
+    """Raise `UsageError` for a file that cannot or must not be written. Called before long work."""
     target = Path(output).resolve()
     if output == "-" or (target.exists() and not target.is_file() and not target.is_dir()):
         return
@@ -92,27 +92,27 @@ def check_output(output: str, reads: Iterable[str | Path] = ()) -> None:
 
 
 def say_written(path: str | Path) -> None:
-    """Say on standard error which file was written, and its size."""
+    """Print the name and size of a written file on standard error."""
     size = Path(path).stat().st_size
     say(f"wrote {path} ({size / 1e6:.1f} MB)" if size >= 1e5 else f"wrote {path} ({size / 1e3:.1f} kB)")
 
 
 def print_columns(rows: Sequence[tuple[str, ...]]) -> None:
-    """Print aligned columns; the last is as long as it is."""
+    """Print rows as aligned columns; the last column is not padded or cut."""
     for line in aligned(rows):
         print(line)
 
 
 def write_whole(path: str, content: str | bytes) -> None:
-    """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written.
+    """Write a file so that it is complete or absent. Raises `UsageError` if it cannot be written.
 
-    A device or a pipe gets the content itself. A link is followed. A trace is never replaced. Texts are UTF-8.
+    Content goes directly to a device or a pipe. A link is followed. A trace is never replaced. Texts are UTF-8.
     """
     data = content.encode() if isinstance(content, str) else content
     target = Path(path).resolve()
     if target.is_dir():
         raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
-    if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
+    if target.exists() and not target.is_file():  # a device or a pipe must not be replaced
         with target.open("wb") as file:
             file.write(data)
         return
@@ -126,18 +126,18 @@ def write_whole(path: str, content: str | bytes) -> None:
 
 
 def _same(target: Path, other: Path) -> bool:
-    """Whether two paths are one file, under whatever names."""
+    """Return whether two paths are the same file, also under different names."""
     try:
         return target.samefile(other)
-    except OSError:  # one of them is not there
+    except OSError:  # one of them does not exist
         return False
 
 
 def _check_not_recorded(target: Path, output: str) -> None:
-    """Raise `UsageError` for a file that holds what was played: it cannot be made again from what is written."""
+    """Raise `UsageError` for a file that holds a recorded episode or results, which cannot be made again."""
     with contextlib.suppress(OSError), target.open("rb") as file:
         start = file.read(max(map(len, RECORDED)))
         for magic, name in RECORDED.items():
             if start.startswith(magic):
                 hint = "choose another file with -o"
-                raise UsageError(f"cannot write `{output}`: {name} is there, which is never replaced", hint=hint)
+                raise UsageError(f"cannot write `{output}`: it holds {name}, which is never replaced", hint=hint)

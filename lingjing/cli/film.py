@@ -1,4 +1,4 @@
-"""`lingjing film TRACE -o episode.mp4`: an episode as a film of 20 seconds, or as a GIF."""
+"""`lingjing film TRACE -o episode.mp4`: write an episode as a film of 20 seconds, MP4 or GIF."""
 
 from __future__ import annotations
 

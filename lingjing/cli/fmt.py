@@ -1,4 +1,4 @@
-"""`lingjing fmt`: lay mission files out the one way; comments, units and numbers stay as they were written."""
+"""`lingjing fmt`: format mission files; comments, units and the digits of numbers are kept."""
 
 from __future__ import annotations
 
@@ -16,29 +16,36 @@ from lingjing.terminal import write_data, write_styled
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "files", metavar="FILE", nargs="+", help="a .ljs file, a folder of them, or - for standard input to output"
+        "files",
+        metavar="FILE",
+        nargs="+",
+        help="a .ljs file, a folder of them, or - to read standard input and write standard output",
     )
-    parser.add_argument("--check", action="store_true", help="write nothing; end with 1 if a file would change")
-    parser.add_argument("--diff", action="store_true", help="write nothing; show what would change, and end with 1")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a file would change")
+    parser.add_argument(
+        "--diff", action="store_true", help="write nothing; print the changes, and exit with 1 if there are any"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Format: 0 done, 1 a file has syntax errors or would change, 2 one cannot be read (the others are still done)."""
+    """Format the files. Exit codes: 0 done, 1 syntax errors or a file would change, 2 a file cannot be read (others
+    are formatted).
+    """
     codes = [_file(name, check=args.check, diff=args.diff) for word in args.files for name in _files(word)]
     return max(codes, default=ExitCode.OK)
 
 
 def _files(word: str) -> list[str]:
-    """The file itself, or the `.ljs` files below a folder, sorted."""
+    """Return the file itself, or the `.ljs` files below a folder, sorted."""
     path = Path(word)
     if path.suffix.lower() == ".json":
-        raise UsageError(f"`{word}` is JSON", hint="fmt lays out .ljs files")
+        raise UsageError(f"`{word}` is JSON", hint="fmt formats .ljs files")
     if word == "-" or not path.is_dir():
         return [word]
-    found = sorted(str(file) for file in path.rglob("*.ljs"))
-    if not found:
+    files = sorted(str(file) for file in path.rglob("*.ljs"))
+    if not files:
         raise UsageError(f"`{word}` holds no .ljs file")
-    return found
+    return files
 
 
 def _file(name: str, *, check: bool, diff: bool) -> int:
@@ -56,7 +63,7 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
     if formatted.text is None:
         color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
         write_styled(sys.stderr, render_text(formatted.diagnostics, source, color=color))
-        say(f"{name}: left as it is: {summary(formatted.diagnostics)}")
+        say(f"{name}: not formatted: {summary(formatted.diagnostics)}")
         return ExitCode.MISSION
     changes = name != "-" and formatted.text.encode() != Path(name).read_bytes()
     if diff:

@@ -21,22 +21,23 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="MISSION", help="a .ljs or .json file, or a shipped mission; - reads input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
     parser.add_argument("--format", choices=FORMATS, help="what to write (default: by OUT's suffix, else mermaid)")
-    parser.add_argument("--mode", metavar="MODE", help="as it is in one mode, star or broadcast (default: all)")
+    parser.add_argument(
+        "--mode", metavar="MODE", help="only the graph of this mode, such as star or broadcast (default: all)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Draw and write; the output appears whole or not at all."""
+    """Draw and write; the output file is complete or absent."""
     from lingjing.mission.graph import graph
 
-    chosen = args.format or format_of(args.output)
+    chosen = args.format or _format_of(args.output)
     write_output(render(graph(read_mission(args.file), args.mode), chosen), args.output, [args.file])
     return ExitCode.OK
 
 
-def format_of(output: str | None) -> str:
-    """The format that a file's name asks for; Mermaid for standard output and where there is no suffix.
-
-    `UsageError` for a suffix that no format has.
+def _format_of(output: str | None) -> str:
+    """Return the format for a file's suffix; Mermaid for standard output and without a suffix. Raises `UsageError` for
+    an unknown suffix.
     """
     if output in (None, "-"):
         return "mermaid"
@@ -45,14 +46,14 @@ def format_of(output: str | None) -> str:
         return "mermaid"
     if suffix not in _SUFFIXES:
         raise UsageError(
-            f"no format is written to `*{suffix}`",
+            f"the suffix `{suffix}` belongs to no format",
             hint=f"end the name in {', '.join(_SUFFIXES)}, or add --format",
         )
     return _SUFFIXES[suffix]
 
 
 def render(shown: MissionGraph, chosen: str) -> str:
-    """The graph in one of `FORMATS`, ending in a newline."""
+    """Return the graph in one of `FORMATS`, ending in a newline."""
     if chosen == "svg":
         from lingjing.mission.draw.svg import svg
 

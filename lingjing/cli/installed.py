@@ -1,4 +1,4 @@
-"""The installed plug-ins, as the check of a mission and the start of a run need them."""
+"""Names of the installed plug-ins for the check of a mission, and warnings about broken ones."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ if TYPE_CHECKING:
 
 
 def offers(kind: Offered) -> tuple[str, ...]:
-    """Names of the installed scenes or engines, sorted. `PluginError` if a plug-in cannot be loaded."""
+    """Return the names of the installed scenes or engines, sorted. Raises `PluginError` if a plug-in cannot be
+    loaded.
+    """
     return _offers()[kind]
 
 
 def warn_of_broken_plugins() -> None:
-    """Name the installed plug-ins that do not load: an episode that does not use them plays without them."""
+    """Print a warning for each installed plug-in that does not load. Episodes that do not use it are played."""
     from lingjing.installed_plugins.discovery import installed_plugins
 
     for fault in installed_plugins().faults:
@@ -30,5 +32,5 @@ def _offers() -> dict[Offered, tuple[str, ...]]:
 
     host = PluginHost()
     for fault in host.faults:
-        say(f"warning: {fault}; what it offers is not known")
+        say(f"warning: {fault}; its scenes and engines are unknown")
     return {"scene": tuple(sorted(host.scenes)), "engine": tuple(sorted(host.engines))}

@@ -1,6 +1,6 @@
-"""System libraries that no Python package brings: how each is probed and which Debian package has it.
+"""System libraries that no Python package installs, with a test for each and its Debian package.
 
-Also read by `tools/setup.py` before anything is installed, so it imports nothing but the standard library.
+`tools/setup.py` imports this module before anything is installed, so it uses the standard library alone.
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SystemLibrary:
-    """`soname` is what is loaded; `package` the Debian package; `purpose` why it is needed."""
+    """A shared library of the system."""
 
     soname: str
+    """The name that the dynamic loader loads."""
     package: str
+    """The Debian package."""
     purpose: str
+    """The part of the project that needs the library."""
 
 
 SYSTEM_LIBRARIES = (
@@ -31,12 +34,12 @@ SYSTEM_LIBRARIES = (
 
 
 def missing_libraries() -> tuple[SystemLibrary, ...]:
-    """Those that the dynamic loader cannot load here."""
+    """Return the libraries that the dynamic loader cannot load here."""
     return tuple(library for library in SYSTEM_LIBRARIES if not _loads(library.soname))
 
 
 def apt_line(libraries: Iterable[SystemLibrary]) -> str:
-    """The one command that installs them on Debian and its kin."""
+    """Return the command that installs the libraries on Debian and its derivatives."""
     packages = sorted({library.package for library in libraries})
     return f"apt-get install -y {' '.join(packages)}"
 

@@ -1,6 +1,6 @@
-"""Entry point of the command `lingjing`: pick the verb, run it, answer with an exit code.
+"""Entry point of the command `lingjing`: find the verb, run it, return the exit code.
 
-Only the chosen verb's module is imported, so that `lingjing validate` starts without anything an episode needs.
+Only the chosen verb's module is imported, so `lingjing validate` starts without the libraries of an episode.
 """
 
 from __future__ import annotations
@@ -19,61 +19,64 @@ from lingjing.refusals import refusal_of
 from lingjing.signals import blocked_signals
 
 BROKEN_PIPE = 141
-"""128 + SIGPIPE: what a shell reports for any tool whose reader went away."""
+"""128 + SIGPIPE: the exit code that a shell reports for a tool that writes to a closed pipe."""
 
 
-class CommandVerb(NamedTuple):
-    """A verb of the command line: `lingjing.cli.NAME` has `add_options` and `handler`; `summary` is its line in the
-    help. One that `computes` loads numerical libraries, which are pinned before its module is imported.
+class _CommandVerb(NamedTuple):
+    """A verb of the command line: the module `lingjing.cli.NAME` has `add_options` and `handler`.
 
-    No dataclass: that module costs 6 ms of every start.
+    No dataclass: importing `dataclasses` takes 6 ms of every start.
     """
 
     name: str
+    """The word on the command line, and the name of the module."""
     summary: str
+    """Its line in `lingjing --help`."""
     computes: bool = False
+    """True if the verb loads numerical libraries. Their threads are pinned before its module is imported."""
 
 
 VERBS = (
-    CommandVerb("run", "play a mission to a score and a trace", computes=True),
-    CommandVerb("bench", "play a suite of many episodes; make tables of it", computes=True),
-    CommandVerb("verify", "say whether traces are what was written"),
-    CommandVerb("replay", "run traces again and confirm their digests", computes=True),
-    CommandVerb("fork", "run a trace on with something changed", computes=True),
-    CommandVerb("blame", "find what lost an episode by branches of it", computes=True),
-    CommandVerb("value", "find what each message was worth by branches", computes=True),
-    CommandVerb("why", "say why an episode ended as it did"),
-    CommandVerb("shrink", "make the smallest mission that fails as a trace did", computes=True),
-    CommandVerb("view", "show an episode in the browser, or as one HTML file", computes=True),
-    CommandVerb("film", "make a film of an episode, MP4 or GIF", computes=True),
-    CommandVerb("metrics", "compute the paper's metrics of traces"),
-    CommandVerb("report", "make the paper's figures of one's own runs", computes=True),
-    CommandVerb("validate", "report every error of mission files"),
-    CommandVerb("explain", "say what an error code means"),
-    CommandVerb("compile", "write the typed mission graph as JSON"),
-    CommandVerb("graph", "draw the mission graph"),
-    CommandVerb("docs", "write a page that says what a mission is"),
-    CommandVerb("fmt", "lay mission files out the one way"),
-    CommandVerb("lsp", "serve an editor: errors, completion, renaming as you type"),
-    CommandVerb("scene", "build a city from a map; look at one", computes=True),
-    CommandVerb("plugins", "list engines, policies, scenes and evaluators; the options of one"),
-    CommandVerb("prompts", "list, show and improve the prompts of policies", computes=True),
-    CommandVerb("frames", "make labelled sets of frames; probe detectors with them", computes=True),
-    CommandVerb("new", "write a file to start from"),
-    CommandVerb("calls", "list and read what an episode's policies asked chat models"),
-    CommandVerb("doctor", "check that this machine can play missions", computes=True),
+    _CommandVerb("run", "play a mission to a score and a trace", computes=True),
+    _CommandVerb("bench", "play a suite of many episodes; make tables of it", computes=True),
+    _CommandVerb("verify", "check that traces are as they were written"),
+    _CommandVerb("replay", "run traces again and compare their digests", computes=True),
+    _CommandVerb("fork", "run a trace on from a boundary with a change", computes=True),
+    _CommandVerb("blame", "find the decisions that lost an episode, by branches", computes=True),
+    _CommandVerb("value", "measure the value of each message, by branches", computes=True),
+    _CommandVerb("why", "explain the outcome of an episode"),
+    _CommandVerb("shrink", "make the smallest mission that fails as a trace did", computes=True),
+    _CommandVerb("view", "show an episode in the browser, or as one HTML file", computes=True),
+    _CommandVerb("film", "make a film of an episode, MP4 or GIF", computes=True),
+    _CommandVerb("metrics", "compute the paper's metrics of traces"),
+    _CommandVerb("report", "make the paper's figures from your own runs", computes=True),
+    _CommandVerb("validate", "report every error of mission files"),
+    _CommandVerb("explain", "explain an error code"),
+    _CommandVerb("compile", "write the typed mission graph as JSON"),
+    _CommandVerb("graph", "draw the mission graph"),
+    _CommandVerb("docs", "write a page that describes a mission"),
+    _CommandVerb("fmt", "format mission files"),
+    _CommandVerb("lsp", "run the language server: errors, completion and renaming in an editor"),
+    _CommandVerb("scene", "build a city from a map; describe or draw a city", computes=True),
+    _CommandVerb("plugins", "list engines, policies, scenes, evaluators and models, or the options of one of them"),
+    _CommandVerb("prompts", "list, show and improve the prompts of policies", computes=True),
+    _CommandVerb("frames", "make labelled sets of frames; test detectors with them", computes=True),
+    _CommandVerb("new", "write a policy, a mission or an engine to start from"),
+    _CommandVerb("calls", "list and print the recorded model calls of an episode"),
+    _CommandVerb("doctor", "check that this machine can play missions", computes=True),
 )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line; returns the exit code. `SystemExit` comes only from argparse (usage: 2, help: 0).
+    """Run one command line and return the exit code. Raises `SystemExit` only from argparse (usage: 2, help: 0).
 
-    Without `argv` this is the command of the process: it then also ends it, whatever threads a policy left behind.
+    Without `argv` this is the command of the process. It then also ends the process, even if a policy left threads
+    behind.
     """
     if argv is not None:
         return _guarded(list(argv))
     open_streams()
-    # pydantic asks all installed distributions for plug-ins of its own, and raises where one's metadata is broken.
+    # pydantic searches all installed distributions for plug-ins of its own, and raises if one has broken metadata.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     code = _guarded(sys.argv[1:])
     deaf()
@@ -81,14 +84,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _guarded(arguments: list[str]) -> int:
-    """The exit code of a command line, with one message where it fails."""
+    """Return the exit code of a command line. A failure prints one message."""
     try:
         with endable():
             try:
                 _check_names(arguments)
                 code = _dispatch(arguments)
             finally:
-                sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
+                sys.stdout.flush()  # here a closed pipe is still handled without a message, also after --help
     except KeyboardInterrupt:
         return _interrupted()
     except BrokenPipeError:
@@ -96,9 +99,9 @@ def _guarded(arguments: list[str]) -> int:
         return BROKEN_PIPE
     except LingjingError as error:
         return _interrupted() if _was_interrupt(error) else _report(error, arguments)
-    except Exception as error:  # noqa: BLE001 - whatever comes here is a refusal of the system's or a fault of ours
+    except Exception as error:  # noqa: BLE001 - what arrives here is an error of the system or a bug of this program
         if isinstance(error, OSError) and error.filename is None:
-            silence_stdout()  # it may be full: what it still holds must not be tried again at the end
+            silence_stdout()  # the disk may be full: the buffered rest must not be written again at exit
         if _was_interrupt(error):
             return _interrupted()
         refusal = refusal_of(error)
@@ -107,7 +110,9 @@ def _guarded(arguments: list[str]) -> int:
 
 
 def _check_names(arguments: Sequence[str]) -> None:
-    """Raise `UsageError` for an argument or a working folder whose name is not text, or a folder that was removed."""
+    """Raise `UsageError` if the name of an argument or of the working folder is not valid text, or the folder was
+    removed.
+    """
     for argument in arguments:
         check_name(argument, "argument")
     try:
@@ -124,7 +129,9 @@ def _interrupted() -> int:
 
 
 def _was_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt led to an error: a compiled module that is interrupted while it loads says `ImportError`."""
+    """Return whether an interrupt caused the error. A compiled module that is interrupted while it loads raises
+    `ImportError`.
+    """
     seen: set[int] = set()
     while error is not None and id(error) not in seen:
         if isinstance(error, KeyboardInterrupt):
@@ -135,7 +142,7 @@ def _was_interrupt(error: BaseException | None) -> bool:
 
 
 def _dispatch(arguments: list[str]) -> int:
-    from lingjing.cli.parser import ArgumentParser  # not above: an interrupt while argparse loads is met here
+    from lingjing.cli.parser import ArgumentParser  # not at the top: an interrupt while argparse loads is caught here
 
     chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
     parser = ArgumentParser(
@@ -150,11 +157,11 @@ def _dispatch(arguments: list[str]) -> int:
 
         pin()
     if chosen is not None:
-        with blocked_signals():  # interrupted while it loads, msgspec 0.22 may crash the process where it is used
+        with blocked_signals():  # msgspec 0.22 may crash the process later if its import is interrupted
             import_module("msgspec")
     module = import_module(f"lingjing.cli.{chosen.name}") if chosen else None
     shown = (chosen,) if chosen is not None and arguments[0] == chosen.name else VERBS
-    for verb in shown:  # where a verb comes first, nothing that is printed names the others
+    for verb in shown:  # if the command line begins with a verb, no message names the other verbs
         declared = subparsers.add_parser(verb.name, help=verb.summary)
         if verb is chosen and module is not None:
             declared.description = module.__doc__
@@ -165,11 +172,13 @@ def _dispatch(arguments: list[str]) -> int:
     if module is None:
         parser.print_help(sys.stderr)
         return ExitCode.USAGE
-    if chosen is not None and chosen.computes and chosen.name != "doctor":  # which tells it among its findings
+    if (
+        chosen is not None and chosen.computes and chosen.name != "doctor"
+    ):  # doctor reports the cache among its findings
         from lingjing.cli.files import check_cache
 
         check_cache()
-    handler = vars(args).get("handler") or module.handler  # an action's, or the verb's
+    handler = vars(args).get("handler") or module.handler  # the handler of an action, or of the verb
     return int(handler(args))
 
 
@@ -194,14 +203,14 @@ def _report(error: LingjingError, arguments: Sequence[str]) -> int:
 
 
 def _bug(error: BaseException, arguments: Sequence[str]) -> int:
-    """One line that can be pasted into a report: version, verb, exception and where it was raised."""
+    """Print one line for a bug report (version, verb, exception and its origin); return the exit code."""
     if _wants_traceback():
         _print_traceback(error)
     import lingjing
 
     verb = _first_word(arguments)
     say(f"bug: lingjing {lingjing.__version__} {verb}: {type(error).__name__}: {error} [{_origin(error)}]")
-    say("hint: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
+    say("hint: this is a bug in lingjing: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
     return ExitCode.BUG
 
 

@@ -1,4 +1,4 @@
-"""A mission's page with its pictures: what it says of itself, and what played episodes and a study show of it."""
+"""A mission's page with pictures: its description, pictures of played episodes and a table of results."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from lingjing.trace.reader import Trace
 
 ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time", "late": "late", "constraint": "lost"}
+"""Words of the page for the reasons of outcomes."""
 
 
 def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, folder: Path) -> Path:
-    """Write `<mission>.md` with its pictures beside it into `folder`, which is made if need be.
+    """Write `<mission>.md` with its pictures beside it into `folder`, which is created if needed.
 
-    The map is that of the first trace; the frames are the best of all of them, and those of cameras that nobody used
-    are drawn as the first trace's states would have them. Raises `UsageError` for a trace of
-    another mission, a results file that is none, or a place that cannot be written.
+    The map shows the first trace. The frames are the best of all traces; frames of unused cameras are rendered from
+    the states of the first trace. Raises `UsageError` for a trace of another mission, a file without results, or a
+    folder that cannot be written.
     """
     from lingjing.dsl.pages.judging import HEADS, judging
     from lingjing.dsl.pages.page import page, table
@@ -57,7 +58,9 @@ def _trace(path: Path, mission: Mission) -> Trace:
     trace = read_trace(path)
     played = trace.header.instance.mission
     if played != mission.name:
-        raise UsageError(f"{path} is of the mission `{played}`, not of `{mission.name}`", hint="give its own traces")
+        raise UsageError(
+            f"{path} is of the mission `{played}`, not of `{mission.name}`", hint="name traces of this mission"
+        )
     return trace
 
 
@@ -73,23 +76,25 @@ def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterato
 
     name = f"{mission.name}-map.png"
     draw_trails(traces[0], folder / name)
-    yield f"![The map with everybody's trails]({name})\n"
+    yield f"![The map with the trails of all assets]({name})\n"
     for at, trace in enumerate(traces):
-        yield f"- {'The map is' if at == 0 else 'Pictures are also from'} {_told(trace)}"
+        yield f"- {'The map is' if at == 0 else 'Pictures are also from'} {_caption(trace)}"
     credited = credit(traces[0].header.attribution)
     if credited:
         yield f"\n{credited[0].upper()}{credited[1:]}."
 
 
-def _told(trace: Trace) -> str:
+def _caption(trace: Trace) -> str:
     instance, outcome = trace.header.instance, trace.outcome
     policies = " and ".join(f"`{name}`" for name in dict.fromkeys(binding.policy for binding in trace.header.bindings))
-    told = ", which is told the truth" if any(binding.privileged for binding in trace.header.bindings) else ""
+    privilege = (
+        ", which observes the ground truth" if any(binding.privileged for binding in trace.header.bindings) else ""
+    )
     ended = "cut short" if outcome is None else ENDINGS.get(outcome.reason, outcome.reason)
     score = "" if outcome is None else f", subtasks {outcome.scr:.2f}"
     ticks = trace.boundaries[-1].tick if trace.boundaries else 0
     return (
-        f"seed {instance.seed}, {instance.mode}, played by {policies}{told}: "
+        f"seed {instance.seed}, {instance.mode}, played by {policies}{privilege}: "
         f"{ended} after {ticks} of {instance.budget.ticks} ticks{score}."
     )
 
@@ -109,11 +114,11 @@ def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator
         name = f"{mission.name}-{_plain(shown)}.jpg"
         write_frame(shown, folder / name)
         yield f"![{shown.caption}]({name})\n"
-        yield f"*{shown.caption}.*\n"  # it begins with a name, which stays as it is
+        yield f"*{shown.caption}.*\n"  # not capitalised: it begins with the name of an entity
 
 
 def _plain(shown: PageFrame) -> str:
-    """`uav-2-nadir`: a name for a file."""
+    """Return a file name for a frame, such as `uav-2-nadir`."""
     return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
 
 

@@ -1,4 +1,4 @@
-"""The argument parser of every verb: argparse, with the nearest word where one is not known."""
+"""The argument parser of every verb: argparse with suggestions for unknown words."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from typing import Any
 
 
 class ArgumentParser(argparse.ArgumentParser):
-    """An `ArgumentParser` whose complaint about a word that is no choice says which one may be meant.
+    """An `argparse.ArgumentParser` that suggests the nearest known word for an unknown one.
 
-    Parsers of verbs and actions are of this class too: argparse makes them of their parent's.
-    `implied_word` is the action that is meant where the first word is none, if it is given.
+    Parsers of verbs and actions have this class too: argparse creates them with their parent's class.
     """
 
     implied_word = ""
+    """The action that is assumed if the first word is no action. Empty: an action must be named."""
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Argparse's, with the implied action put before what is no action."""
+        """Parse as argparse does, after inserting the implied action before a first word that is no action."""
         if self.implied_word and args is not None:
-            actions = [one for one in self._actions if isinstance(one, argparse._SubParsersAction)]
-            known = {"-h", "--help", *(name for one in actions for name in one.choices)}
+            actions = [action for action in self._actions if isinstance(action, argparse._SubParsersAction)]
+            known = {"-h", "--help", *(name for action in actions for name in action.choices)}
             if not args or args[0] not in known:
                 args = [self.implied_word, *args]
         return super().parse_known_args(args, namespace)
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Argparse's, with the nearest option of the verb where one is not known."""
-        found, unknown = self.parse_known_args(args, namespace)
+        """Parse as argparse does; the message for an unknown option suggests the nearest option of the verb."""
+        namespace_of_args, unknown = self.parse_known_args(args, namespace)
         if unknown:
             known, named = _options(self, args or ()), [word for word in unknown if word.startswith("-")]
             close = next((near for word in named if (near := _nearest(word.partition("=")[0], known))), None)
             proposed = f"; did you mean {close}?" if close else ""
             self.error(f"unrecognized arguments: {' '.join(unknown)}{proposed}")
-        return found
+        return namespace_of_args
 
     def _get_formatter(self) -> argparse.HelpFormatter:
         return argparse.HelpFormatter(prog=self.prog, width=_columns() - 2)
@@ -52,11 +52,13 @@ class ArgumentParser(argparse.ArgumentParser):
 
 
 def _columns() -> int:
-    """How wide the terminal is, as `shutil.get_terminal_size` says: argparse asks for each option that it is given, and
-    importing `shutil` takes 2 ms of every start."""
+    """Return the width of the terminal in columns, as `shutil.get_terminal_size` does.
+
+    argparse calls this once for each option, and importing `shutil` takes 2 ms of every start.
+    """
     with suppress(ValueError):
-        if (told := int(os.environ.get("COLUMNS", ""))) > 0:
-            return told
+        if (columns := int(os.environ.get("COLUMNS", ""))) > 0:
+            return columns
     with suppress(ValueError, OSError):  # standard output is closed, or no terminal
         if sys.__stdout__ is not None:
             return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
@@ -64,7 +66,7 @@ def _columns() -> int:
 
 
 def _options(parser: argparse.ArgumentParser, words: Iterable[str]) -> list[str]:
-    """The options of a parser and of the verb and the action that the words name."""
+    """Return the options of a parser, of the verb and of the action that the words name, sorted."""
     known = set(parser._option_string_actions)
     implied = getattr(parser, "implied_word", "")
     for word in words:
@@ -77,9 +79,9 @@ def _options(parser: argparse.ArgumentParser, words: Iterable[str]) -> list[str]
 
 
 def _below(parser: argparse.ArgumentParser, word: str) -> argparse.ArgumentParser | None:
-    """The parser of a verb or an action of this one, if the word is one."""
-    actions = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
-    return next((one.choices[word] for one in actions if word in one.choices), None)
+    """Return the parser of the verb or action called `word` below this parser, or None."""
+    actions = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    return next((action.choices[word] for action in actions if word in action.choices), None)
 
 
 def _nearest(word: object, choices: Iterable[object]) -> str | None:

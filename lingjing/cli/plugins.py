@@ -1,4 +1,6 @@
-"""`lingjing plugins [NAME]`: which engines, policies, scenes, evaluators and models there are; the options of one."""
+"""`lingjing plugins [NAME]`: list engines, policies, scenes, evaluators, models and detectors, or the options of
+one.
+"""
 
 from __future__ import annotations
 
@@ -28,20 +30,23 @@ if TYPE_CHECKING:
 
 _Offered = TypeVar("_Offered")
 
-_BROKEN = "mend or uninstall it; what does not use it plays without it"
+_BROKEN = "repair or uninstall it; episodes that do not use it can be played"
 
 
-class Offer(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing on offer: `kind` is engine, policy, scene, evaluator or model; `source` the plug-in's entry point;
-    `notes` what is special about it (where an engine runs, whether a policy sees the truth, what a model costs);
-    `options` are listed of one that was asked for by name."""
+class _Offer(msgspec.Struct, frozen=True, kw_only=True):
+    """An installed plug-in item: one line of the list."""
 
     kind: str
+    """Engine, policy, scene, evaluator, model or detector."""
     name: str
     source: str
+    """The entry point of the plug-in, or the file of a policy."""
     notes: str = ""
+    """The place of an engine, `privileged` for a policy that observes the ground truth, or the price of a model."""
     summary: str = ""
+    """One line by the plug-in's author; may be empty."""
     options: tuple[OptionSpec, ...] = ()
+    """The options of an item that the command line names; empty in the list of all items."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -50,22 +55,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "name",
         nargs="?",
         metavar="NAME|FILE.py:CLASS",
-        help="list the options of what is called so (default: all names)",
+        help="list the options of the item with this name (default: list all items)",
     )
     parser.add_argument("--output-format", choices=("text", "json"), default="text")
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print the list, then every plug-in that does not load or fails in a hook; 2 if there is one."""
+    """Print the list, then the error of every plug-in that does not load or fails in a hook; return 2 if there is
+    one.
+    """
     host = PluginHost()
     faults: list[PluginError] = []
-    found = tuple(offers(host, faults)) if args.name is None else tuple(offers_called(args.name, host))
+    items = tuple(offers(host, faults)) if args.name is None else tuple(_offers_called(args.name, host))
     if args.output_format == "json":
-        sys.stdout.write(msgspec.json.encode(found).decode() + "\n")
+        sys.stdout.write(msgspec.json.encode(items).decode() + "\n")
     elif args.name is None:
-        print_columns([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
+        print_columns([(item.kind, item.name, item.source, item.notes, item.summary) for item in items])
     else:
-        _print_options(found)
+        _print_options(items)
     sys.stdout.flush()
     _report_earlier_requirements()
     if args.name is None:
@@ -76,26 +83,28 @@ def handler(args: argparse.Namespace) -> int:
     return ExitCode.USAGE if faults else ExitCode.OK
 
 
-def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[Offer]:
-    """Everything on offer, by kind and name. What is read from files may be faulty: it is left out and put down."""
+def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[_Offer]:
+    """Yield every item by kind and name. An item read from a faulty file is left out, and the error is added to
+    `faults`.
+    """
     for engine in host.engines.values():
         notes = f"{engine.place}, sensor" if engine.sensor else engine.place
         source = host.sources["lingjing_engines", engine.name]
-        yield Offer(kind="engine", name=engine.name, source=source, notes=notes, summary=engine.summary)
+        yield _Offer(kind="engine", name=engine.name, source=source, notes=notes, summary=engine.summary)
     for policy in host.policies.values():
         yield _policy_offer(policy, host.sources["lingjing_policies", policy.name])
     for scene in host.scenes.values():
         source = host.sources["lingjing_scenes", scene.name]
-        yield Offer(kind="scene", name=scene.name, source=source, summary=scene.summary)
+        yield _Offer(kind="scene", name=scene.name, source=source, summary=scene.summary)
     for evaluator in host.evaluators.values():
         source = host.sources["lingjing_evaluators", evaluator.name]
-        yield Offer(kind="evaluator", name=evaluator.name, source=source, summary=evaluator.summary)
+        yield _Offer(kind="evaluator", name=evaluator.name, source=source, summary=evaluator.summary)
     for model in _read(lambda: host.models, faults):
         source = host.sources["lingjing_models", model.name]
-        yield Offer(kind="model", name=model.name, source=source, notes=_price(model), summary=model.summary)
+        yield _Offer(kind="model", name=model.name, source=source, notes=_price(model), summary=model.summary)
     for detector in _read(lambda: host.detectors, faults):
         source = host.sources["lingjing_detectors", detector.name]
-        yield Offer(kind="detector", name=detector.name, source=source, summary=detector.summary)
+        yield _Offer(kind="detector", name=detector.name, source=source, summary=detector.summary)
 
 
 def _read(read: Callable[[], Mapping[str, _Offered]], faults: list[PluginError]) -> Iterable[_Offered]:
@@ -106,10 +115,11 @@ def _read(read: Callable[[], Mapping[str, _Offered]], faults: list[PluginError])
         return ()
 
 
-def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
-    """What is called `name`, an engine and a scene perhaps, or the policy in a file, with the options of each.
+def _offers_called(name: str, host: PluginHost) -> Iterator[_Offer]:
+    """Yield the items called `name` (an engine and a scene may share one), or the policy of a file, with their
+    options.
 
-    Raises `UsageError` if nothing is called so, and `PluginError` if what may be called so could not be read.
+    Raises `UsageError` if no item has the name, and `PluginError` if items that may have it could not be read.
     """
     if name.partition(":")[0].endswith(".py"):
         from lingjing.play.policy_processes.examination import PolicyDeclarations
@@ -119,26 +129,26 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
         yield _policy_offer(declared, name.partition(":")[0], options)
         return
     faults: list[PluginError] = []
-    every = list(offers(host, faults))
-    found = [offer for offer in every if offer.name == name]
-    if not found and faults:
+    items = list(offers(host, faults))
+    matches = [offer for offer in items if offer.name == name]
+    if not matches and faults:
         raise faults[0]
-    if not found:
-        close = nearest(name, [offer.name for offer in every])
+    if not matches:
+        close = nearest(name, [offer.name for offer in items])
         hint = f"did you mean `{close}`?" if close else "`lingjing plugins` lists all names"
-        raise UsageError(f"nothing that is installed is called `{name}`", hint=hint)
-    for offer in found:
+        raise UsageError(f"no installed item is called `{name}`", hint=hint)
+    for offer in matches:
         yield msgspec.structs.replace(offer, options=_options(offer, host))
 
 
-def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
+def _options(offer: _Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
     if offer.kind in ("model", "detector"):
         return ()
     if offer.kind == "scene":
         kind = scene_kind(offer.name)
-        return tuple(_scene_option(*one) for one in kind.options.items()) if kind is not None else ()
+        return tuple(_scene_option(*item) for item in kind.options.items()) if kind is not None else ()
     plugin = host.engines[offer.name] if offer.kind == "engine" else host.evaluators[offer.name]
     model = declared_model(plugin.options, f"{offer.kind} `{offer.name}`")
     return option_specs(model) if model is not None else ()
@@ -160,22 +170,24 @@ _SCENE_TYPES = {
     "text": "text", "path": "path", "number": "number", "metres": "metres", "size": "rows by columns",
     "range": "range in metres", "positions": "list of positions", "region": "region",
 }  # fmt: skip
-"""The types of scenes' options, as `lingjing.mission.kinds` has them, in words."""
+"""Names for the types of scene options in `lingjing.mission.kinds`."""
 
 
 def _price(model: ModelPlugin) -> str:
-    """`open, free`; `commercial, $1.25 in and $10 out a million tokens`."""
+    """Return the price in words: `open, free`; `commercial, $1.25 in and $10 out a million tokens`."""
     prices = (model.price_in, model.price_out)
     if None in prices:
-        return f"{model.tier}, price not known"
+        return f"{model.tier}, price unknown"
     if prices == (0.0, 0.0):
         return f"{model.tier}, free"
     return f"{model.tier}, ${model.price_in:g} in and ${model.price_out:g} out a million tokens"
 
 
-def _policy_offer(policy: PolicyPlugin | PolicyDeclaration, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:
+def _policy_offer(
+    policy: PolicyPlugin | PolicyDeclaration, source: str, options: tuple[OptionSpec, ...] = ()
+) -> _Offer:
     notes = "privileged" if policy.privileged else ""
-    return Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
+    return _Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
 
 
 def _faulty_descriptions() -> Iterator[PluginError]:
@@ -189,24 +201,27 @@ def _faulty_descriptions() -> Iterator[PluginError]:
 def _report_earlier_requirements() -> None:
     from lingjing.installation import earlier_requirements
 
-    for one in earlier_requirements():
-        say(f"warning: plug-in `{one.plugin}` ({one.owner}) requires `{one.required}`, another party's package")
-        say(f"hint: {one.advice}")
+    for requirement in earlier_requirements():
+        plugin = f"plug-in `{requirement.plugin}` ({requirement.owner})"
+        say(f"warning: {plugin} requires `{requirement.required}` of another project")
+        say(f"hint: {requirement.advice}")
 
 
-def _print_options(found: Iterable[Offer]) -> None:
-    for number, offer in enumerate(found):
+def _print_options(items: Iterable[_Offer]) -> None:
+    for number, offer in enumerate(items):
         print("\n" * (number > 0) + "  ".join(filter(None, (offer.kind, offer.name, offer.source, offer.notes))))
         print(offer.summary or "-")
         if offer.options:
-            print_columns([(f"  {one.name}", _type(one), _default(one), one.help) for one in offer.options])
+            print_columns(
+                [(f"  {option.name}", _type(option), _default(option), option.help) for option in offer.options]
+            )
         else:
             print("  no options")
 
 
-def _type(one: OptionSpec) -> str:
-    return f"{one.type}: {one.bounds}" if one.bounds else one.type
+def _type(option: OptionSpec) -> str:
+    return f"{option.type}: {option.bounds}" if option.bounds else option.type
 
 
-def _default(one: OptionSpec) -> str:
-    return "required" if one.required else f"default {one.default}" if one.default else ""
+def _default(option: OptionSpec) -> str:
+    return "required" if option.required else f"default {option.default}" if option.default else ""

@@ -1,5 +1,6 @@
-"""The live line of an episode (tick, simulated time, real-time factor, last event), and of work that is counted. Only
-on a terminal."""
+"""Live progress on a terminal: the line of an episode (tick, simulated time, real-time factor, last event), and bars
+of counted work. Nothing is printed elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +15,17 @@ if TYPE_CHECKING:
 
 
 def describe(boundary: Progress) -> str:
-    """`t=120 s  ×3.4  rescued victim[1]`."""
+    """Return the state of an episode as text: `t=120 s  ×3.4  rescued victim[1]`."""
     return f"t={boundary.time_s:.0f} s  {factor(boundary.time_s, boundary.wall_s)}  {boundary.last_event}"
 
 
 def factor(time_s: float, wall_s: float) -> str:
-    """Simulated by real seconds: `×3.4`."""
+    """Return simulated by real time, such as `×3.4`."""
     return f"×{time_s / wall_s:.1f}" if wall_s > 0 else "×–"
 
 
 class _ShownBar:
-    """A context manager that shows a bar of one task; silent if standard error is no terminal."""
+    """A context manager that shows a progress bar; silent if standard error is no terminal."""
 
     def __init__(self, title: str, text: str = "") -> None:
         self._title = title
@@ -53,7 +54,7 @@ class _ShownBar:
 
 
 class LiveProgress(_ShownBar):
-    """To be called after each boundary of an episode."""
+    """The progress bar of an episode, called after each boundary."""
 
     def __init__(self, title: str) -> None:
         super().__init__(title, "starting")
@@ -64,19 +65,21 @@ class LiveProgress(_ShownBar):
 
 
 class CountProgress(_ShownBar):
-    """To be called with how much of how much is done."""
+    """The progress bar of counted work, called with the number of done items and of all items."""
 
     def __call__(self, done: int, whole: int) -> None:
-        """Show this much."""
+        """Show these numbers."""
         self._show(done, whole)
 
 
 class BranchProgress(_ShownBar):
-    """To be called with what a branch host does, and how much of how much of it is done; 0 where that is not known."""
+    """The progress bar of a branch host, called with its current work and the numbers of done and due items (0:
+    unknown).
+    """
 
-    def __call__(self, what: str, done: int, due: int) -> None:
-        """Show it."""
-        self._show(done, due or None, title=what)
+    def __call__(self, title: str, done: int, due: int) -> None:
+        """Show this state."""
+        self._show(done, due or None, title=title)
 
 
 def _bar() -> Bar:

@@ -1,4 +1,4 @@
-"""`lingjing prompts`: list and show the prompts of policies; improve one from the traces of failed episodes."""
+"""`lingjing prompts`: list and print the prompts of policies; revise a prompt from traces of failed episodes."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ def add_options(parser: ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     listed = actions.add_parser("list", help="list the prompts that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
-    show = actions.add_parser("show", help="print one", description=_show.__doc__)
+    show = actions.add_parser("show", help="print a prompt", description=_show.__doc__)
     show.add_argument("prompt", metavar="NAME")
     show.set_defaults(handler=_show)
-    better = actions.add_parser("improve", help="revise one from failed traces", description=_improve.__doc__)
+    better = actions.add_parser("improve", help="revise a prompt from failed traces", description=_improve.__doc__)
     better.add_argument("mission", metavar="MISSION", help="a shipped mission or an .ljs file")
-    better.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="where the best goes")
+    better.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="the file for the best prompt")
     better.add_argument("--start", metavar="NAME|FILE", default="P0", help="the prompt to begin with (default P0)")
-    better.add_argument("--rounds", metavar="N", type=int, default=4, help="how many revisions (default 4)")
+    better.add_argument("--rounds", metavar="N", type=int, default=4, help="number of revisions (default 4)")
     better.add_argument("--seeds", metavar="A-B", default="1000-1019", help="development seeds (default 1000-1019)")
     better.add_argument(
-        "--held-out", metavar="A-B", default="0-199", help="seeds of the evaluation, which must not be among them"
+        "--held-out", metavar="A-B", default="0-199", help="seeds of the evaluation, which --seeds must not contain"
     )
     better.add_argument("--mode", choices=MODES, help="the mission's mode")
     better.add_argument("--set", metavar="PARAM=VALUE", action="append", default=[], help="a parameter of the mission")
-    better.add_argument("--policy", default="react", help="whose prompt (default react)")
+    better.add_argument("--policy", default="react", help="the policy of the prompt (default react)")
     better.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
     better.add_argument("--reviser-arg", metavar="K=V", action="append", default=[], help="an option of the reviser")
-    better.add_argument("--max-cost", metavar="USD", help="what all calls of both models may cost")
-    better.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="episodes at a time")
-    better.add_argument("--folder", metavar="DIR", type=Path, help="where the search is kept (default FILE.search)")
+    better.add_argument("--max-cost", metavar="USD", help="the greatest cost of all calls of both models")
+    better.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time")
+    better.add_argument("--folder", metavar="DIR", type=Path, help="the folder of the search (default FILE.search)")
     better.set_defaults(handler=_improve)
 
 
 def _list(args: argparse.Namespace) -> int:
-    """List the prompts that ship, with the beginning of each and the SHA-256 that traces hold."""
+    """List the shipped prompts, with the first words of each and the SHA-256 that traces hold."""
     import hashlib
 
     from lingjing.plugins.host import PluginHost
@@ -63,20 +63,21 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _show(args: argparse.Namespace) -> int:
-    """Print a prompt that ships, with its holes."""
+    """Print a shipped prompt, with its placeholders."""
     from lingjing.plugins.host import PluginHost
 
-    every = {name: text for plugin in PluginHost().prompts.values() for name, text in plugin.shipped().items()}
-    if args.prompt not in every:
-        hint = nearest_or(args.prompt, every, f"there are: {', '.join(every) or 'none'}")
+    shipped = {name: text for plugin in PluginHost().prompts.values() for name, text in plugin.shipped().items()}
+    if args.prompt not in shipped:
+        hint = nearest_or(args.prompt, shipped, f"there are: {', '.join(shipped) or 'none'}")
         raise UsageError(f"there is no prompt `{args.prompt}`", hint=hint)
-    sys.stdout.write(every[args.prompt])
+    sys.stdout.write(shipped[args.prompt])
     return ExitCode.OK
 
 
 def _improve(args: argparse.Namespace) -> int:
-    """Play a prompt on development seeds, have a second model revise it from the traces of failed episodes, keep the
-    better one, and again; write the best. A search that was stopped goes on with the same command."""
+    """Play a prompt on development seeds, let a second model revise it from the traces of failed episodes, keep the
+    better prompt, repeat, and write the best. The same command continues an interrupted search.
+    """
     from functools import partial
 
     from msgspec.structs import replace
@@ -88,22 +89,22 @@ def _improve(args: argparse.Namespace) -> int:
     seeds, held_out = parse_seeds(args.seeds), parse_seeds(args.held_out)
     if both := sorted(set(seeds) & set(held_out)):
         raise UsageError(
-            f"development seeds must not be those of the evaluation, and {both[0]} is both",
-            hint="give other --seeds, or --held-out for what is evaluated",
+            f"development seeds must not be seeds of the evaluation, and {both[0]} is both",
+            hint="name other --seeds, or other --held-out seeds",
         )
     check_counts(("--rounds", args.rounds), ("-j", args.jobs))
     plugin = _prompts_of(args.policy)
     start = _text_of(args.start, plugin)
-    given = parse_pairs("--policy-arg", args.policy_arg)
+    policy_args = parse_pairs("--policy-arg", args.policy_arg)
     options = PlayOptions(
-        mission=args.mission, policy=args.policy, mode=args.mode, policy_args={**given},
+        mission=args.mission, policy=args.policy, mode=args.mode, policy_args={**policy_args},
         max_cost=parse_amount("--max-cost", args.max_cost),
     )  # fmt: skip
     mission = compiled(options)
     options = replace(options, settings=parse_settings(parse_pairs("--set", args.set), mission))
     _check_money(options, mission, episodes=(args.rounds + 1) * len(seeds))
-    asked = parse_pairs("--reviser-arg", args.reviser_arg)
-    plugin.reviser(asked, UnrecordedCalls())  # wrong options are told before anything is played
+    reviser_args = parse_pairs("--reviser-arg", args.reviser_arg)
+    plugin.reviser(reviser_args, UnrecordedCalls())  # reports wrong options before anything is played
     folder = args.folder or args.output.with_name(f"{args.output.name}.search")
     if not (parent := args.output.resolve().parent).is_dir():
         raise UsageError(f"cannot write `{args.output}`: there is no folder `{parent}`")
@@ -112,12 +113,12 @@ def _improve(args: argparse.Namespace) -> int:
         say(f"candidate {candidate.number}: {candidate.line}")
 
     search = PromptSearch(
-        folder, options, plugin.option, seeds, partial(plugin.reviser, asked), plugin.check, args.jobs, tell
+        folder, options, plugin.option, seeds, partial(plugin.reviser, reviser_args), plugin.check, args.jobs, tell
     )
     try:
         best = search.run(start, args.rounds)
     except KeyboardInterrupt:
-        say("interrupted; the same command goes on from here")
+        say("interrupted; the same command continues from here")
         raise
     write_output(best.text, str(args.output))
     print(f"candidate {best.number} is the best: {best.line}; sha256:{best.sha256}")
@@ -125,9 +126,9 @@ def _improve(args: argparse.Namespace) -> int:
 
 
 def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
-    """Say what the episodes will cost if their calls cost money. Raises `UsageError` unless that is capped."""
+    """Print the expected cost if the calls cost money. Raises `UsageError` unless a limit is set."""
     from lingjing.bench.columns import Column
-    from lingjing.bench.money import check_ready, estimates, in_words, is_paid
+    from lingjing.bench.money import check_ready, cost_lines, estimates, is_paid
     from lingjing.bench.planning import Player, SuiteCell
     from lingjing.bench.running import SuiteEpisode
     from lingjing.play.policy_files import declaration_of
@@ -142,13 +143,13 @@ def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
         return
     column = Column(Path(options.mission), mission.name, options.mode or mission.modes.default, options.settings)
     cell = SuiteCell(player, column, args=options.policy_args)
-    for line in in_words(estimates([SuiteEpisode(cell, 0)] * episodes, {mission.name: mission}, ())):
+    for line in cost_lines(estimates([SuiteEpisode(cell, 0)] * episodes, {mission.name: mission}, ())):
         say(line)
     if options.max_cost is None:
         raise UsageError(
-            "calls of models cost money",
-            hint="say how much may be spent with --max-cost USD; of a server of your own say --policy-arg price_in=0 "
-            "--policy-arg price_out=0, or name a list with its prices by LINGJING_MODELS=FILE",
+            "model calls cost money",
+            hint="set a limit with --max-cost USD; for a server of your own use --policy-arg price_in=0 "
+            "--policy-arg price_out=0, or a list with its prices: LINGJING_MODELS=FILE",
         )
 
 
@@ -157,12 +158,14 @@ def _prompts_of(policy: str) -> PromptPlugin:
 
     known = {plugin.policy: plugin for plugin in PluginHost().prompts.values()}
     if policy not in known:
-        raise UsageError(f"policy `{policy}` has no prompt", hint=f"these have: {', '.join(known) or 'none'}")
+        raise UsageError(
+            f"policy `{policy}` has no prompt", hint=f"policies with prompts: {', '.join(known) or 'none'}"
+        )
     return known[policy]
 
 
 def _text_of(name: str, plugin: PromptPlugin) -> str:
-    """A shipped prompt by its name, or the text in a file."""
+    """Return a shipped prompt by its name, or the text of a file."""
     shipped = plugin.shipped()
     if name in shipped:
         return shipped[name]
@@ -171,7 +174,7 @@ def _text_of(name: str, plugin: PromptPlugin) -> str:
         plugin.check(text)
     except OSError as error:
         raise UsageError(
-            f"`{name}` is no prompt ({', '.join(shipped)}) and no file that can be read: {error.strerror}"
+            f"`{name}` is neither a shipped prompt ({', '.join(shipped)}) nor a readable file: {error.strerror}"
         ) from error
     except ValueError as error:
         raise UsageError(f"`{name}` {error}") from error

@@ -1,4 +1,4 @@
-"""`lingjing report PLACE... -o report.html`: the paper's figures from one's own runs, as one page or one by one."""
+"""`lingjing report PLACE... -o report.html`: the paper's figures from your own runs, as one page or as single files."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "places", metavar="PLACE", nargs="*", type=Path,
         help="traces, folders of runs, results of suites, and folders of prompt searches, probes, frames and twins",
     )  # fmt: skip
-    parser.add_argument("-o", "--output", metavar="FILE", help="default report.html; with --figure an .svg or .png")
-    parser.add_argument("--figure", metavar="NAME", help="write this one alone (default NAME.svg)")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="the page (default report.html), or with --figure an .svg or .png file"
+    )
+    parser.add_argument("--figure", metavar="NAME", help="write only this figure (default NAME.svg)")
     parser.add_argument("--list", action="store_true", help="list the figures")
     parser.add_argument("--title", metavar="TEXT", default=TITLE, help=f"the page's title (default: {TITLE})")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="read N traces at a time")
@@ -41,16 +43,16 @@ def handler(args: argparse.Namespace) -> int:
         print_columns([(kind.name, kind.title, kind.source) for kind in FIGURES])
         return ExitCode.OK
     if not args.places:
-        raise UsageError("nothing to report", hint="name traces or folders: lingjing report runs/ -o report.html")
+        raise UsageError("no place is named", hint="name traces or folders: lingjing report runs/ -o report.html")
     check_counts(("-j", args.jobs))
     kind = figure_named(args.figure) if args.figure is not None else None
     output = args.output or (f"{kind.name}.svg" if kind is not None else "report.html")
     if kind is not None and output != "-" and Path(output).suffix.lower() not in _SUFFIXES:
-        raise UsageError(f"-o {output}: a figure is an .svg or .png", hint=f"for example: -o {kind.name}.svg")
+        raise UsageError(f"-o {output}: a figure is written as .svg or .png", hint=f"for example: -o {kind.name}.svg")
     check_output(output)
     evidence = _gathered(args)
-    written = _page(evidence, args.title) if kind is None else _figure(evidence, kind, output)
-    write_output(written, output)
+    content = _page(evidence, args.title) if kind is None else _figure(evidence, kind, output)
+    write_output(content, output)
     if output != "-":
         say_written(output)
     return ExitCode.OK
@@ -86,9 +88,9 @@ def _figure(evidence: ReportEvidence, kind: FigureKind, output: str) -> str | by
 
     sheet = sheet_of(kind, list(kind.make(evidence)))
     if sheet is None:
-        raise UsageError(f"there is nothing to show in the figure `{kind.name}`", hint=f"run {kind.needs}")
+        raise UsageError(f"the places hold no data for the figure `{kind.name}`", hint=f"run {kind.needs}")
     if not output.lower().endswith(".png"):
         return svg_file(sheet)
     if letters := boxed_letters(sheet):
-        say(f"note: no font here has {letters[:8]!r}: they are drawn as boxes (an .svg has them in the viewer's)")
+        say(f"note: no installed font has {letters[:8]!r}: they are drawn as boxes (an .svg uses the viewer's fonts)")
     return png_file(sheet)

@@ -1,4 +1,4 @@
-"""What a run answers: one JSON object, or a table for people."""
+"""Printed results of a run: one JSON object, or a table for people."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
-_LOOK = "the trace holds what happened before; `lingjing doctor` checks this machine"
-_GONE = "no trace is left of it; if something clears its folder, choose another with -o; see `lingjing doctor`, too"
+_LOOK = "the trace holds the episode up to this error; `lingjing doctor` checks this machine"
+_GONE = "its trace was removed; if a program clears the folder, choose another with -o; see also `lingjing doctor`"
 _CORRECT = "correct the policy, or choose another with --policy"
 NARROWEST = 60
-"""Columns of a terminal; in a narrower one lines are easier to read than a table."""
+"""Columns of a terminal; in a narrower terminal lines are easier to read than a table. Chosen."""
 
 
 def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
-    """0 whatever the score; 2 if a policy kept an episode from beginning; 3 if the infrastructure aborted any; 130 if
-    one was interrupted."""
+    """Return the exit code of a run: 0 for any score, 2 if a policy prevented an episode from starting, 3 if the
+    infrastructure aborted one, 130 if one was interrupted.
+    """
     reasons = {episode.reason for episode in episodes}
     if INTERRUPTED in reasons:
         return ExitCode.INTERRUPTED
@@ -41,7 +42,7 @@ def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
 
 
 def explain(episodes: Sequence[EpisodeReport]) -> None:
-    """On standard error: what cut an episode short or deserves a warning, and what to do; nothing if all is well."""
+    """Print warnings and errors of the episodes on standard error, with hints; print nothing if there are none."""
     for episode in episodes:
         for warning in episode.warnings:
             say(f"warning: seed {episode.seed}: {warning}")
@@ -62,17 +63,20 @@ def _hint(cut_short: EpisodeReport) -> str:
 
 
 def print_json(report: EpisodeReport | SeedsReport) -> None:
-    """One object and a newline on standard output, nothing else."""
+    """Print one object and a newline on standard output, nothing else."""
     try:
         text = msgspec.json.encode(report).decode()
-    except UnicodeEncodeError:  # a folder's name that is not text: its bytes travel as escapes, as Python has them
+    except UnicodeEncodeError:  # a folder name that is not valid text: its bytes are written as Python's escapes
         text = json.dumps(msgspec.to_builtins(report))
     sys.stdout.write(text + "\n")
 
 
 def print_episode(report: EpisodeReport) -> None:
-    """A grouped table on a terminal; in a pipe `name: value unit` lines under `[group]` headings, which `grep` and INI
-    readers take alike. Whose map it is and the path of the run come last, whole and alone."""
+    """Print a grouped table on a terminal; in a pipe `name: value unit` lines under `[group]` headings.
+
+    `grep` and INI parsers read these lines. The map's attribution and the path of the run come last, each on its own
+    line.
+    """
     on_terminal = sys.stdout.isatty() and _width() >= NARROWEST
     if on_terminal:
         _print_table(_card(report))
@@ -89,7 +93,7 @@ def print_episode(report: EpisodeReport) -> None:
 
 
 def print_seeds(report: SeedsReport) -> None:
-    """One line an episode, then TSR and mean SCR, and the folder of the traces."""
+    """Print one line per episode, then TSR and mean SCR, and the folder of the traces."""
     head = ("seed", "success", "reason", "SCR", "ticks", "run")
     rows = [
         (str(e.seed), "yes" if e.success else "no", e.reason, f"{e.scr:.2f}", str(e.ticks), _run_name(e, report.trace))
@@ -108,16 +112,16 @@ def print_seeds(report: SeedsReport) -> None:
 
 
 def _tsr(report: SeedsReport) -> str:
-    """`TSR 0.50 (2 of 4), SCR 0.75`; episodes that were aborted or interrupted do not count."""
+    """Return the rates as text: `TSR 0.50 (2 of 4), SCR 0.75`. Aborted and interrupted episodes do not count."""
     counted = [episode for episode in report.episodes if episode.reason not in (ABORTED, INTERRUPTED)]
     if report.tsr is None:
-        return "TSR N/A (no episode ran to its end), SCR N/A"
+        return "TSR N/A (no episode ended by itself), SCR N/A"
     won = sum(episode.success for episode in counted)
     return f"TSR {report.tsr:.2f} ({won} of {len(counted)}), SCR {report.scr:.2f}"
 
 
 def _run_name(episode: EpisodeReport, root: str) -> str:
-    """The trace's path inside the suite's folder; "-" if there is none."""
+    """Return the trace's path inside the suite's folder; "-" if there is none."""
     if not episode.trace:
         return "-"
     path = Path(episode.trace)

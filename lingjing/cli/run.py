@@ -30,7 +30,7 @@ from lingjing.processes.linux import set_parent_death_signal
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options. What is not given is None or empty: `PlayOptions` has the defaults."""
+    """Declare the options. Options that are not set are None or empty: `PlayOptions` has the defaults."""
     parser.add_argument(
         "mission", metavar="MISSION", nargs="?", help="a .ljs or resetScenario .json file, or a shipped name"
     )
@@ -39,9 +39,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
     parser.add_argument("--mode", metavar="MODE", help="communication mode (default: the mission's)")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
-    parser.add_argument("--policy", metavar="NAME|FILE.py:CLASS", help="who plays (default heuristic)")
+    parser.add_argument("--policy", metavar="NAME|FILE.py:CLASS", help="the policy of all agents (default heuristic)")
     parser.add_argument(
-        "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[], help="who plays this role or agent"
+        "--policy-for",
+        metavar="ROLE_OR_AGENT=NAME",
+        action="append",
+        default=[],
+        help="the policy of this role or agent",
     )
     parser.add_argument(
         "--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy; a list as JSON"
@@ -49,11 +53,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--engine-arg", metavar="ENGINE.K=V", action="append", default=[], help="an option of an engine"
     )
+    parser.add_argument("--policy-seed", metavar="N", help="seed of the policies' own random streams (default 0)")
     parser.add_argument(
-        "--policy-seed", metavar="N", help="what the policies' own random streams start from (default 0)"
-    )
-    parser.add_argument(
-        "--evaluator", metavar="NAME", action="append", help="who scores (default mission); of several the mean counts"
+        "--evaluator",
+        metavar="NAME",
+        action="append",
+        help="the evaluator that scores (default mission); the score of several is their mean",
     )
     parser.add_argument(
         "--evaluator-arg", metavar="NAME.K=V", action="append", default=[], help="an option of an evaluator"
@@ -61,21 +66,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--options",
         metavar="FILE",
-        help="a JSON file with all of these; - reads standard input; what is given here counts",
+        help="a JSON file with any of these options; - reads standard input; the command line has priority",
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
     parser.add_argument("--world", metavar="process|inline", help="where the engines run (default process)")
-    parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
+    parser.add_argument(
+        "--blank-pictures", action="store_true", help="give the policies black pictures (a control experiment)"
+    )
     parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
     parser.add_argument("--sign", metavar="KEYFILE", help="sign the trace with this key (see `lingjing verify --key`)")
     parser.add_argument(
         "--calls",
         metavar="record|replay|live",
-        help="record what policies ask chat models beside the trace (default), replay a record, or do neither",
+        help="record model calls beside the trace (default), replay a record, or do neither",
     )
-    parser.add_argument("--calls-from", metavar="PATH", help="what is replayed: a trace, its folder, or a run's folder")
-    parser.add_argument("--max-cost", metavar="USD", help="what chat models may cost, all episodes together")
-    parser.add_argument("--max-tokens", metavar="N", help="tokens that chat models may take, all episodes together")
+    parser.add_argument(
+        "--calls-from", metavar="PATH", help="the record to replay: a trace, its folder, or a run's folder"
+    )
+    parser.add_argument("--max-cost", metavar="USD", help="the greatest cost of all model calls of all episodes")
+    parser.add_argument(
+        "--max-tokens", metavar="N", help="the greatest number of tokens of all model calls of all episodes"
+    )
     parser.add_argument("-j", "--jobs", metavar="N", default="1", help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument(
@@ -83,22 +94,22 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="WHERE",
         nargs="?",
         const="terminal",
-        help="show the episode while it is played, in the terminal (default), in the browser or in foxglove",
+        help="show the episode while it is played: in the terminal (default), browser or foxglove",
     )
     parser.add_argument(
-        "--watch-truth", action="store_true", help="watch with hidden targets shown before anybody has found them"
+        "--watch-truth", action="store_true", help="watch with hidden targets shown before they are found"
     )
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by play_apart
     parser.add_argument("--fork-server", metavar="FD", type=int, help=argparse.SUPPRESS)  # set by a fork server
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Play, print, and answer with the exit code."""
+    """Play, print the result and return the exit code."""
     if args.end_with is not None and not set_parent_death_signal(args.end_with, signal.SIGTERM):
         raise KeyboardInterrupt
     warn_of_broken_plugins()
     errors = ErrorCollector()
-    _take_watch(args, errors)
+    _read_watch(args, errors)
     jobs = _jobs(args, errors)
     options, mission = _options(args, errors)
     seeds = errors.attempt(lambda: parse_seeds(args.seeds), ()) if args.seeds is not None else ()
@@ -106,7 +117,7 @@ def handler(args: argparse.Namespace) -> int:
     if errors.errors or mission is None:
         if folder is not None:
             release_if_empty(folder)
-        _tell(options, mission, errors)
+        _raise_errors(options, mission, errors)
     args.jobs = jobs
     with ending_at_second_interrupt():
         if seeds:
@@ -115,35 +126,36 @@ def handler(args: argparse.Namespace) -> int:
 
 
 WATCHED_IN = ("terminal", "browser", "foxglove")
+"""The places of `--watch`."""
 
 
-def _take_watch(args: argparse.Namespace, errors: ErrorCollector) -> None:
-    """What follows `--watch` is a place, or the mission where none is named: `lingjing run --watch ssr`."""
+def _read_watch(args: argparse.Namespace, errors: ErrorCollector) -> None:
+    """Read `--watch` as a place, or as the mission if it names none: `lingjing run --watch ssr`."""
     if args.watch is not None and args.watch not in WATCHED_IN:
         if args.mission is None:
             args.mission, args.watch = args.watch, "terminal"
         else:
-            errors.add(UsageError(f"--watch={args.watch}: it is one of {', '.join(WATCHED_IN)}"))
+            errors.add(UsageError(f"--watch={args.watch}: must be one of {', '.join(WATCHED_IN)}"))
     if args.watch is None and args.watch_truth:
         args.watch = "terminal"
     if args.watch in ("browser", "foxglove") and args.seeds is not None:
-        hint = "leave --seeds out, or follow each with `lingjing view --follow TRACE`"
+        hint = "remove --seeds, or follow each with `lingjing view --follow TRACE`"
         errors.add(UsageError(f"--watch={args.watch} shows one episode", hint=hint))
 
 
 def _jobs(args: argparse.Namespace, errors: ErrorCollector) -> int:
     jobs = whole_number(args.jobs, 9999) or 0
     if jobs < 1:
-        errors.add(UsageError(f"-j {args.jobs}: a whole number is due, at least one"))
+        errors.add(UsageError(f"-j {args.jobs}: must be a whole number of at least 1"))
     if args.output == "":
-        errors.add(UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/"))
+        errors.add(UsageError("-o is empty", hint="name a folder, or remove -o for a new folder in runs/"))
     if jobs > 1 and args.watch is not None:
-        errors.add(UsageError("--watch shows one episode at a time", hint="leave -j out, or --watch"))
+        errors.add(UsageError("--watch shows one episode at a time", hint="remove -j or --watch"))
     return jobs
 
 
-def _tell(options: PlayOptions, mission: Mission | None, errors: ErrorCollector) -> NoReturn:
-    """Raise what is wrong with the command line, and with that what else would be wrong with the episode."""
+def _raise_errors(options: PlayOptions, mission: Mission | None, errors: ErrorCollector) -> NoReturn:
+    """Raise the errors of the command line together with those that the preparation of the episode finds."""
     from lingjing.play.preparation import prepare
     from lingjing.plugins.host import PluginHost
 
@@ -154,16 +166,16 @@ def _tell(options: PlayOptions, mission: Mission | None, errors: ErrorCollector)
 
 
 def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOptions, Mission | None]:
-    """The options of a file, if one is named, with those of the command line over them; and their mission."""
-    given = _file_options(args.options, errors) if args.options else {}
-    named = args.mission or given.get("mission")
+    """Return the options of the file and of the command line, which has priority, and their mission."""
+    file_options = _file_options(args.options, errors) if args.options else {}
+    named = args.mission or file_options.get("mission")
     path: str | None = None
     if named:
         path = errors.attempt(lambda: str(find_mission(str(named))), None)
     else:
         errors.add(UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr"))
     mission, notes = errors.attempt(lambda: load_with_notes(path), (None, ())) if path is not None else (None, ())
-    if args.end_with is None:  # else the process that started this one has printed them
+    if args.end_with is None:  # else the parent process has printed the notes
         for note in notes:
             say(f"note: {note}")
     pairs = parse_pairs("--set", args.set, errors)
@@ -175,7 +187,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "settings": parse_settings(pairs, mission, errors),
     }
     single = {
-        "mission": path or "",  # one that cannot be found has been reported: it is not missing as well
+        "mission": path or "",  # an unknown mission has been reported: do not report it as missing too
         "seed": errors.attempt(lambda: parse_seed(args.seed), None) if args.seed is not None else None,
         "policy_seed": errors.attempt(lambda: parse_seed(args.policy_seed), None)
         if args.policy_seed is not None
@@ -192,12 +204,12 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "max_cost": errors.attempt(lambda: parse_amount("--max-cost", args.max_cost), None),
         "max_tokens": errors.attempt(lambda: parse_amount("--max-tokens", args.max_tokens, whole=True), None),
     }
-    plain = given | {name: value for name, value in single.items() if value is not None}
-    plain |= {name: {**_mapping(given.get(name)), **told} for name, told in mappings.items()}
+    plain = file_options | {name: value for name, value in single.items() if value is not None}
+    plain |= {name: {**_mapping(file_options.get(name)), **pairs_here} for name, pairs_here in mappings.items()}
     options = checked_options(plain, errors)
     if args.set and mission is not None and not errors.errors:
         without = msgspec.structs.replace(options, settings={})
-        options = errors.attempt(lambda: _possible(args.set, mission, options), without)
+        options = errors.attempt(lambda: _check_settings(args.set, mission, options), without)
     return options, mission
 
 
@@ -213,53 +225,53 @@ def _mapping(value: object) -> Mapping[str, object]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _possible(given: list[str], mission: Mission, options: PlayOptions) -> PlayOptions:
-    """The options. `UsageError` if the mission is fine by itself and no longer once its values are set."""
+def _check_settings(settings: list[str], mission: Mission, options: PlayOptions) -> PlayOptions:
+    """Return the options. Raises `UsageError` if the mission is valid by itself and invalid with the settings."""
     from lingjing.mission.instantiate import instantiate
 
     try:
         instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
-    except UsageError:  # told with everything else
+    except UsageError:  # reported later with all other errors
         return options
     except MissionError as error:
-        raise UsageError(f"--set {' --set '.join(given)}: {error}", hint=error.hint) from error
+        raise UsageError(f"--set {' --set '.join(settings)}: {error}", hint=error.hint) from error
     return options
 
 
-def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions, given: Path | None) -> int:
+def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions, folder: Path | None) -> int:
     if args.watch in ("browser", "foxglove"):
-        return _run_shown(args, mission, options, given)
+        return _run_shown(args, mission, options, folder)
     try:
         with results_alone():
             (episode,) = _played(
-                args, mission, options, (options.seed,), lambda seed: given or _claim(mission, options, seed)
+                args, mission, options, (options.seed,), lambda seed: folder or _claim(mission, options, seed)
             )
     finally:
-        release_if_empty(given or RUNS)
-    return _tell_episode(args, episode)
+        release_if_empty(folder or RUNS)
+    return _print_result(args, episode)
 
 
-def _run_shown(args: argparse.Namespace, mission: Mission, options: PlayOptions, given: Path | None) -> int:
-    """One episode with a viewer beside it, which stays after the result until an interrupt."""
+def _run_shown(args: argparse.Namespace, mission: Mission, options: PlayOptions, claimed: Path | None) -> int:
+    """Play one episode with a viewer beside it, which stays after the result until an interrupt."""
     from lingjing.cli.watch.viewer_process import ViewerProcess
     from lingjing.play.episode import TRACE_NAME
 
-    folder = given or _claim(mission, options, options.seed)
+    folder = claimed or _claim(mission, options, options.seed)
     try:
         with ViewerProcess(folder / TRACE_NAME, foxglove=args.watch == "foxglove", truth=args.watch_truth) as viewer:
             with results_alone():
                 (episode,) = _played(args, mission, options, (options.seed,), lambda seed: folder)
-            code = _tell_episode(args, episode)
+            code = _print_result(args, episode)
             if episode.reason != INTERRUPTED:
                 viewer.stay()
     finally:
         release_if_empty(folder)
-        if given is None:
+        if claimed is None:
             release_if_empty(RUNS)
     return code
 
 
-def _tell_episode(args: argparse.Namespace, episode: EpisodeReport) -> int:
+def _print_result(args: argparse.Namespace, episode: EpisodeReport) -> int:
     if args.json:
         print_json(episode)
     _check_begun(episode)
@@ -270,7 +282,7 @@ def _tell_episode(args: argparse.Namespace, episode: EpisodeReport) -> int:
 
 
 def _check_begun(episode: EpisodeReport) -> None:
-    """Raise the error of a policy that has kept the episode from beginning."""
+    """Raise the error of a policy that prevented the episode from starting."""
     if episode.reason == POLICY_FAILED:
         raise ForeignCodeError(episode.detail, hint=episode.hint)
 
@@ -297,7 +309,7 @@ def _run_many(
 
 @contextmanager
 def _one_ledger(options: PlayOptions) -> Iterator[PlayOptions]:
-    """The options with a ledger, so that what is limited is counted over all episodes, in whatever process."""
+    """Yield the options with a ledger file, so that limits are counted over all episodes and processes."""
     if options.ledger or (options.max_cost is None and options.max_tokens is None):
         yield options
         return
@@ -306,10 +318,10 @@ def _one_ledger(options: PlayOptions) -> Iterator[PlayOptions]:
 
 
 def _until_interrupted(played: Generator[EpisodeReport], first: int) -> tuple[list[EpisodeReport], bool]:
-    """All episodes by seed, or those that an interrupt left; and whether there was one.
+    """Return the episodes played before an interrupt, by seed, and whether there was one.
 
-    Raises `ForeignCodeError` if a policy keeps that of the `first` seed from beginning, and none has begun before: so
-    it would the others.
+    Raises `ForeignCodeError` if a policy prevents the episode of the `first` seed from starting and none has started
+    before: the others would fail too.
     """
     episodes: list[EpisodeReport] = []
     interrupted = False
@@ -335,7 +347,7 @@ def _played(
     seeds: Sequence[int],
     claim: Callable[[int], Path],
 ) -> Generator[EpisodeReport]:
-    """The episodes; each agent's policy plays in a process of its own."""
+    """Play the episodes and yield their reports; each agent's policy runs in a separate process."""
     if args.jobs > 1:
         tasks = (
             EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed), repeated=False, reports_failure=True)

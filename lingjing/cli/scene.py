@@ -1,4 +1,4 @@
-"""`lingjing scene`: turn a map into a city, say what a city holds, draw it from above."""
+"""`lingjing scene`: build a city from a map, describe a city, or draw it from above."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _KINDS = (
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what the verb can do."""
+    """Declare the actions."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
     build = actions.add_parser("build", help="turn OpenStreetMap data into a city", description=_build.__doc__)
     build.add_argument("map", metavar="MAP", help="an .osm, .osm.gz, .osm.bz2 or .osm.pbf file")
-    build.add_argument("--bbox", metavar="W,S,E,N", help="the part to build, degrees (default: all)")
+    build.add_argument("--bbox", metavar="W,S,E,N", help="the part to build, in degrees (default: all)")
     build.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="what untagged buildings and trees are drawn by"
+        "--seed", type=int, default=0, metavar="N", help="seed of untagged buildings and trees (default 0)"
     )
     build.add_argument("--water-level", type=float, metavar="M", help="elevation of the waters (default: -1.5 m)")
     build.add_argument(
@@ -44,7 +44,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     build.add_argument("-o", "--output", metavar="DIR", help="the city's folder (default: kept in the cache)")
     build._negative_number_matcher = re.compile(r"^-[\d.]")  # `--bbox -0.13,51.5,…` is a value, not an option
     build.set_defaults(handler=_build)
-    info = actions.add_parser("info", help="say what a city holds", description=_info.__doc__)
+    info = actions.add_parser("info", help="describe a city", description=_info.__doc__)
     _add_city(info)
     info.set_defaults(handler=_info)
     draw = actions.add_parser("draw", help="draw a city from above", description=_draw.__doc__)
@@ -55,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_city(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "city", metavar="DIR|MISSION", help="a folder that `scene build` wrote, or a mission, whose scene is meant"
+        "city", metavar="DIR|MISSION", help="a folder that `scene build` wrote, or a mission with a scene"
     )
     parser.add_argument("--seed", metavar="N", default="0", help="the episode's seed, for a mission (default 0)")
 
@@ -65,29 +65,29 @@ def _build(args: argparse.Namespace) -> int:
     from lingjing.scene.osm.build import Options, build
     from lingjing.scene.osm.frame import parse_box
 
-    given = {} if args.water_level is None else {"water_m": args.water_level}
+    water = {} if args.water_level is None else {"water_m": args.water_level}
     box = None if args.bbox is None else parse_box(args.bbox)
-    options = Options(box=box, seed=args.seed, default_levels=args.default_levels, **given)
+    options = Options(box=box, seed=args.seed, default_levels=args.default_levels, **water)
     folder = None if args.output is None else Path(args.output)
-    with _phases(f"building {Path(args.map).name}") as say:
-        built = build(Path(args.map), options, folder, say)
+    with _phases(f"building {Path(args.map).name}") as report:
+        built = build(Path(args.map), options, folder, report)
     print(f"{'cached' if built.cached else 'built'}: {built.folder}")
-    _tell(built.city, built.summary)
+    _print_city(built.city, built.summary)
     return ExitCode.OK
 
 
 def _info(args: argparse.Namespace) -> int:
-    """Say where a city is, what it holds, and whom to name for the map."""
+    """Print the place and the contents of a city, and the attribution of its map."""
     from lingjing.scene.osm.summary import read_summary
 
     city = _city(args)
     folder = Path(args.city) if Path(args.city).is_dir() else Path(city.store) if city.store else None
-    _tell(city, None if folder is None else read_summary(folder))
+    _print_city(city, None if folder is None else read_summary(folder))
     return ExitCode.OK
 
 
 def _draw(args: argparse.Namespace) -> int:
-    """Draw a city from above: waters, surfaces, roads, buildings (darker is higher), trees."""
+    """Draw a city from above: waters, surfaces, roads, buildings (higher is darker), trees."""
     from matplotlib import rc_context
 
     from lingjing.analysis.fonts import families, note_of_boxes
@@ -95,13 +95,13 @@ def _draw(args: argparse.Namespace) -> int:
 
     target = Path(args.output)
     if target.suffix.lower() not in _PICTURES:
-        raise UsageError(f"no picture is written to `{target.name}`", hint=f"end the name in {', '.join(_PICTURES)}")
+        raise UsageError(f"`{target.name}` has no suffix of a picture", hint=f"end the name in {', '.join(_PICTURES)}")
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
     city = _city(args)
     words = f"{city.id} {city.attribution}"
     with rc_context({"font.family": families(words)}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # it is said below
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # noted below
         draw_plan(city, target)
     print(target)
     for note in note_of_boxes(words):
@@ -110,7 +110,7 @@ def _draw(args: argparse.Namespace) -> int:
 
 
 def _city(args: argparse.Namespace) -> City:
-    """The city of a folder, or the one that a mission is played in."""
+    """Return the city of a folder, or the city of a mission."""
     folder = Path(args.city)
     if folder.is_dir():
         from lingjing.scene.store import read_store
@@ -118,7 +118,7 @@ def _city(args: argparse.Namespace) -> City:
         return read_store(folder)
     if folder.is_file() and folder.suffix.lower() in _MAPS:
         raise UsageError(
-            f"`{folder}` is a map, no city yet", hint=f"build it first: lingjing scene build {folder} -o FOLDER"
+            f"`{folder}` is a map, not a city", hint=f"build it first: lingjing scene build {folder} -o FOLDER"
         )
     from lingjing.cli.arguments import parse_seed
     from lingjing.dsl.loading.load import load_mission
@@ -133,7 +133,7 @@ def _city(args: argparse.Namespace) -> City:
 
 @contextmanager
 def _phases(title: str) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal that says what is going on; silent elsewhere."""
+    """Show a status line on a terminal, and yield a function that sets its text; silent elsewhere."""
     if not sys.stderr.isatty():
         yield lambda phase: None
         return
@@ -145,17 +145,19 @@ def _phases(title: str) -> Iterator[Callable[[str], None]]:
         yield lambda phase: status.update(Text(visible(f"{title}: {phase}")))
 
 
-def _tell(city: City, summary: Summary | None) -> None:
-    """The city in a few lines."""
+def _print_city(city: City, summary: Summary | None) -> None:
+    """Print the city in a few lines."""
     from lingjing.scene.osm.summary import heights_text, reason_text
 
     west, south, east, north = city.bounds
     print(f"city      {city.id}, {(east - west) / 1000:.2f} × {(north - south) / 1000:.2f} km", end="")
     print(f" around {city.origin[0]:.5f}, {city.origin[1]:.5f} (latitude, longitude)")
     if summary is not None:
-        counts = ((summary.counts.get(key, 0), one, many) for key, one, many in _KINDS)
-        held = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
-        print(f"holds     {held or 'nothing'}")
+        counts = ((summary.counts.get(key, 0), singular, plural) for key, singular, plural in _KINDS)
+        contents = ", ".join(
+            f"{count} {singular if count == 1 else plural}" for count, singular, plural in counts if count
+        )
+        print(f"holds     {contents or 'nothing'}")
         print(f"tallest   {summary.counts.get('tallest_m', 0)} m")
         if summary.heights is not None:
             print(f"heights   {heights_text(summary.heights)}")
@@ -165,7 +167,7 @@ def _tell(city: City, summary: Summary | None) -> None:
         for note in summary.notes:
             print(f"note      {note}")
         print(f"map       {summary.source.name}, sha256 {summary.source.sha256[:16]}…")
-    content = f", content {city.sha256[:16]}…" if city.sha256 else ""  # only what is stored has a digest
+    content = f", content {city.sha256[:16]}…" if city.sha256 else ""  # only stored cities have a digest
     print(f"tiles     {len(city.tiles)} of {city.tile_m:g} m{content}")
     print(f"network   {Path(city.network).name if city.network else 'none: no traffic'}")
     print(f"credit    {city.attribution}")

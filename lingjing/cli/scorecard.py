@@ -1,4 +1,4 @@
-"""One episode's numbers for people: grouped, with units, and N/A where a number is not defined."""
+"""The scorecard of one episode for people: groups of numbers with units, and N/A for an undefined number."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from lingjing.play.report import EpisodeReport
 from lingjing.trace.records import CUT_SHORT
 
 ScoreRow = tuple[str, str]
+"""A name and its value as text."""
+
 ScoreGroup = tuple[str, tuple[ScoreRow, ...]]
+"""The title of a group and its rows."""
 
 UNDEFINED = "N/A"
-"""Shown for a rate over nothing, as the paper's tables do."""
+"""Shown for a rate with the denominator 0, as in the paper's tables."""
 
 MOST_ROWS = 8
-"""Incidents that are shown, and events."""
+"""The greatest number of incidents shown, and of events. Chosen."""
 
 _REASONS = {
     "budget": "the budget of ticks ran out",
@@ -30,7 +33,7 @@ _REASONS = {
 
 
 def scorecard(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
-    """A few rows a group; incidents and the mission's events if any."""
+    """Return a few rows per group; incidents and events of the mission if there are any."""
     metrics = _values(report)
     return (
         ("Outcome", _outcome(report, metrics)),
@@ -44,7 +47,7 @@ def scorecard(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
 
 
 def plain(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
-    """The same in a fixed set of short names, a bare number and its unit each, for a pipe; missing ones are N/A.
+    """Return the same groups for a pipe: a fixed set of short names, each with a bare number and its unit, or N/A.
 
     Rates run from 0 to 1. Every mission and every outcome gives the same names in the same order.
     """
@@ -59,17 +62,19 @@ def plain(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
         ("ticks", str(report.ticks)),
     ]
     outcome += [("incident_log", _log(_incidents(report))), ("event_log", _log(_events(report)))]
-    said = {name for name, _ in outcome} | {"scr", "reason"}
+    written = {name for name, _ in outcome} | {"scr", "reason"}
     rows: dict[str, list[ScoreRow]] = {group: [] for group in GROUPS}
     rows["outcome"] = outcome
     for name, (group, unit) in groups_and_units().items():
-        if name not in said:
+        if name not in written:
             rows[group].append((name, _exact(metrics.get(name), unit)))
-    return (("episode", tuple(episode)), *((group, tuple(found)) for group, found in rows.items()))
+    return (("episode", tuple(episode)), *((group, tuple(rows_of_group)) for group, rows_of_group in rows.items()))
 
 
 def verdict(report: EpisodeReport) -> str:
-    """`yes`, or `no: the budget of ticks ran out`; the detail where an episode that ran to its end has one."""
+    """Return `yes`, or `no: the budget of ticks ran out`. An episode that ended by itself shows its own detail if it
+    has one.
+    """
     if report.success:
         return "yes"
     detail = "" if report.reason in CUT_SHORT else report.detail
@@ -92,7 +97,7 @@ def _outcome(report: EpisodeReport, metrics: Mapping[str, object]) -> tuple[Scor
 
 
 def _incidents(report: EpisodeReport) -> tuple[ScoreRow, ...]:
-    return tuple((f"{one.time_s:.1f} s, tick {one.tick}", one.line) for one in report.incidents)
+    return tuple((f"{incident.time_s:.1f} s, tick {incident.tick}", incident.line) for incident in report.incidents)
 
 
 def _events(report: EpisodeReport) -> tuple[ScoreRow, ...]:
@@ -100,14 +105,14 @@ def _events(report: EpisodeReport) -> tuple[ScoreRow, ...]:
 
 
 def _few(rows: tuple[ScoreRow, ...]) -> tuple[ScoreRow, ...]:
-    """The first of many, and how many more there are."""
+    """Return the first rows, and a row with the number of further ones."""
     more = len(rows) - MOST_ROWS
     return rows if more <= 0 else (*rows[:MOST_ROWS], ("", f"and {more} more (--json has all)"))
 
 
 def _log(rows: tuple[ScoreRow, ...]) -> str:
-    """`37.0 s, tick 4: uav[1] and uav[2] collided …; 60.0 s: …` on one line."""
-    return "; ".join(f"{when}: {what}".removeprefix(": ") for when, what in _few(rows)) or UNDEFINED
+    """Return rows as one line: `37.0 s, tick 4: uav[1] and uav[2] collided …; 60.0 s: …`."""
+    return "; ".join(f"{when}: {text}".removeprefix(": ") for when, text in _few(rows)) or UNDEFINED
 
 
 def _perception(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
@@ -154,13 +159,13 @@ def _cost(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
 
 
 def _of_them(metrics: Mapping[str, object], whole: str, part: str, kind: str) -> str:
-    """`4, 1 of them false`, or `4`."""
+    """Return a count and a part of it: `4, 1 of them false`, or `4`."""
     some = f", {metrics[part]} of them {kind}" if metrics.get(part) else ""
     return f"{_number(metrics.get(whole))}{some}"
 
 
 def _stages(stages: object) -> str:
-    """`detect 2/3, locate 1/3`."""
+    """Return the stages as text: `detect 2/3, locate 1/3`."""
     if not isinstance(stages, Sequence) or not stages:
         return UNDEFINED
     return ", ".join(f"{stage.name} {stage.done}/{stage.required}" for stage in stages)
@@ -173,7 +178,7 @@ def _number(value: object) -> str:
 
 
 def _exact(value: object, unit: str) -> str:
-    """`12.5 m`, `0.25`, `N/A`: no thousands separators, so that a program reads it."""
+    """Return a number for programs, without thousands separators: `12.5 m`, `0.25`, `N/A`."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return UNDEFINED if value is None else str(value)
     number = str(value) if isinstance(value, int) else f"{value:.6g}"

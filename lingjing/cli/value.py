@@ -1,4 +1,4 @@
-"""`lingjing value TRACE...`: what each message of an episode was worth: the score without it, found by branches."""
+"""`lingjing value TRACE...`: measure the value of each message of an episode: the score without it, by branches."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ from lingjing.trace.reader import read_trace
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.epilog = "exit codes: 0 all traces were tried, 2 one cannot be branched, 3 an engine failed"
+    parser.epilog = "exit codes: 0 all traces were measured, 2 a trace cannot be branched, 3 an engine failed"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap of an episode that ended by itself")
     parser.add_argument(
-        "--unsaid", action="store_true", help="messages are never sent: then no adjudicator hears a report either"
+        "--unsaid", action="store_true", help="messages are not sent, so no adjudicator receives a report either"
     )
-    parser.add_argument("--branches", metavar="N", default="200", help="how many messages of a trace (default 200)")
+    parser.add_argument(
+        "--branches", metavar="N", default="200", help="the greatest number of messages per trace (default 200)"
+    )
     add_branch_options(parser, referenced=False)
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Try the traces one after the other; one that cannot be branched does not keep the others from it."""
-    found: list[EpisodeValues] = []
+    """Measure the traces in order; the others are measured also if one cannot be."""
+    values: list[EpisodeValues] = []
     failed: list[LingjingError] = []
     most = int(parse_amount("--branches", args.branches, whole=True) or 1)
     for path in args.traces:
@@ -38,13 +40,13 @@ def handler(args: argparse.Namespace) -> int:
             trace = read_trace(path)
             with BranchProgress("starting") as progress:
                 options = branch_options(args, trace)
-                found.append(message_values(trace, options, unsaid=args.unsaid, most=most, progress=progress))
+                values.append(message_values(trace, options, unsaid=args.unsaid, most=most, progress=progress))
         except LingjingError as error:
             failed.append(error)
             say_error(error)
     if args.output_format == "json":
-        whole = {"episodes": found, "kinds": by_kind(found), "modes": by_mode(found)}
+        whole = {"episodes": values, "kinds": by_kind(values), "modes": by_mode(values)}
         sys.stdout.write(msgspec.json.encode(whole).decode() + "\n")
-    elif found:
-        print(value_text(found))
+    elif values:
+        print(value_text(values))
     return failed[0].exit_code if failed else ExitCode.OK

@@ -1,4 +1,4 @@
-"""`lingjing verify TRACE...`: whether traces are what was written, or the first record that is not."""
+"""`lingjing verify TRACE...`: check that traces are as they were written, or name the first wrong record."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.epilog = "exit codes: 0 all are ok, 1 one is wrong or cut, 2 one is no trace or cannot be read"
+    parser.epilog = "exit codes: 0 all traces are ok, 1 a trace is wrong or cut, 2 a file is no trace or cannot be read"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
     parser.add_argument("--key", metavar="KEYFILE", help="the key that `run --sign` signed them with")
     parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print a line, or an object, for each trace in the order given."""
+    """Print a line, or an object, for each trace in the order of the command line."""
     from lingjing.trace.seals import read_key
 
     key = read_key(args.key) if args.key else None
-    found = []
+    results = []
     for path in args.traces:
-        found.append(_verified(path, key))
+        results.append(_verified(path, key))
         if args.output_format == "text":
-            print(f"{path}: {found[-1].state}: {found[-1].said}", flush=True)
+            print(f"{path}: {results[-1].state}: {results[-1].said}", flush=True)
     if args.output_format == "json":
         import msgspec
 
-        print(json.dumps(msgspec.to_builtins(found), indent=2))
-    states = {one.state for one in found}
+        print(json.dumps(msgspec.to_builtins(results), indent=2))
+    states = {result.state for result in results}
     if states <= {"ok"}:
         return ExitCode.OK
     return ExitCode.USAGE if states <= {"ok", "unreadable"} else ExitCode.MISSION

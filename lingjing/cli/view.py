@@ -1,4 +1,4 @@
-"""`lingjing view TRACE`: an episode in the browser, as one HTML file, in Foxglove or in Rerun."""
+"""`lingjing view TRACE`: show an episode in the browser, as one HTML file, in Foxglove or in Rerun."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--follow", action="store_true", help="show an episode while it is played, as its trace grows")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--foxglove", action="store_true", help="in Foxglove; -o FILE.json writes the layout for it")
-    where.add_argument("--rerun", action="store_true", help="in Rerun; -o FILE.rrd writes the recording")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write one file (.html: it needs no network), and stop")
+    where.add_argument("--foxglove", action="store_true", help="show it in Foxglove; -o FILE.json writes the layout")
+    where.add_argument("--rerun", action="store_true", help="show it in Rerun; -o FILE.rrd writes the recording")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write one file (.html needs no network), and stop")
     parser.add_argument(
         "--pictures",
         metavar="MB",
         default="12",
-        help="what all pictures of an HTML file may take (default 12)",
+        help="the greatest size of all pictures of an HTML file (default 12)",
     )
     parser.add_argument("--port", metavar="N", default="0", help="the server's port (default: a free one)")
-    parser.add_argument("--no-open", action="store_true", help="print the address, open no browser")
+    parser.add_argument("--no-open", action="store_true", help="print the address and open no browser")
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by `run --watch`
 
 
@@ -71,14 +71,14 @@ def handler(args: argparse.Namespace) -> int:
 
 def _follow(args: argparse.Namespace, port: int) -> int:
     if args.output is not None:
-        raise UsageError("--follow shows an episode that goes on; -o writes one that is there", hint="leave one out")
+        raise UsageError("--follow shows a running episode; -o writes a finished one", hint="remove one of them")
     if args.rerun:
-        raise UsageError("--rerun shows an episode that has ended", hint="--follow goes with the browser or --foxglove")
+        raise UsageError("--rerun shows a finished episode", hint="use --follow with the browser or --foxglove")
     if args.foxglove:
         from lingjing.viewer.foxglove_server import FoxgloveServer
 
         live = FoxgloveServer(Path(args.trace), truth=args.truth, port=port)
-        say(f"the connection alone: {live.address}")
+        say(f"address of the connection: {live.address}")
         return serve(live, no_open=args.no_open)
     from lingjing.viewer.live import LiveSource
     from lingjing.viewer.server import ViewServer
@@ -96,7 +96,7 @@ def _foxglove(trace: Trace, args: argparse.Namespace, port: int) -> int:
     from lingjing.viewer.file_server import TraceFileServer
 
     server = TraceFileServer(trace.path, port)
-    say(f"its layout: lingjing view {args.trace} --foxglove -o layout.json, then `Import from file` in Foxglove")
+    say(f"for the layout: lingjing view {args.trace} --foxglove -o layout.json, then `Import from file` in Foxglove")
     return serve(server, no_open=args.no_open)
 
 
@@ -109,7 +109,7 @@ def _rerun(trace: Trace, args: argparse.Namespace) -> int:
         say_written(path)
         return ExitCode.OK
     if args.no_open:
-        raise UsageError("--rerun opens Rerun's viewer", hint="leave --no-open out, or write a file: -o episode.rrd")
+        raise UsageError("--rerun opens Rerun's viewer", hint="remove --no-open, or write a file: -o episode.rrd")
     with tempfile.TemporaryDirectory(prefix="lingjing-") as folder:
         path = Path(folder) / "episode.rrd"
         write_rerun(trace, path, truth=args.truth)
@@ -120,11 +120,11 @@ def _rerun(trace: Trace, args: argparse.Namespace) -> int:
     return ExitCode.OK
 
 
-def _check_suffix(output: str, suffixes: tuple[str, ...], what: str, name: str) -> None:
-    """Raise `UsageError` for a file that is called another kind; standard output and devices are called nothing."""
+def _check_suffix(output: str, suffixes: tuple[str, ...], rule: str, name: str) -> None:
+    """Raise `UsageError` for a file with a suffix of another kind. Standard output and devices are accepted."""
     path = Path(output)
     if output != "-" and path.suffix.lower() not in suffixes and (path.is_file() or not path.exists()):
-        raise UsageError(f"cannot write `{output}`: {what}", hint=f"name it {name}")
+        raise UsageError(f"cannot write `{output}`: {rule}", hint=f"name it {name}")
 
 
 def _written(text: str, output: str) -> int:
@@ -134,12 +134,12 @@ def _written(text: str, output: str) -> int:
     return ExitCode.OK
 
 
-class ShowingServer(Protocol):
+class _ShowingServer(Protocol):
     """A server that shows an episode at its `url`."""
 
     @property
     def url(self) -> str:
-        """What a browser opens."""
+        """The address for a browser."""
         ...
 
     def close(self) -> None:
@@ -147,11 +147,11 @@ class ShowingServer(Protocol):
         ...
 
 
-def serve(server: ShowingServer, *, no_open: bool) -> int:
+def serve(server: _ShowingServer, *, no_open: bool) -> int:
     """Print the address, open it, and wait for an interrupt."""
     try:
         print(server.url, flush=True)
-        say("the episode is at this address, for this machine alone; Ctrl-C ends it")
+        say("the episode is shown at this address, for this machine only; Ctrl-C stops the server")
         if not no_open:
             open_in_browser(server.url)
         while True:
@@ -163,6 +163,6 @@ def serve(server: ShowingServer, *, no_open: bool) -> int:
 
 
 def open_in_browser(url: str) -> None:
-    """Open an address, or say that it is to be opened by hand."""
+    """Open an address; print a message if no browser can be started."""
     if not webbrowser.open(url):
-        say("no browser could be started here: open the address yourself")
+        say("no browser could be started: open the address by hand")

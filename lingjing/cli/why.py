@@ -1,4 +1,4 @@
-"""`lingjing why TRACE...`: why episodes ended as they did, each in a screenful."""
+"""`lingjing why TRACE...`: explain the outcome of episodes, each on one screen."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print the endings, with an empty line between two."""
+    """Print the explanations, with an empty line between two."""
     from lingjing.analysis.ending import why
     from lingjing.trace.reader import read_trace
 

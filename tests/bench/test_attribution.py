@@ -66,7 +66,7 @@ def test_the_file_reads_back_in_one_order(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="of the format lingjing-planted/9"):
         read_planted(path)
     path.write_bytes(b"")
-    with pytest.raises(UsageError, match="no file of planted faults"):
+    with pytest.raises(UsageError, match="not a file of planted faults"):
         read_planted(path)
 
 
@@ -111,7 +111,7 @@ def test_it_is_no_suite_of_the_usual_form(capsys: pytest.CaptureFixture[str]) ->
     assert main(["bench", "planted", "--check", "--missions", "ssr"]) == ExitCode.OK
     assert "methods: families" in capsys.readouterr().err
     assert main(["bench", "reference", "--check", "--method", "families"]) == ExitCode.USAGE
-    assert "measures no methods" in capsys.readouterr().err
+    assert "measures no attribution methods" in capsys.readouterr().err
 
 
 # -- what is counted
@@ -228,7 +228,7 @@ def test_an_episode_that_was_cut_short_is_not_counted_and_played_again(report: E
     (row,) = AttributionRun(tmp_path, methods, lost, lambda line: None).run([planted])
     assert row.standing == "cut short"
     whole, *_ = attribution_tables([row], "T")
-    assert whole.notes == ("1 episodes were cut short, will be played again by the same command, and are not counted",)
+    assert whole.notes == ("1 episodes were cut short (the same command plays them again) and are not counted",)
     assert all(math.isnan(cell.value) for cell in whole.lines[0].cells)
     older = msgspec.structs.replace(planted, digest=last_digest(read_trace(report.trace), 1), digest_version=1)
     for known in (planted, older):
@@ -238,7 +238,7 @@ def test_an_episode_that_was_cut_short_is_not_counted_and_played_again(report: E
 
 def test_a_mission_that_is_not_among_the_planted_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "planted", "--check", "--missions", "ssx"]) == ExitCode.USAGE
-    assert "no such episodes" in capsys.readouterr().err
+    assert "no episode of the suite matches" in capsys.readouterr().err
 
 
 def test_a_method_in_a_file(tmp_path: Path) -> None:

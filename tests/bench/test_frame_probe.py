@@ -12,7 +12,7 @@ import pytest
 from lingjing.bench.frame_sets.balance import class_set
 from lingjing.bench.frame_sets.folder import read_class, write_set
 from lingjing.bench.frame_sets.probe import Confusion, ProbedFrame, probe_cell, probe_table, probed
-from lingjing.bench.frame_sets.twins import TWINS, read_twins, take_in, twin_picture
+from lingjing.bench.frame_sets.twins import TWINS, import_twins, read_twins, twin_picture
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
 from lingjing.plugins.frame_detector import FrameAnswer, FrameQuestion
@@ -74,7 +74,7 @@ def edit(made: Path, edits: Mapping[int, np.ndarray | bytes]) -> Path:
 def refused(made: Path, **edits: np.ndarray | bytes) -> dict[int, str]:
     """Why edits are refused, by the numbers of their frames (`e1`)."""
     numbers = {int(name[1:]): picture for name, picture in edits.items()}
-    twins = take_in(made, edit(made, numbers), made.parent / "twins", {})
+    twins = import_twins(made, edit(made, numbers), made.parent / "twins", {})
     names = {one.frame.name: one.frame.tick for one in read_class(made, PERSON)}
     return {names[one.name]: one.reason for one in twins.refused}
 
@@ -120,11 +120,11 @@ def test_somebodys_refusals_count_with_their_reasons_and_must_name_frames(made: 
     out = made.parent / "twins"
     command = ["frames", "twins", str(made), str(folder), "-o", str(out), "--refuse", str(listed)]
     assert main(command) == ExitCode.OK
-    assert "3 twins taken in, 1 edits refused: 1 a second person, added" in capsys.readouterr().out
+    assert "3 twins imported, 1 edits rejected: 1 a second person, added" in capsys.readouterr().out
     assert [one.reason for one in read_twins(out).refused] == ["a second person, added"]
     listed.write_text("another.jpg,why\n")
     assert main([*command[:-3], str(made.parent / "more"), *command[-2:]]) == ExitCode.USAGE
-    assert "the set has no such frame" in capsys.readouterr().err
+    assert "is not a frame of the set" in capsys.readouterr().err
     assert not (made.parent / "more").exists()
 
 
@@ -136,7 +136,7 @@ def test_a_twin_that_has_changed_since_is_told(made: Path) -> None:
     with pytest.raises(UsageError, match="has changed since"):
         twin_picture(folder, twin)
     (folder / TWINS).write_text("{}")
-    with pytest.raises(UsageError, match="not what this version writes"):
+    with pytest.raises(UsageError, match="has not the form of this version"):
         read_twins(folder)
 
 
@@ -212,7 +212,7 @@ def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Pat
     (counts,) = json.loads((out / "counts.json").read_text())
     assert sum(counts["frames"].values()) == 4
     assert main(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.USAGE
-    assert "there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Pat
         (["--detector", "colours", "--detector-arg", "size=3"], "size"),
         (["--detector", "model"], "model"),
         (["--classes", "whale"], "the set has no `whale`"),
-        (["--split", "validation"], "nothing was asked"),
+        (["--split", "validation"], "no frame to test"),
         (["--twins", "."], "holds no twins"),
     ],
 )

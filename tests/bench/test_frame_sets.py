@@ -132,7 +132,7 @@ def test_a_set_reads_back_as_it_was_written(written: Path) -> None:
 def test_a_picture_that_is_another_one_is_told(written: Path) -> None:
     one = read_class(written, PERSON)[0]
     (written / PERSON / one.split / one.frame.name).write_bytes(b"edited")
-    with pytest.raises(UsageError, match="not the picture that was exported"):
+    with pytest.raises(UsageError, match="not the exported picture"):
         read_picture(written, PERSON, one)
 
 
@@ -177,7 +177,7 @@ def test_the_image_folder_has_a_line_for_every_picture_and_the_card_a_configurat
 
 def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(tmp_path: Path) -> None:
     frames = [made_frame(1, boxes=(VICTIM,)), made_frame(2)]
-    with pytest.raises(UsageError, match="not the one that its trace speaks of"):
+    with pytest.raises(UsageError, match="does not match the hash in its trace"):
         write_set(tmp_path / "set", [class_set(frames, PERSON)], lambda name: b"other")
     assert list(tmp_path.iterdir()) == []
 
@@ -186,11 +186,11 @@ def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(
 def test_no_name_of_a_trace_leads_out_of_the_folder(name: str, tmp_path: Path) -> None:
     """Classes and missions are what a trace says, which may be anybody's."""
     frames = [made_frame(1, boxes=(VICTIM,), name=name), made_frame(2)]
-    with pytest.raises(UsageError, match="has no file"):
+    with pytest.raises(UsageError, match="cannot be a file"):
         write_set(tmp_path / "in" / "set", [class_set(frames, PERSON)], lambda _: picture(1))
     elsewhere = replace(VICTIM, cls=name)
     frames = [made_frame(1, boxes=(elsewhere,), targets=(name,)), made_frame(2, targets=(name,))]
-    with pytest.raises(UsageError, match="has no file"):
+    with pytest.raises(UsageError, match="cannot be a file"):
         write_set(tmp_path / "in" / "set", [class_set(frames, name)], pictures_of(frames))
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
@@ -200,7 +200,7 @@ def test_a_set_that_names_files_elsewhere_is_not_read(tmp_path: Path) -> None:
     write_set(tmp_path / "set", [class_set(frames, PERSON)], pictures_of(frames))
     file = tmp_path / "set" / PERSON / "frames.jsonl"
     file.write_text(file.read_text().replace("ssr-star-2000-00000000-f1.jpg", "/dev/zero"))
-    with pytest.raises(UsageError, match="has no file `/dev/zero`"):
+    with pytest.raises(UsageError, match="`/dev/zero` cannot be a file"):
         read_class(tmp_path / "set", PERSON)
 
 
@@ -213,7 +213,7 @@ def test_a_mission_of_a_trace_names_no_folder(episode: Path) -> None:
 
 def test_a_set_is_never_written_over_another(written: Path) -> None:
     before = files(written)
-    with pytest.raises(UsageError, match="there already"):
+    with pytest.raises(UsageError, match="already exists"):
         write_set(written, [class_set([made_frame(1)], PERSON)], pictures_of([]))
     assert files(written) == before
 
@@ -233,11 +233,11 @@ def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(e
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "seed 7 is kept for evaluations"),
+        ([], "seed 7 is reserved for evaluations"),
         (["--held-out", "none", "--classes", "whale"], "no frame shows a `whale`"),
         (["--held-out", "none", "--validation", "1"], "a share from 0 to below 1"),
-        (["--held-out", "none", "--most", "0"], "--most 0: at least one"),
-        (["--play", "ssr", "--seeds", "100-101"], "seed 100 is kept for evaluations"),
+        (["--held-out", "none", "--most", "0"], "--most 0: must be at least 1"),
+        (["--play", "ssr", "--seeds", "100-101"], "seed 100 is reserved for evaluations"),
     ],
 )
 def test_what_is_refused(episode: Path, tmp_path: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]

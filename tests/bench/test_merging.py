@@ -36,7 +36,7 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
     assert read_results(out) == rows
     assert "6 rows of 2 results" in capsys.readouterr().err
     assert main(["bench", "merge", *map(str, parts), "-o", str(out)]) == ExitCode.USAGE
-    assert "is there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,11 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
     [
         ({"suite": "other"}, r"more than one suite: `small` in .*a.parquet`, `other` in .*b.parquet`"),
         ({"code": "d" * 64}, r"more than one code: `c` in .*, `dddddddddddd` in"),
-        ({"options": PlayOptions(mission="ssr", policy="q")}, r"e, ssr-star, seed 0 was played with other options"),
-        ({"success": False}, r"e, ssr-star, seed 0 ended otherwise in .*: success with digest d, not success with d"),
+        ({"options": PlayOptions(mission="ssr", policy="q")}, r"e, ssr-star, seed 0 has different options"),
+        (
+            {"success": False},
+            r"e, ssr-star, seed 0 has different results in .*: success with digest d, and success with d",
+        ),
     ],
 )
 def test_what_does_not_fit_together_is_refused(changes: dict[str, object], said: str, tmp_path: Path) -> None:
@@ -56,9 +59,9 @@ def test_what_does_not_fit_together_is_refused(changes: dict[str, object], said:
 
 def test_places_that_drew_other_numbers_are_told_apart_from_those_that_do_not_repeat(tmp_path: Path) -> None:
     first = written(tmp_path, "a", made_row(policy_seed=1, salt_sha256="s"))
-    for seed, said in ((1, "does not repeat"), (2, "salts of their own")):
+    for seed, said in ((1, "is not deterministic"), (2, "different salts")):
         other = written(tmp_path, f"b{seed}", made_row(success=False, policy_seed=seed))
-        with pytest.raises(UsageError, match="ended otherwise") as refused:
+        with pytest.raises(UsageError, match="has different results") as refused:
             merge_results([first, other])
         assert said in refused.value.hint
 
@@ -102,7 +105,7 @@ def test_who_ties_shares_a_place() -> None:
     rows = [made_row(entrant=name, seed=seed, success=seed < won) for name, won in
             (("a", 1), ("b", 3), ("c", 1), ("d", 0)) for seed in range(4)]  # fmt: skip
     page = leaderboard(rows)
-    places = re.findall(r">(\d)</th><th[^>]*>([a-d])</th>", page[: page.index("Who played")])
+    places = re.findall(r">(\d)</th><th[^>]*>([a-d])</th>", page[: page.index(">Entrants<")])
     assert places == [("1", "b"), ("2", "a"), ("2", "c"), ("4", "d")]
 
 
@@ -116,8 +119,8 @@ def test_entrants_are_ranked_if_they_have_played_everything() -> None:
     ]
     assert [line[:2] for line in lines[:2]] == [["1", "strong"], ["2", "weak"]]
     assert lines[0][2] == "75" and lines[0][3].startswith("[")
-    assert page.index("not ranked: some columns are not played") < page.index(">half<")
-    assert page.index("not ranked: shown the truth") < page.index(">told †<")
+    assert page.index("not ranked: some columns were not played") < page.index(">half<")
+    assert page.index("not ranked: observes the ground truth") < page.index(">told †<")
 
 
 def test_the_page_holds_no_foreign_markup_and_loads_nothing() -> None:

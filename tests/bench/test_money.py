@@ -81,24 +81,24 @@ def test_it_does_not_start_without_a_limit_a_key_or_a_price(
     out = suite.parent / "out"
     command = ["bench", str(suite), "-o", str(out)]
     assert main(command) == ExitCode.USAGE
-    assert capsys.readouterr().err.startswith("error: models cannot be asked: GPT-5.5: OPENAI_API_KEY is not set")
+    assert capsys.readouterr().err.startswith("error: models cannot be called: GPT-5.5: OPENAI_API_KEY is not set")
     suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { api_key_env = "OWN_KEY" }'))
     assert main(command) == ExitCode.USAGE
-    assert capsys.readouterr().err.startswith("error: models cannot be asked: GPT-5.5: OWN_KEY is not set")
+    assert capsys.readouterr().err.startswith("error: models cannot be called: GPT-5.5: OWN_KEY is not set")
     suite.write_text(PAID)
     monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
     assert main(command) == ExitCode.USAGE
     told = capsys.readouterr().err
     assert re.search(r"^GPT-5.5: 2 episodes, at most 240 calls: about \$[\d.]+, at most \$[\d.]+$", told, re.M)
-    assert "say how much may be spent with --max-cost USD" in told and "a-key-that" not in told
+    assert "set a limit with --max-cost USD" in told and "a-key-that" not in told
     for wrong in ("0", "-3", "nan", "inf"):
         assert main([*command, "--max-cost", wrong]) == ExitCode.USAGE
-        assert "an amount of US dollars is due" in capsys.readouterr().err
+        assert "must be an amount of US dollars above 0" in capsys.readouterr().err
     models = suite.parent / "none" / "lingjing" / "models.toml"
     models.parent.mkdir(parents=True)
     models.write_text('[models."gpt-5.5"]\nservice = "openai"\nserved = "gpt-5.5"\n')
     assert main([*command, "--max-cost", "3"]) == ExitCode.USAGE
-    assert "money cannot be capped: the prices of gpt-5.5 are not known" in capsys.readouterr().err
+    assert "--max-cost needs prices, and those of gpt-5.5 are unknown" in capsys.readouterr().err
     assert not out.exists()
 
 
@@ -175,9 +175,9 @@ def test_episodes_without_a_record_are_told_before_any_is_replayed(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--calls", "replay"), "--calls replay and --calls-from DIR belong together"),
-        (("--calls-from", "somewhere"), "--calls replay and --calls-from DIR belong together"),
-        (("--calls", "replay", "--calls-from", "nowhere"), "`nowhere` is no suite's folder"),
+        (("--calls", "replay"), "--calls replay and --calls-from DIR need each other"),
+        (("--calls-from", "somewhere"), "--calls replay and --calls-from DIR need each other"),
+        (("--calls", "replay", "--calls-from", "nowhere"), "`nowhere` is not the results folder of a suite"),
     ],
 )
 def test_what_cannot_be_replayed_is_said(

@@ -144,7 +144,7 @@ def test_a_node_that_does_not_see_the_folder_or_has_other_code_says_so(tmp_path:
     (tmp_path / "lock").touch()
     options = PlayOptions(mission="bi")
     for lock, code, said in (
-        (tmp_path / "none", "x", "does not see"),
+        (tmp_path / "none", "x", "cannot read"),
         (tmp_path / "lock", "x", "has other code"),
     ):
         answer = play_on_node(msgspec.json.encode(RayTask(options, str(tmp_path / "run"), str(lock), code)))

@@ -38,7 +38,7 @@ def test_money_is_counted_its_limit_holds_and_the_record_replays(
         play = ["bench", str(suite), "-o", str(out)]
         assert main([*play, "--max-cost", "0.001"]) == ExitCode.USAGE, "less than one call may cost"
         assert (
-            "what is left of $0.001 may not pay another call ($0.00 is spent): 1 of 1 episodes are left"
+            "the rest of $0.001 may not pay for another call ($0.00 spent): 1 of 1 episodes are not played"
             in capsys.readouterr().err
         )
         assert read_results(out) == [] and server.requests == []

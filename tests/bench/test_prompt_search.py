@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from lingjing.bench import prompt_search
-from lingjing.bench.folder import alone_in
+from lingjing.bench.folder import lock_folder
 from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptSearch
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
@@ -72,7 +72,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
 
     monkeypatch.setattr(prompt_search, "play_apart", play)
     monkeypatch.setattr(prompt_search, "read_trace", lambda path: path)
-    monkeypatch.setattr(prompt_search, "failed_episode", lambda trace: f"failed in {trace}")
+    monkeypatch.setattr(prompt_search, "_failed_episode", lambda trace: f"failed in {trace}")
     return done
 
 
@@ -125,7 +125,7 @@ def test_a_folder_of_another_search_is_refused(tmp_path: Path, played: list):
         search(tmp_path, Reviser("worse"), options=other).run("first", 1)
     elsewhere = PlayOptions(mission="m", policy="react", policy_args={"base_url": "http://localhost:9/v1"})
     assert search(tmp_path, Reviser(), options=elsewhere).run("first", 1).text == "first"
-    with alone_in(tmp_path, "search of prompts"), pytest.raises(UsageError, match="another search of prompts"):
+    with lock_folder(tmp_path, "search of prompts"), pytest.raises(UsageError, match="another search of prompts"):
         search(tmp_path, Reviser()).run("first", 1)
 
 
@@ -211,7 +211,7 @@ def test_a_paid_search_says_what_it_costs_and_starts_with_a_limit_alone(
     assert not list(tmp_path.iterdir())
     command[-1] = "model=unheard-of"
     assert main([*command, "--max-cost", "5"]) == ExitCode.USAGE
-    assert "prices of unheard-of are not known" in capsys.readouterr().err
+    assert "those of unheard-of are unknown" in capsys.readouterr().err
 
 
 def test_shipped_prompts_are_listed_and_shown(capsys: pytest.CaptureFixture[str]):

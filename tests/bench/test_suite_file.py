@@ -124,7 +124,7 @@ def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, hos
     [
         ('[[entrants]]\nmodel = "large-2"', "entrants[2].model: there is no model `large-2`; did you mean `large-1`?"),
         ('[[entrants]]\nmodel = "large-1"\npolicy = "oracle"', "entrants[2]: is a model or a policy"),
-        ('[[entrants]]\npolicy = "oracle"', "entrants[2].name: `oracle` is there twice; give each a name of its own"),
+        ('[[entrants]]\npolicy = "oracle"', "entrants[2].name: `oracle` is listed twice; give each a different name"),
         ('[[entrants]]\npolcy = "x"', "entrants[2].polcy: is not known; did you mean `policy`?"),
         (
             '[[entrants]]\nname = "s"\npolicy = "scripted"\nargs = { script = "a.json", skript = 3 }',
@@ -132,7 +132,7 @@ def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, hos
         ),
         (
             '[[conditions]]\nname = "c"\nmissions = ["ssr"]',
-            "conditions[0].missions[0]: `ssr` is none of the suite's missions; known missions: bi, cd",
+            "conditions[0].missions[0]: `ssr` is not a mission of the suite; known missions: bi, cd",
         ),
         (
             '[[conditions]]\nname = "c"\nmissions = ["bi"]\nmodes = ["star"]',
@@ -177,17 +177,17 @@ def test_a_mistake_is_named_with_what_was_meant(wrong: str, said: str, tmp_path:
         ("suite = 1", "suite = 2", "suite: is 2; this version of lingjing reads suites of form 1"),
         ("suite = 1", "", "suite: is missing"),
         ('name = "small"', 'name = "../x"', "name: "),
-        ("seeds = 2", "seeds = 0", "seeds: is 0, and names no seeds"),
-        ("seeds = 2", "seeds = true", "seeds: is yes, and names no seeds"),
-        ("seeds = 2", "seeds = [1, -1]", "seeds: is a list, and names no seeds"),
-        ("seeds = 2", 'seeds = "0"', "seeds: is '0', and names no seeds"),
-        ("seeds = 2", 'seeds = "100001"', "seeds: is '100001', and names no seeds"),
-        ("seeds = 2", 'seeds = "0-100000"', "seeds: is '0-100000', and names no seeds"),
-        ("seeds = 2", 'seeds = "1-2-3"', "seeds: is '1-2-3', and names no seeds"),
-        ("seeds = 2", f'seeds = "{"9" * 5000}"', "seeds: is a long text, and names no seeds"),
+        ("seeds = 2", "seeds = 0", "seeds: is 0, which is neither a number of seeds"),
+        ("seeds = 2", "seeds = true", "seeds: is yes, which is neither a number of seeds"),
+        ("seeds = 2", "seeds = [1, -1]", "seeds: is a list, which is neither a number of seeds"),
+        ("seeds = 2", 'seeds = "0"', "seeds: is '0', which is neither a number of seeds"),
+        ("seeds = 2", 'seeds = "100001"', "seeds: is '100001', which is neither a number of seeds"),
+        ("seeds = 2", 'seeds = "0-100000"', "seeds: is '0-100000', which is neither a number of seeds"),
+        ("seeds = 2", 'seeds = "1-2-3"', "seeds: is '1-2-3', which is neither a number of seeds"),
+        ("seeds = 2", f'seeds = "{"9" * 5000}"', "seeds: is a long text, which is neither a number of seeds"),
         ("seeds = 2", 'seeds = 2\nmodes = ["star"]\nevaluators = ["mision"]', "evaluators[0]: there is no evaluator"),
         ('["bi", "cd"]', '["bi"]\nmodes = ["star"]', "modes[0]: none of bi is played in mode `star`"),
-        ('["bi", "cd"]', '["bi", "bi"]', "missions[1]: `bi` is there twice"),
+        ('["bi", "cd"]', '["bi", "bi"]', "missions[1]: `bi` is listed twice"),
     ],
 )
 def test_a_wrong_head_is_told(old: str, new: str, said: str, tmp_path: Path, host: PluginHost) -> None:

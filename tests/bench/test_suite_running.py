@@ -171,7 +171,9 @@ def test_policy_seeds_come_from_the_suites_own_salt(plan: SuitePlan, tmp_path: P
 def test_rows_of_other_code_other_options_or_another_suite_stop_it(plan: SuitePlan, tmp_path: Path) -> None:
     play(plan, tmp_path / "a", AnsweringExecutor())
     before = (tmp_path / "a" / "results.parquet").read_bytes()
-    with pytest.raises(UsageError, match=r"^12 of the 12 rows in .* were played by other code or missions \(code; now"):
+    with pytest.raises(
+        UsageError, match=r"^12 of the 12 rows in .* were played with other code or missions \(code; now"
+    ):
         play(plan, tmp_path / "a", AnsweringExecutor(), code="other")
     with open_results(tmp_path / "a") as results:
         results.add(made_row(suite="else", entrant="x"))
@@ -320,7 +322,7 @@ def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
         (b"PAR1 and then nothing", "holds no results of a suite"),
         (b'[{"case": 1}]', "holds no results of a suite"),
         ("table", "holds no results that this version reads: nothing says that it is one"),
-        ("version", "holds no results that this version reads: it has form 9"),
+        ("version", "holds no results that this version can read: it has version 9"),
         ("report", r"row 0 of .* cannot be read: .*`mission`"),
         ("half", "holds no results of a suite"),
     ],

@@ -47,7 +47,7 @@ def test_who_loses_episodes_is_neither_bold_nor_ranked_and_shows_its_cases() -> 
     assert page.index(">fair<") < page.index(OPEN) < page.index(">sly ‡<")
     assert cells([*fair, *sly], "intervals")["sly ‡"][0][0] == "100 (90..100)"
     (table,) = make_tables([*fair, *sly], ("success",))
-    assert any(note.startswith("‡ has episodes that are lost") for note in table.notes)
+    assert any(note.startswith("‡ has episodes that were lost") for note in table.notes)
     assert r"\ddag" in to_latex(table)
 
 

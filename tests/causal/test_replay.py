@@ -183,7 +183,7 @@ def test_a_trace_of_another_version_says_so_even_if_it_is_confirmed(search: Trac
     header = replace(search.header, fingerprint={**search.header.fingerprint, "jsbsim": "0.0.1"})
     told = replay(Trace(search.path, header, search.boundaries, search.outcome, True, search.places), world="inline")
     assert told.difference is None
-    assert "confirmed though made with other libraries: jsbsim 0.0.1 (here " in sentence(told)
+    assert "confirmed, although recorded with other libraries: jsbsim 0.0.1 (here " in sentence(told)
 
 
 def test_a_file_that_is_cut_anywhere_is_run_as_far_as_it_reads(search: Trace, tmp_path: Path) -> None:
@@ -208,7 +208,7 @@ def test_a_partial_trace_is_run_to_its_last_boundary(search: Trace) -> None:
     part = Trace(search.path, search.header, search.boundaries[:4], None, False, search.places)
     told = replay(part, world="inline")
     assert told.difference is None and told.confirmed == 4 and not told.ends
-    assert "\n  what followed was not: the file has no outcome; " in sentence(told)
+    assert "\n  the rest is not confirmed: the file has no outcome; " in sentence(told)
     with pytest.raises(UsageError, match="holds no boundary"):
         replay(Trace(search.path, search.header, (), None, False), world="inline")
 

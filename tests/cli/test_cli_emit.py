@@ -30,7 +30,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     done = lingjing("compile", data_path("scenarios", "reset", "ssr-001.json"), "--emit", "ljs")
     assert done.returncode == 0
     assert done.stdout.startswith("ljs 1\n")
-    assert "note: $.origin.document has no place in .ljs text and is left out" in done.stderr
+    assert "note: $.origin.document cannot be written in .ljs and is left out" in done.stderr
 
 
 def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:

@@ -74,7 +74,7 @@ def test_a_compiled_mission_draws_the_same_graph(tmp_path: Path, capsys: pytest.
     ("arguments", "message"),
     [
         (["--mode", "mesh"], "no mode `mesh`"),
-        (["-o", "graph.png"], "no format is written to `*.png`"),
+        (["-o", "graph.png"], "the suffix `.png` belongs to no format"),
         (["-o", "nowhere/at/all/graph.svg"], "cannot write `nowhere/at/all/graph.svg`"),
     ],
 )

@@ -104,10 +104,10 @@ def test_variables_that_are_not_text_reach_episodes_of_their_own_process(tmp_pat
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("suite = " + "[" * 100_000, "` is no suite: its values are nested too deeply"),
-        ("suite = " + "{a = " * 100_000, "` is no suite: its values are nested too deeply"),
+        ("suite = " + "[" * 100_000, "` is not a suite: its values are nested too deeply"),
+        ("suite = " + "{a = " * 100_000, "` is not a suite: its values are nested too deeply"),
         ("suite = " + "9" * 5000, "` is not TOML: Exceeds the limit"),
-        ("#" * (4 * 2**20 + 1), "` is no suite: it is longer than 4 MB"),
+        ("#" * (4 * 2**20 + 1), "` is not a suite: it is longer than 4 MB"),
     ],
 )
 def test_a_suite_beyond_reason_is_refused(tmp_path: Path, text: str, problem: str) -> None:

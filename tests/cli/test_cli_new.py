@@ -55,10 +55,10 @@ def test_a_new_agent_finds_somebody_and_sends_the_boat(tmp_path: Path) -> None:
 
 def test_nothing_is_overwritten_and_names_are_checked(tmp_path: Path) -> None:
     assert write_mission("水", tmp_path).name == "水.ljs"
-    with pytest.raises(UsageError, match="already there"):
+    with pytest.raises(UsageError, match="already exists"):
         write_mission("水", tmp_path)
     for name in ("two words", "mission", "1st", "", "../up"):
-        with pytest.raises(UsageError, match="is not a name"):
+        with pytest.raises(UsageError, match="cannot be the name"):
             write_mission(name, tmp_path)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.newengine import plugin_name, write_engine
+from lingjing.cli.new import plugin_name, write_engine
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, name_of
@@ -107,7 +107,7 @@ def test_it_is_not_found_without_being_installed(package: Path, tmp_path: Path) 
 
 @pytest.mark.parametrize("name", ["two words", "mission", "1st", "", "../up", "std", "scenarios", "class", "水", "_x"])
 def test_a_name_that_is_none_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match="is not a name") as mistake:
+    with pytest.raises(UsageError, match="cannot be the name") as mistake:
         plugin_name(name)
     assert mistake.value.hint
 
@@ -115,12 +115,12 @@ def test_a_name_that_is_none_is_refused(name: str) -> None:
 def test_nothing_is_overwritten_and_no_name_is_taken_twice(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     assert write_engine("mine", tmp_path / "mine") == tmp_path / "mine"
-    with pytest.raises(UsageError, match="already there"):
+    with pytest.raises(UsageError, match="already exists"):
         write_engine("mine", tmp_path / "mine")
     for name, kind in (("plane", "engine"), ("oracle", "policy")):
         with pytest.raises(UsageError, match=f"there is {kind} `{name}` already"):
             write_engine(name, tmp_path / name)
         assert not (tmp_path / name).exists()
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="already there"):
+    with pytest.raises(UsageError, match="already exists"):
         write_engine("other", tmp_path / "file")

@@ -156,7 +156,7 @@ def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
         (("--seed", "-1"), "`-1` is not a seed"),
         (("--seeds", "5-1"), "runs backwards"),
         (("--seeds", "0-"), "--seeds 0-: a range has two ends"),
-        (("-j", "0"), "at least one"),
+        (("-j", "0"), "must be a whole number of at least 1"),
         (("-o", "/proc/nowhere"), "/proc/nowhere"),
     ],
 )
@@ -264,7 +264,7 @@ def test_what_is_left_of_an_aborted_episode_decides_what_is_advised(tmp_path: Pa
     trace = tmp_path / "trace.mcap.part"
     missing = made_report(reason="infrastructure-abort", success=False, trace=str(trace))
     explain([missing])
-    assert "if something clears its folder" in capsys.readouterr().err
+    assert "if a program clears the folder" in capsys.readouterr().err
     trace.touch()
     explain([missing])
-    assert "the trace holds what happened before" in capsys.readouterr().err
+    assert "the trace holds the episode up to this error" in capsys.readouterr().err

@@ -41,7 +41,7 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
     )
     try:
         assert process.stderr is not None
-        said = "".join(iter(process.stderr.readline, "the episode is over; its page stays until Ctrl-C\n"))
+        said = "".join(iter(process.stderr.readline, "the episode has ended; its page stays until Ctrl-C\n"))
         url = next(word for word in said.replace(",", " ").split() if word.startswith("http://"))
         host, _, rest = url.removeprefix("http://").partition("/")
         connection = http.client.HTTPConnection(host, timeout=300)

@@ -109,7 +109,7 @@ def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixtur
         (["draw", "nowhere", "-o", "a.png"], "error: there is no mission `nowhere`"),
         (["info", "ssr", "--seed", "x"], "is not a seed"),
         (["info", "town.osm"], "hint: build it first: lingjing scene build town.osm -o FOLDER"),
-        (["draw", "town.osm", "-o", "a.png"], "error: `town.osm` is a map, no city yet"),
+        (["draw", "town.osm", "-o", "a.png"], "error: `town.osm` is a map, not a city"),
     ],
 )
 def test_mistakes_give_one_message(

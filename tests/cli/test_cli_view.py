@@ -87,7 +87,7 @@ def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) 
     for arguments, said in (
         (("view", trace, "-o", trace), "this command reads it"),
         (("view", trace, "-o", tmp_path / "link.html"), "this command reads it"),
-        (("view", trace, "-o", other), "a trace is there, which is never replaced"),
+        (("view", trace, "-o", other), "it holds a trace, which is never replaced"),
         (("view", trace, "--foxglove", "-o", other), "a trace is there"),
         (("metrics", trace, "-o", trace), "this command reads it"),
         (("report", trace, "-o", other), "a trace is there"),
@@ -130,8 +130,8 @@ def test_other_viewers_get_their_files_and_wrong_use_is_told(path: Path, tmp_pat
     for arguments, said in (
         ((path, "--foxglove", "--rerun"), "not allowed with"),
         ((path, "--rerun", "-o", tmp_path / "x.mcap"), ".rrd" if importlib.util.find_spec("rerun") else "rerun-sdk"),
-        ((path, "--rerun", "--follow"), "--rerun shows an episode that has ended"),
-        ((path, "--follow", "-o", tmp_path / "x.html"), "leave one out"),
+        ((path, "--rerun", "--follow"), "--rerun shows a finished episode"),
+        ((path, "--follow", "-o", tmp_path / "x.html"), "remove one of them"),
         ((path, "--foxglove", "-o", tmp_path / "no" / "x.json"), "cannot write"),
     ):
         done = view(*arguments)

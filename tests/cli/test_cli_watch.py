@@ -21,7 +21,7 @@ from rich.console import Console
 
 from lingjing.cli.watch import EpisodeDisplays
 from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, window_around
-from lingjing.cli.watch.displays import SHARE, Watching
+from lingjing.cli.watch.displays import SHARE, EpisodeDisplay
 from lingjing.cli.watch.screen import Screen
 from lingjing.data import data_path
 from lingjing.dsl.loading.load import load_mission
@@ -167,7 +167,7 @@ def test_drawing_keeps_to_its_share_of_the_time(trace: Trace, city: City, monkey
     clock = [0.0]
     monkeypatch.setattr("lingjing.cli.watch.displays.time.perf_counter", lambda: clock[0])
     drawn: list[int] = []
-    watching = Watching(trace.header.instance, city, "heuristic", truth=False)
+    watching = EpisodeDisplay(trace.header.instance, city, "heuristic", truth=False)
 
     def draw() -> None:
         clock[0] += 0.05
@@ -187,7 +187,7 @@ def test_without_a_terminal_it_is_refused_with_a_way_out(tmp_path: Path) -> None
         [*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path, capture_output=True, text=True, timeout=900
     )
     assert done.returncode == 2
-    assert "error: --watch draws on the terminal" in done.stderr and "hint: leave --watch out" in done.stderr
+    assert "error: --watch draws on the terminal" in done.stderr and "hint: remove --watch" in done.stderr
     assert "Traceback" not in done.stderr and done.stdout == "" and list(tmp_path.iterdir()) == []
 
 
@@ -204,7 +204,7 @@ def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setenv("TERM", "dumb")
     displays = EpisodeDisplays(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
     assert type(displays("ssr seed 0")).__name__ == "LiveProgress"
-    assert capsys.readouterr().err == "note: this terminal cannot be drawn on (TERM=dumb): progress only\n"
+    assert capsys.readouterr().err == "note: this terminal has no cursor control (TERM=dumb): only progress is shown\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
     with pytest.raises(UsageError, match="--watch draws on the terminal"):
         EpisodeDisplays(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
@@ -220,7 +220,7 @@ def test_each_of_several_episodes_is_watched_with_its_own_seed(monkeypatch: pyte
     seen = []
     for seed, _ in displays.follow([(3, None), (5, None)]):
         watching = displays(f"ssr seed {seed}")
-        assert isinstance(watching, Watching)
+        assert isinstance(watching, EpisodeDisplay)
         seen.append((watching._watched.instance.seed, watching._watched.instance.mode, watching._watched.truth))
     assert seen == [(3, "star", True), (5, "star", True)]
 

@@ -103,4 +103,4 @@ def test_explain(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_explain_rejects_unknown_codes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", "LJ010l"]) == ExitCode.USAGE
-    assert "no error has the code `LJ010l`" in capsys.readouterr().err
+    assert "there is no error code `LJ010l`" in capsys.readouterr().err

@@ -57,7 +57,7 @@ def test_models_are_listed_by_name_with_what_they_cost() -> None:
     assert list(host.models) == ["large-1", "other-1", "small-1"]
     told = {offer.name: offer.notes for offer in offers(host, [])}
     assert told["large-1"] == "commercial, $1.25 in and $10 out a million tokens"
-    assert (told["small-1"], told["other-1"]) == ("open, free", "open, price not known")
+    assert (told["small-1"], told["other-1"]) == ("open, free", "open, price unknown")
 
 
 def test_what_is_no_model_is_named_when_the_models_are_asked_for() -> None:

@@ -279,7 +279,7 @@ def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
     (pair,) = pairs.drawings
     with painted(pair) as painting:
         assert len(painting.pictures) == 2
-    assert pairs.notes == ("2 pairs, 0 edits refused",)
+    assert pairs.notes == ("2 pairs, 0 edits rejected",)
 
 
 def test_traced_episodes_give_pictures(evidence: ReportEvidence) -> None:

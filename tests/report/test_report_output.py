@@ -318,15 +318,15 @@ def test_an_impossible_request_is_one_message(runs: Path, tmp_path: Path, capsys
     (tmp_path / "empty").mkdir()
     place = str(runs)
     for arguments, message in (
-        (["report"], "nothing to report"),
+        (["report"], "no place is named"),
         (["report", str(tmp_path / "empty")], "holds no trace and no results"),
         (["report", str(tmp_path / "gone")], "there is no"),
         (["report", place, "--figure", "scalling"], "did you mean `scaling`?"),
         (["report", place, "--figure", "scaling", "-o", str(tmp_path / "s.svg")], "run lingjing bench scaling"),
-        (["report", place, "--figure", "maps", "-o", "x.pdf"], "a figure is an .svg or .png"),
+        (["report", place, "--figure", "maps", "-o", "x.pdf"], "a figure is written as .svg or .png"),
         (["report", place, "-o", str(tmp_path / "gone" / "r.html")], "No such file or directory"),
         (["report", place, "-o", str(tmp_path)], "it is a folder"),
-        (["report", place, "-j", "0"], "at least one"),
+        (["report", place, "-j", "0"], "must be at least 1"),
     ):
         assert main(arguments) == ExitCode.USAGE, arguments
         shown = capsys.readouterr()

@@ -1,9 +1,14 @@
-"""Labelled sets of frames for detectors, and the paper's probe of how they bear another appearance.
+"""Labelled sets of frames for detectors, and the paper's probe of detectors on pictures of another appearance.
 
-`sources` names traces, or has development episodes played → `labelled` reads frames with their true boxes out of them →
-`balance` chooses as many with a target as without, hard ones first, and splits them by seed → `folder` writes the set
-as COCO and as a Hugging Face image folder, with a `card`, and reads it back.
-`twins` takes in edited pictures of a set's frames; `probe` asks detectors whether frames and twins show a target, and
-makes the table of F1.
-In: traces, pictures that others edited; out: folders that are there whole or not at all, counts, a table.
+A *frame set* holds, for each class of targets, frames with and without a target, split by seed. A *twin* is an edited
+picture of a frame, with the same entities at the same places. A *probe* compares detectors on frames and twins.
+
+- `sources`   finds traces, or plays development episodes
+- `labelled`  frames of a trace with their true boxes
+- `balance`   chooses as many frames with a target as without, hard ones first, and splits them by seed
+- `folder`    writes a set as COCO and as a Hugging Face image folder with a card, and reads it
+- `twins`     imports edited pictures of a set
+- `probe`     runs detectors on frames and twins, and makes the table of F1
+
+Folders are written completely or not at all.
 """

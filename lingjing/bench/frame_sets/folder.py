@@ -1,12 +1,12 @@
-"""A frame set as a folder: pictures, COCO annotations, a Hugging Face image folder and its card; written and read back.
+"""The folder of a frame set: pictures, COCO annotations, a Hugging Face image folder and a card.
 
     SET/README.md                         the card, with a configuration for each class
-    SET/CLASS/frames.jsonl                what is known of each frame: `SetFrame`, one a line
+    SET/CLASS/frames.jsonl                the labels of each frame: one `SetFrame` per line
     SET/CLASS/coco_train.json             COCO, file names relative to SET/CLASS; coco_validation.json beside it
     SET/CLASS/train/metadata.jsonl        for Hugging Face's `imagefolder`, beside the pictures; validation/ likewise
     SET/CLASS/train/NAME.jpg              the stored bytes of the trace
 
-The folder appears whole or not at all, and is a function of its frames.
+The folder is complete or absent, and is a function of its frames.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,8 +22,9 @@ from typing import Any
 
 import msgspec
 
+from lingjing.bench.dataset_card import PAPER, seed_ranges
+from lingjing.bench.exports import escape_markdown
 from lingjing.bench.frame_sets.balance import SPLITS, ClassSet, SetFrame, Split
-from lingjing.bench.frame_sets.card import frame_card
 from lingjing.errors import UsageError
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.trace.records import Box
@@ -35,26 +37,26 @@ PixelBounds = tuple[float, float, float, float]
 
 
 def write_set(target: Path, sets: Sequence[ClassSet], jpeg: Callable[[str], bytes], about: str = "") -> None:
-    """Write class sets; `jpeg` gives a frame's picture by its name.
+    """Write class sets; `jpeg` returns a frame's picture by its name.
 
-    Raises `UsageError` if the folder cannot be written or holds something already, if a picture is not the one that
-    its frame speaks of, or if a class or a frame has a name that no file should have: both come from traces.
+    Raises `UsageError` if the folder cannot be written or is not empty, if a picture does not match its frame, or if a
+    class or a frame has an unsafe file name: both come from traces.
     """
     with new_folder(target) as folder:
-        for one in sets:
-            _write_class(folder / _plain(one.cls), one, jpeg)
-        (folder / CARD).write_text(frame_card(sets, about), encoding="utf-8")
+        for class_set in sets:
+            _write_class(folder / _plain(class_set.cls), class_set, jpeg)
+        (folder / CARD).write_text(_frame_card(sets, about), encoding="utf-8")
 
 
 def check_new(target: Path) -> None:
-    """Raise `UsageError` if something else than an empty folder is there already."""
+    """Raise `UsageError` unless the path is free or an empty folder."""
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise UsageError(f"`{target}` is there already", hint="nothing is overwritten: name a new folder")
+        raise UsageError(f"`{target}` already exists", hint="nothing is overwritten: name a new folder")
 
 
 @contextmanager
 def new_folder(target: Path) -> Iterator[Path]:
-    """A folder to fill, which is at `target` in the end, whole or not at all.
+    """Yield a folder to fill, which is moved to `target` at the end, so that `target` is complete or absent.
 
     Raises `UsageError` if it cannot be written, or as `check_new` does.
     """
@@ -71,42 +73,46 @@ def new_folder(target: Path) -> Iterator[Path]:
         ) from error
 
 
-def _write_class(folder: Path, one: ClassSet, jpeg: Callable[[str], bytes]) -> None:
+def _write_class(folder: Path, class_set: ClassSet, jpeg: Callable[[str], bytes]) -> None:
     folder.mkdir()
     encoder = msgspec.json.Encoder()
-    (folder / FRAMES).write_bytes(b"".join(encoder.encode(frame) + b"\n" for frame in one.frames))
+    (folder / FRAMES).write_bytes(b"".join(encoder.encode(frame) + b"\n" for frame in class_set.frames))
     for split in SPLITS:
-        mine = [each for each in one.frames if each.split == split]
+        mine = [each for each in class_set.frames if each.split == split]
         (folder / split).mkdir()
         for each in mine:
             picture = jpeg(each.frame.name)
             if hashlib.sha256(picture).hexdigest() != each.frame.sha256:
-                raise UsageError(f"the picture of {each.frame.name} is not the one that its trace speaks of")
+                raise UsageError(f"the picture of {each.frame.name} does not match the hash in its trace")
             (folder / split / _plain(each.frame.name)).write_bytes(picture)
-        (folder / f"coco_{split}.json").write_text(json.dumps(coco(one.cls, mine), indent=1) + "\n", encoding="utf-8")
-        lines = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in _metadata(one.cls, mine))
+        (folder / f"coco_{split}.json").write_text(
+            json.dumps(coco(class_set.cls, mine), indent=1) + "\n", encoding="utf-8"
+        )
+        lines = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in _metadata(class_set.cls, mine))
         (folder / split / "metadata.jsonl").write_text(lines, encoding="utf-8")
 
 
 def _plain(name: str) -> str:
-    """The name of a file in a folder, which leads nowhere else. Raises `UsageError` for any other."""
+    """Return the name if it is a plain file name. Raises `UsageError` for any other."""
     if not re.fullmatch(r"\w[\w.-]{0,199}", name):
-        raise UsageError(f"a frame set has no file `{name[:200]}`", hint="names hold letters, digits, `_`, `.` and `-`")
+        raise UsageError(
+            f"`{name[:200]}` cannot be a file of a frame set", hint="names hold letters, digits, `_`, `.` and `-`"
+        )
     return name
 
 
 def coco(cls: str, frames: Iterable[SetFrame]) -> dict[str, Any]:
-    """COCO's annotations of one class. `area` are the visible pixels of a target, as a mask's would be."""
+    """Return COCO's annotations of one class. `area` is the number of visible pixels of a target, as of a mask."""
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
-    for number, one in enumerate(frames, 1):
-        frame = one.frame
+    for number, item in enumerate(frames, 1):
+        frame = item.frame
         size = {"width": frame.pose.width, "height": frame.pose.height}
-        told = {"present": one.present, "hard": one.hard, "mission": frame.mission, "seed": frame.seed}
-        images.append({"id": number, "file_name": f"{one.split}/{frame.name}", **size, **told})
+        labels = {"present": item.present, "hard": item.hard, "mission": frame.mission, "seed": frame.seed}
+        images.append({"id": number, "file_name": f"{item.split}/{frame.name}", **size, **labels})
         annotations += [
             {
-                "id": len(annotations) + place, "image_id": number, "category_id": 1, "bbox": pixel_bounds(one, box),
+                "id": len(annotations) + place, "image_id": number, "category_id": 1, "bbox": _pixel_bounds(item, box),
                 "area": box.pixels, "iscrowd": 0,
             }
             for place, box in enumerate(frame.shows(cls), 1)
@@ -120,59 +126,127 @@ def coco(cls: str, frames: Iterable[SetFrame]) -> dict[str, Any]:
     }
 
 
-def pixel_bounds(one: SetFrame, box: Box) -> PixelBounds:
-    """A normalised box in COCO's form, to a hundredth of a pixel."""
-    wide, high = one.frame.pose.width, one.frame.pose.height
+def _pixel_bounds(item: SetFrame, box: Box) -> PixelBounds:
+    """Return a normalised box in COCO's form, rounded to 0.01 pixels."""
+    wide, high = item.frame.pose.width, item.frame.pose.height
     x0, y0, x1, y1 = box.box
     return round(x0 * wide, 2), round(y0 * high, 2), round((x1 - x0) * wide, 2), round((y1 - y0) * high, 2)
 
 
 def _metadata(cls: str, frames: Iterable[SetFrame]) -> Iterator[dict[str, Any]]:
-    for one in frames:
-        boxes = [list(pixel_bounds(one, box)) for box in one.frame.shows(cls)]
+    for item in frames:
+        boxes = [list(_pixel_bounds(item, box)) for box in item.frame.shows(cls)]
         yield {
-            "file_name": one.frame.name,
-            "present": one.present,
-            "hard": one.hard,
+            "file_name": item.frame.name,
+            "present": item.present,
+            "hard": item.hard,
             "objects": {"bbox": boxes, "category": [cls] * len(boxes)},
-            "mission": one.frame.mission,
-            "seed": one.frame.seed,
-            "camera": one.frame.camera,
+            "mission": item.frame.mission,
+            "seed": item.frame.seed,
+            "camera": item.frame.camera,
         }
 
 
 def set_classes(folder: Path) -> tuple[str, ...]:
-    """The classes of a set's folder. Raises `UsageError` if it is none."""
-    found = tuple(sorted(path.parent.name for path in folder.glob(f"*/{FRAMES}")))
-    if not found:
-        raise UsageError(f"`{folder}` is no frame set", hint="`lingjing frames export` makes one")
-    return found
+    """Return the classes of a set's folder. Raises `UsageError` for another folder."""
+    classes = tuple(sorted(path.parent.name for path in folder.glob(f"*/{FRAMES}")))
+    if not classes:
+        raise UsageError(f"`{folder}` is not a frame set", hint="`lingjing frames export` makes one")
+    return classes
 
 
 def read_class(folder: Path, cls: str) -> tuple[SetFrame, ...]:
-    """The frames of one class. Raises `UsageError` if they cannot be read."""
+    """Return the frames of one class. Raises `UsageError` if they cannot be read."""
     file = folder / cls / FRAMES
     try:
         frames = tuple(msgspec.json.decode(line, type=SetFrame) for line in file.read_bytes().splitlines())
     except OSError as error:
         raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
     except msgspec.DecodeError as error:
-        raise UsageError(f"`{file}` is not what this version writes: {error}", hint="export the set again") from error
-    for one in frames:
-        _plain(one.frame.name)
+        raise UsageError(f"`{file}` has not the form of this version: {error}", hint="export the set again") from error
+    for item in frames:
+        _plain(item.frame.name)
     return frames
 
 
-def read_picture(folder: Path, cls: str, one: SetFrame) -> bytes:
-    """The picture of a frame. Raises `UsageError` if it is gone or another one."""
-    file = folder / cls / one.split / one.frame.name
+def read_picture(folder: Path, cls: str, item: SetFrame) -> bytes:
+    """Return the picture of a frame. Raises `UsageError` if it is missing or has changed."""
+    file = folder / cls / item.split / item.frame.name
     try:
-        found = file.read_bytes()
+        picture = file.read_bytes()
     except OSError as error:
         raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
-    if hashlib.sha256(found).hexdigest() != one.frame.sha256:
-        raise UsageError(f"`{file}` is not the picture that was exported", hint="edited ones go into a folder of twins")
-    return found
+    if hashlib.sha256(picture).hexdigest() != item.frame.sha256:
+        raise UsageError(f"`{file}` is not the exported picture", hint="put edited pictures into a folder of twins")
+    return picture
 
 
-__all__ = ["Split", "coco", "pixel_bounds", "read_class", "read_picture", "set_classes", "write_set"]
+def _frame_card(sets: Sequence[ClassSet], about: str = "") -> str:
+    """Return the card in Markdown, with the YAML header that dataset hubs read."""
+    return "\n".join([*_card_head(sets), *_card_counts(sets, about), *_card_choice(), *_card_limits()]) + "\n"
+
+
+def _card_head(sets: Sequence[ClassSet]) -> Iterator[str]:
+    size = sum(len(class_set.frames) for class_set in sets)
+    yield "---"
+    yield 'pretty_name: "Lingjing frames"'
+    yield "task_categories: [object-detection, image-classification]"
+    yield "tags: [simulation, aerial-imagery, hard-negatives]"
+    yield f"size_categories: [{'n<1K' if size < 1000 else '1K<n<10K' if size < 10000 else '10K<n<100K'}]"
+    yield "configs:"
+    for class_set in sets:
+        yield f"- config_name: {json.dumps(class_set.cls)}"
+        yield "  data_files:"
+        for split in SPLITS:
+            if any(each.split == split for each in class_set.frames):
+                yield f"  - {{split: {split}, path: {json.dumps(f'{class_set.cls}/{split}/**')}}}"
+    yield "---"
+    yield "\n# Lingjing frames\n"
+
+
+def _card_counts(sets: Sequence[ClassSet], about: str) -> Iterator[str]:
+    if about:
+        yield f"{escape_markdown(' '.join(about.split()))}\n"
+    yield f"Frames of simulated cameras from episodes of missions in simulated cities, as specified in *{PAPER}*.\n"
+    yield "| class | split | with a target | without | of these hard | boxes | missions | seeds |"
+    yield "| --- | --- | ---: | ---: | ---: | ---: | --- | --- |"
+    for of_class in sets:
+        for split in SPLITS:
+            mine = [item for item in of_class.frames if item.split == split]
+            boxes = sum(len(item.frame.shows(of_class.cls)) for item in mine)
+            missions = ", ".join(sorted({item.frame.mission for item in mine})) or "–"
+            hard = Counter(item.hard for item in mine if item.hard)
+            listed = ", ".join(f"{number} {name}" for name, number in sorted(hard.items())) or "0"
+            seeds = seed_ranges({item.frame.seed for item in mine}) or "–"
+            with_target, without = (of_class.count(split, present=present) for present in (True, False))
+            yield (
+                f"| `{of_class.cls}` | {split} | {with_target} | {without} "
+                f"| {listed} | {boxes} | {missions} | {seeds} |"
+            )
+    yield ""
+    for of_class in sets:
+        yield (
+            f"- `{of_class.cls}`: left out {of_class.spare_positives} frames with a target and "
+            f"{of_class.spare_negatives} without for balance, and {of_class.faint} with faint targets only"
+        )
+    policies = sorted({item.frame.policy for of_class in sets for item in of_class.frames})
+    yield f"- policies: {escape_markdown(', '.join(policies)) or 'none'}"
+
+
+def _card_choice() -> Iterator[str]:
+    yield "\n## How frames were chosen\n"
+    yield "- A target counts as visible if the engine drew enough of its pixels with enough contrast (ADR 0012)."
+    yield "- As many frames without a target as with one, in each split; no seed is in both splits."
+    yield "- Hard negatives come first: `reported` if a policy falsely reported a target there, `other` if another"
+    yield "  entity of the mission is in view. Each seed gives one frame in turn."
+    yield "- `coco_*.json` is COCO with boxes in pixels, `area` visible pixels; `metadata.jsonl` is for `imagefolder`."
+
+
+def _card_limits() -> Iterator[str]:
+    yield "\n## Limits\n"
+    yield "- The frames were taken by policies during missions: they are not a random sample of the city."
+    yield "- Frames of one episode are correlated: count episodes, not frames."
+    yield "- The pictures are rendered. Results may not transfer to photographs."
+
+
+__all__ = ["Split", "coco", "read_class", "read_picture", "set_classes", "write_set"]

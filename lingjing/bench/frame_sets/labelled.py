@@ -1,4 +1,4 @@
-"""Frames of traces with what is true of them: the boxes of what can be seen, and who was wrong about them."""
+"""Frames of traces with their labels: the boxes of visible entities, and the false reports about them."""
 
 from __future__ import annotations
 
@@ -13,43 +13,47 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import Box, CameraPose
 
 MARK = 8
-"""Hexadecimal digits of an episode's digest in the names of its frames."""
+"""Hexadecimal digits of an episode's digest in frame names. Chosen."""
 
 
 class LabelledFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """One stored frame. `name` is its file's name in a set; the same episode always gives the same names.
-
-    `level_m` is the elevation that the agents were told the ground or the water has, so that a nadir camera's height is
-    known. `boxes` are of everything that can be seen by the engine's measure (ADR 0012), `faint` the classes of targets
-    that were drawn and cannot be seen. `reported` are the classes of detection reports on this frame that matched
-    nothing: somebody saw there what is not.
-    """
+    """One stored frame of a trace."""
 
     name: str
+    """The frame's file name in a set; the same episode always gives the same names."""
     mission: str
     mode: str
     seed: int
     policy: str
+    """The policies of the episode, joined by `+`."""
     frame: str
+    """The frame's id in the trace."""
     tick: int
     camera: str
     pose: CameraPose
+    """Pose and optics of the camera."""
     level_m: float
+    """Elevation of ground or water in the agents' briefing, metres; with it the height of a nadir camera is known."""
     sha256: str
+    """SHA-256 of the picture."""
     boxes: tuple[Box, ...] = ()
+    """Boxes of all visible entities, by the engine's measure of visibility (ADR 0012)."""
     faint: tuple[str, ...] = ()
+    """Classes of targets that were drawn and are invisible."""
     reported: tuple[str, ...] = ()
+    """Classes of false detection reports on this frame."""
     targets: tuple[str, ...] = ()
+    """Classes of all targets of the mission."""
 
     def shows(self, cls: str) -> tuple[Box, ...]:
-        """The boxes of one class."""
+        """Return the boxes of one class."""
         return tuple(box for box in self.boxes if box.cls == cls)
 
 
 def labelled_frames(trace: Trace) -> Iterator[LabelledFrame]:
-    """Every frame that a camera took in an episode, in the order of capture; reference pictures are none of them.
+    """Yield every frame of an episode in the order of capture, without reference pictures.
 
-    Raises `UsageError` for an episode that was cut short: what was reported of its last frames is not known.
+    Raises `UsageError` for an episode that was cut short, because the reports on its last frames are missing.
     """
     if trace.outcome is None or not trace.complete:
         raise UsageError(f"{trace.path} was cut short", hint="play it again: `lingjing run` with the same seed")
@@ -82,12 +86,12 @@ def labelled_frames(trace: Trace) -> Iterator[LabelledFrame]:
 
 
 def seen_targets(frames: Iterable[LabelledFrame]) -> tuple[str, ...]:
-    """The classes of targets that at least one frame shows, in alphabetical order."""
+    """Return the classes of targets that at least one frame shows, sorted."""
     return tuple(sorted({box.cls for frame in frames for box in frame.boxes if box.cls in frame.targets}))
 
 
 def _plain(text: str) -> str:
-    """A name as a part of a file's name: `f3-uav[1]-nadir` → `f3-uav1-nadir`."""
+    """Return a name as a part of a file name: `f3-uav[1]-nadir` becomes `f3-uav1-nadir`."""
     return re.sub(r"[^A-Za-z0-9_-]", "", text)
 
 

@@ -1,9 +1,9 @@
-"""The paper's appearance probe: whether detectors see a target in a frame, and in its twin.
+"""The paper's appearance probe: detectors report whether a frame, and its twin, shows a target.
 
-Both pictures of a pair are asked about with the same question. F1 is that of presence, 2 TP / (2 TP + FP + FN), pooled
-by detector, class and domain; the difference is F1 on the twins less F1 on the frames. Intervals are bootstrapped over
-pairs, the same draw for both domains. An answer that did not come counts as no detection. Boxes, where a detector
-gives some, are judged on the frames by the box-matching rule (IoU at least 0.5, each target once).
+Both pictures of a pair get the same question. F1 is that of presence, 2 TP / (2 TP + FP + FN), pooled by detector,
+class and domain. The difference is F1 on the twins less F1 on the frames. Intervals are bootstrapped over pairs, with
+the same samples for both domains. A missing answer counts as no detection. Boxes, if a detector returns any, are
+matched on the frames (IoU at least 0.5, each target once).
 """
 
 from __future__ import annotations
@@ -27,22 +27,29 @@ from lingjing.plugins.frame_detector import FrameDetector, FrameQuestion
 
 
 class ProbedFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """What one detector said of one frame, and of its twin if there is one."""
+    """The answers of one detector on one frame, and on its twin if there is one."""
 
     detector: str
     cls: str
     name: str
     truth: bool
+    """True if the frame shows a target."""
     said: bool
+    """True if the detector reports a target."""
     twin_said: bool | None = None
+    """The same on the twin; None without a twin."""
     unanswered: int = 0
+    """Number of missing answers (0 to 2)."""
     hits: int = 0
+    """Matched boxes."""
     boxes: int = 0
+    """Boxes of the detector."""
     targets: int = 0
+    """True boxes."""
 
 
 class Confusion(msgspec.Struct, frozen=True, kw_only=True):
-    """How often a detector said yes and no, rightly and wrongly."""
+    """Counts of right and wrong answers of a detector."""
 
     true_positives: int
     false_positives: int
@@ -51,29 +58,37 @@ class Confusion(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ProbeCell(msgspec.Struct, frozen=True, kw_only=True):
-    """The counts of a detector in a class. F1 of the frames, of the twins, and their difference, each None where it is
-    over nothing, with 95 % intervals; `precision` and `recall` are of boxes."""
+    """The result of one detector in one class. Undefined numbers are None; intervals are 95 % intervals."""
 
     detector: str
     cls: str
     pairs: int
+    """Frames with a twin."""
     frames: Confusion
+    """Counts on the frames."""
     twins: Confusion | None
+    """Counts on the twins; None without pairs."""
     f1: float | None
+    """F1 on the frames."""
     f1_bounds: ConfidenceBounds
     twin_f1: float | None
+    """F1 on the twins."""
     twin_bounds: ConfidenceBounds
     difference: float | None
+    """F1 on the twins less F1 on the frames."""
     difference_bounds: ConfidenceBounds
     precision: float | None
+    """Precision of boxes on the frames."""
     recall: float | None
+    """Recall of boxes on the frames."""
     unanswered: int
+    """Number of missing answers."""
 
     @property
     def counted(self) -> int:
-        """How many frames the F1 of frames is over: those of pairs, if there are any."""
-        said = self.frames
-        return said.true_positives + said.false_positives + said.false_negatives + said.true_negatives
+        """The number of frames behind `f1`: those with a twin, if there are any."""
+        counts = self.frames
+        return counts.true_positives + counts.false_positives + counts.false_negatives + counts.true_negatives
 
 
 def probed(
@@ -83,16 +98,15 @@ def probed(
     detector: tuple[str, FrameDetector],
     twins: Mapping[str, tuple[Path, TwinRecord]],
 ) -> Iterator[ProbedFrame]:
-    """Ask a detector, which comes with its name, about frames of a set's folder, and about their twins by the frames'
-    names."""
-    name, asked = detector
-    for one in frames:
-        jpeg = read_picture(folder, cls, one)
-        answer = asked.answer(_question(cls, one, jpeg))
+    """Run a detector, given with its name, on frames of a set's folder, and on their twins by frame name."""
+    name, model = detector
+    for item in frames:
+        jpeg = read_picture(folder, cls, item)
+        answer = model.answer(_question(cls, item, jpeg))
         twin_answer = None
-        if one.frame.name in twins:
-            twin_answer = asked.answer(_question(cls, one, twin_picture(*twins[one.frame.name])))
-        left = [box.box for box in one.frame.shows(cls)]
+        if item.frame.name in twins:
+            twin_answer = model.answer(_question(cls, item, twin_picture(*twins[item.frame.name])))
+        left = [box.box for box in item.frame.shows(cls)]
         hits = 0
         for box in answer.boxes:
             best = max(left, key=lambda true: iou(box, true), default=None)
@@ -100,27 +114,27 @@ def probed(
                 left.remove(best)
                 hits += 1
         yield ProbedFrame(
-            detector=name, cls=cls, name=one.frame.name, truth=one.present, said=answer.present,
+            detector=name, cls=cls, name=item.frame.name, truth=item.present, said=answer.present,
             twin_said=None if twin_answer is None else twin_answer.present,
             unanswered=bool(answer.failure) + bool(twin_answer is not None and twin_answer.failure),
             hits=hits, boxes=len(answer.boxes), targets=hits + len(left),
         )  # fmt: skip
 
 
-def _question(cls: str, one: SetFrame, picture: bytes) -> FrameQuestion:
-    return FrameQuestion(cls, picture, decoded(picture), one.frame.pose, one.frame.level_m)
+def _question(cls: str, item: SetFrame, picture: bytes) -> FrameQuestion:
+    return FrameQuestion(cls, picture, decoded(picture), item.frame.pose, item.frame.level_m)
 
 
 def probe_cell(answers: Sequence[ProbedFrame]) -> ProbeCell:
-    """The cell of one detector and class."""
-    paired = [one for one in answers if one.twin_said is not None]
-    counts = np.array([_kind(one.truth, one.said) for one in paired or answers])
-    twin_counts = np.array([_kind(one.truth, bool(one.twin_said)) for one in paired]).reshape(-1, 4)
+    """Return the cell of one detector and class."""
+    paired = [answer for answer in answers if answer.twin_said is not None]
+    counts = np.array([_kind(answer.truth, answer.said) for answer in paired or answers])
+    twin_counts = np.array([_kind(answer.truth, bool(answer.twin_said)) for answer in paired]).reshape(-1, 4)
     drawn = drawn_samples(len(counts))
     scores = _f1s(counts[drawn].sum(axis=1))
     twin_scores = _f1s(twin_counts[drawn].sum(axis=1)) if paired else np.full(1, math.nan)
     f1, twin_f1 = _f1(counts), _f1(twin_counts)
-    hits, boxes, targets = (sum(getattr(one, field) for one in answers) for field in ("hits", "boxes", "targets"))
+    hits, boxes, targets = (sum(getattr(answer, field) for answer in answers) for field in ("hits", "boxes", "targets"))
     return ProbeCell(
         detector=answers[0].detector, cls=answers[0].cls, pairs=len(paired),
         frames=_confusion(counts), twins=_confusion(twin_counts) if paired else None,
@@ -128,12 +142,12 @@ def probe_cell(answers: Sequence[ProbedFrame]) -> ProbeCell:
         difference=None if f1 is None or twin_f1 is None else twin_f1 - f1,
         difference_bounds=bounds_of(twin_scores - scores),
         precision=ratio(hits, boxes), recall=ratio(hits, targets),
-        unanswered=sum(one.unanswered for one in answers),
+        unanswered=sum(answer.unanswered for answer in answers),
     )  # fmt: skip
 
 
 def probe_table(cells: Sequence[ProbeCell], notes: Sequence[str] = ()) -> ResultTable:
-    """The paper's table: a line for each class and detector."""
+    """Return the paper's table: a line for each class and detector."""
     lines = tuple(
         ResultLine("", (cell.cls, cell.detector), (
             _count(cell.counted),
@@ -154,9 +168,9 @@ def probe_table(cells: Sequence[ProbeCell], notes: Sequence[str] = ()) -> Result
     )
 
 
-def _kind(truth: bool, said: bool) -> tuple[bool, bool, bool, bool]:
-    """Which of the four counts an answer is one of: TP, FP, FN, TN."""
-    return truth and said, said and not truth, truth and not said, not (truth or said)
+def _kind(truth: bool, answer: bool) -> tuple[bool, bool, bool, bool]:
+    """Return the class of an answer as flags: TP, FP, FN, TN."""
+    return truth and answer, answer and not truth, truth and not answer, not (truth or answer)
 
 
 def _confusion(counts: npt.NDArray[np.generic]) -> Confusion:
@@ -170,7 +184,7 @@ def _f1(counts: npt.NDArray[np.generic]) -> float | None:
 
 
 def _f1s(totals: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
-    """F1 of each row of TP, FP, FN, TN; nan where there is nothing to find and nothing was found."""
+    """Return F1 of each row of TP, FP, FN, TN; nan if all but TN are 0."""
     tp, fp, fn = (totals[:, place].astype(np.float64) for place in range(3))
     with np.errstate(invalid="ignore"):
         scores: npt.NDArray[np.float64] = 2 * tp / (2 * tp + fp + fn)

@@ -1,4 +1,4 @@
-"""Where the frames of a set come from: traces that are named, and development episodes that are played for it."""
+"""The sources of frames: named traces, and development episodes that are played for the set."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from lingjing.play.report import ABORTED, INTERRUPTED
 from lingjing.trace.reader import Trace, read_trace
 
 TRACE = "trace.mcap"
+"""The file name of a complete trace."""
 
 
 class FrameSources:
@@ -31,41 +32,44 @@ class FrameSources:
         self._ids = {frame.name: frame.frame for frame in self.frames}
 
     def jpeg(self, name: str) -> bytes:
-        """The stored picture of a frame."""
+        """Return the stored picture of a frame."""
         return self._traces[name].jpeg(self._ids[name])
 
 
 def found_traces(places: Iterable[Path]) -> list[Path]:
-    """The traces at places: files as they are, of folders every `trace.mcap` below. Raises `UsageError` for a place
-    that is not there or has none."""
-    found: list[Path] = []
+    """Return the named trace files, and every `trace.mcap` below the named folders. Raises `UsageError` for a place
+    without one.
+    """
+    traces: list[Path] = []
     for place in places:
         below = sorted(place.rglob(TRACE)) if place.is_dir() else [place]
         if not below or not all(path.is_file() for path in below):
-            raise UsageError(f"`{place}` is no trace, and no folder that has one", hint=f"name a {TRACE} or its folder")
-        found += below
-    return list(dict.fromkeys(found))
+            raise UsageError(
+                f"`{place}` is neither a trace nor a folder with traces", hint=f"name a {TRACE} or its folder"
+            )
+        traces += below
+    return list(dict.fromkeys(traces))
 
 
 def played(options: Sequence[PlayOptions], folder: Path, jobs: int) -> Iterator[Path]:
-    """The traces of episodes, which are played unless the folder has them whole; one that was aborted is left out."""
+    """Yield the traces of episodes, which are played unless the folder has them complete. Aborted ones are left out."""
     tasks: list[EpisodeTask] = []
-    for one in options:
-        place = folder / f"{Path(one.mission).stem}-{one.mode or 'default'}-{one.seed}"
+    for episode in options:
+        place = folder / f"{Path(episode.mission).stem}-{episode.mode or 'default'}-{episode.seed}"
         if (place / TRACE).is_file():
-            _check_same(read_trace(place / TRACE), one)
+            _check_same(read_trace(place / TRACE), episode)
             yield place / TRACE
         else:
             for left in place.glob(f"{TRACE}.part"):
                 left.unlink()
-            tasks.append(EpisodeTask(msgspec.structs.replace(one, overview=False), place))
+            tasks.append(EpisodeTask(msgspec.structs.replace(episode, overview=False), place))
     for _, report in play_apart(tasks, jobs):
         if report.reason not in (ABORTED, INTERRUPTED):
             yield Path(report.trace)
 
 
 def _check_same(trace: Trace, options: PlayOptions) -> None:
-    """Raise `UsageError` for a kept episode that was played otherwise."""
+    """Raise `UsageError` for a stored episode that was played with other options."""
     instance = trace.header.instance
     same_policy = {binding.policy for binding in trace.header.bindings} == {options.policy}
     settings = {name: instance.settings.get(name) for name in options.settings}

@@ -1,9 +1,9 @@
-"""Twins: pictures of a set's frames that somebody edited to look otherwise, with the same things in the same places.
+"""Twins: edited pictures of a set's frames with another appearance and the same entities at the same places.
 
-A twin inherits the labels of its frame, so an edit that moved, removed or added a target must not become one. What can
-be measured is: the size, that something was changed, that the outlines of the whole view and of each target are where
-they were. What cannot (a target that was added, a count) is told by a list of names with reasons that somebody who
-looked at the pictures wrote. Every edit that is refused is kept in view with its reason.
+A twin inherits the labels of its frame, so an edit that moved, removed or added a target must be rejected. Measured
+are the size, that the picture has changed, and that the outlines of the whole view and of each target are at their
+places. Other errors, such as an added target, are in a list of names with reasons, which a person who inspected the
+pictures has written. Rejected edits are stored with their reasons.
 """
 
 from __future__ import annotations
@@ -23,77 +23,86 @@ from lingjing.errors import UsageError
 from lingjing.trace.images import decode_jpeg
 
 TWINS = "twins.json"
+"""The file of the records."""
+
 ENDINGS = (".jpg", ".jpeg", ".png", ".webp")
+"""Accepted suffixes of edited pictures."""
 
 VIEW_PX = 120
+"""Width to which pictures are reduced before the outlines of the view are compared, pixels. Chosen."""
+
 VIEW_ALIKE = 0.2
-"""The least correlation of the outlines (gradients) of two pictures that are made about `VIEW_PX` pixels wide."""
+"""The least correlation of the outlines (gradients) of two reduced pictures. Chosen."""
 TARGET_ALIKE = 0.2
-"""The same within a target's box and its surroundings, at full size."""
+"""The least correlation of the outlines within a target's box and its surroundings, at full size. Chosen."""
 AROUND = 0.5
-"""How far the surroundings of a box reach, as a share of its sides."""
+"""Extent of the surroundings of a box, as a share of its sides. Chosen."""
 
 Grey = npt.NDArray[np.float64]
+"""A grey picture (height, width)."""
 
 
 class TwinRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """An edited picture that was taken in: its class, its frame's name, and the SHA-256 of its file."""
+    """An accepted edit."""
 
     cls: str
     name: str
+    """The name of its frame."""
     file: str
+    """Its path in the folder of twins."""
     sha256: str
+    """SHA-256 of its file."""
 
 
-class RefusedEdit(msgspec.Struct, frozen=True, kw_only=True):
-    """An edit that was not taken in. `reason` is `missing`, `unreadable`, `size`, `unchanged`, `view`, `target`, or
-    what the list of refusals says."""
+class _RefusedEdit(msgspec.Struct, frozen=True, kw_only=True):
+    """A rejected edit."""
 
     cls: str
     name: str
     reason: str
+    """`missing`, `unreadable`, `size`, `unchanged`, `view`, `target`, or the reason in the list of rejections."""
 
 
 class TwinSet(msgspec.Struct, frozen=True, kw_only=True):
-    """All that became of a set's edits."""
+    """The accepted and the rejected edits of a set."""
 
     taken: tuple[TwinRecord, ...]
-    refused: tuple[RefusedEdit, ...]
+    refused: tuple[_RefusedEdit, ...]
 
 
-def take_in(source: Path, edited: Path, target: Path, refusals: Mapping[str, str]) -> TwinSet:
-    """Make a folder of twins of a set. Edits are `CLASS/NAME` or `NAME` below `edited`, with any picture's ending;
-    `refusals` are reasons by the names of frames.
+def import_twins(source: Path, edited: Path, target: Path, refusals: Mapping[str, str]) -> TwinSet:
+    """Make a folder of twins of a set.
 
-    Raises `UsageError` if a folder is missing, the target is there, or a refusal names no frame.
+    Edits are `CLASS/NAME` or `NAME` below `edited`, with the suffix of any picture. `refusals` are reasons by frame
+    name. Raises `UsageError` if a folder is missing, the target exists, or a refusal names no frame.
     """
     if not edited.is_dir():
-        raise UsageError(f"`{edited}` is no folder", hint="name the folder of the edited pictures")
-    frames = [(cls, one) for cls in set_classes(source) for one in read_class(source, cls)]
-    unknown = sorted(set(refusals) - {one.frame.name for _, one in frames})
+        raise UsageError(f"`{edited}` is not a folder", hint="name the folder of the edited pictures")
+    frames = [(cls, item) for cls in set_classes(source) for item in read_class(source, cls)]
+    unknown = sorted(set(refusals) - {item.frame.name for _, item in frames})
     if unknown:
-        raise UsageError(f"the refusals name `{unknown[0]}`, and the set has no such frame")
-    taken, refused = [], []
+        raise UsageError(f"the list of rejections names `{unknown[0]}`, which is not a frame of the set")
+    accepted, rejected = [], []
     with new_folder(target) as folder:
-        for cls, one in frames:
-            name = one.frame.name
+        for cls, item in frames:
+            name = item.frame.name
             file = _edit_of(edited, cls, name)
-            reason = refusals.get(name) or (_fault(source, cls, one, file) if file else "missing")
+            reason = refusals.get(name) or (_fault(source, cls, item, file) if file else "missing")
             if reason or file is None:
-                refused.append(RefusedEdit(cls=cls, name=name, reason=reason))
+                rejected.append(_RefusedEdit(cls=cls, name=name, reason=reason))
                 continue
             (folder / cls).mkdir(exist_ok=True)
             data = file.read_bytes()
             (folder / cls / file.name).write_bytes(data)
             place = f"{cls}/{file.name}"
-            taken.append(TwinRecord(cls=cls, name=name, file=place, sha256=hashlib.sha256(data).hexdigest()))
-        twins = TwinSet(taken=tuple(taken), refused=tuple(refused))
+            accepted.append(TwinRecord(cls=cls, name=name, file=place, sha256=hashlib.sha256(data).hexdigest()))
+        twins = TwinSet(taken=tuple(accepted), refused=tuple(rejected))
         (folder / TWINS).write_bytes(msgspec.json.format(msgspec.json.encode(twins), indent=1) + b"\n")
     return twins
 
 
 def read_twins(folder: Path) -> TwinSet:
-    """The twins of a folder. Raises `UsageError` if it holds none."""
+    """Return the twins of a folder. Raises `UsageError` if it holds none."""
     try:
         return msgspec.json.decode((folder / TWINS).read_bytes(), type=TwinSet)
     except OSError as error:
@@ -101,22 +110,22 @@ def read_twins(folder: Path) -> TwinSet:
             f"`{folder}` holds no twins: {error.strerror}", hint="`lingjing frames twins` makes some"
         ) from error
     except msgspec.DecodeError as error:
-        raise UsageError(f"`{folder / TWINS}` is not what this version writes: {error}") from error
+        raise UsageError(f"`{folder / TWINS}` has not the form of this version: {error}") from error
 
 
 def twin_picture(folder: Path, twin: TwinRecord) -> bytes:
-    """The file of a twin. Raises `UsageError` if it is gone or another one."""
+    """Return the file of a twin. Raises `UsageError` if it is missing or has changed."""
     try:
         data = (folder / twin.file).read_bytes()
     except OSError as error:
         raise UsageError(f"cannot read `{folder / twin.file}`: {error.strerror}") from error
     if hashlib.sha256(data).hexdigest() != twin.sha256:
-        raise UsageError(f"`{folder / twin.file}` has changed since it was taken in", hint="take the edits in again")
+        raise UsageError(f"`{folder / twin.file}` has changed since its import", hint="import the edits again")
     return data
 
 
 def decoded(data: bytes) -> npt.NDArray[np.uint8]:
-    """A picture's pixels (height, width, 3). Raises `ValueError` if it cannot be read."""
+    """Return a picture's pixels (height, width, 3). Raises `ValueError` if it cannot be read."""
     import PIL.Image
 
     try:
@@ -132,27 +141,27 @@ def _edit_of(edited: Path, cls: str, name: str) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def _fault(source: Path, cls: str, one: SetFrame, file: Path) -> str:
-    """Why an edit is no twin of its frame; "" if nothing speaks against it."""
+def _fault(source: Path, cls: str, item: SetFrame, file: Path) -> str:
+    """Return the reason to reject an edit, or ""."""
     try:
         twin = decoded(file.read_bytes())
     except ValueError:
         return "unreadable"
-    original = decode_jpeg(read_picture(source, cls, one))
+    original = decode_jpeg(read_picture(source, cls, item))
     if twin.shape != original.shape:
         return "size"
     if np.array_equal(twin, original):
         return "unchanged"
     before, after = (picture.astype(np.float64).mean(axis=2) for picture in (original, twin))
-    patches = _patches(one, cls, original.shape[1], original.shape[0])
+    patches = _patches(item, cls, original.shape[1], original.shape[0])
     if any(_alike(before[patch], after[patch]) < TARGET_ALIKE for patch in patches):
         return "target"
     step = max(1, original.shape[1] // VIEW_PX)
     return "view" if _alike(_smaller(before, step), _smaller(after, step)) < VIEW_ALIKE else ""
 
 
-def _patches(one: SetFrame, cls: str, width: int, height: int) -> Iterator[tuple[slice, slice]]:
-    for box in one.frame.shows(cls):
+def _patches(item: SetFrame, cls: str, width: int, height: int) -> Iterator[tuple[slice, slice]]:
+    for box in item.frame.shows(cls):
         x0, y0, x1, y1 = (share * side for share, side in zip(box.box, (width, height) * 2, strict=True))
         wide, high = AROUND * (x1 - x0) + 2, AROUND * (y1 - y0) + 2
         rows = slice(max(0, int(y0 - high)), min(height, int(y1 + high) + 1))
@@ -165,9 +174,9 @@ def _smaller(grey: Grey, step: int) -> Grey:
     return small
 
 
-def _alike(one: Grey, other: Grey) -> float:
-    """The correlation (-1..1) of the lengths of the gradients of two pictures; 1 where neither has any outline."""
-    a, b = (np.hypot(*np.gradient(picture)) for picture in (one, other))
+def _alike(first: Grey, second: Grey) -> float:
+    """Return the correlation (-1 to 1) of the gradient lengths of two pictures; 1 if neither has outlines."""
+    a, b = (np.hypot(*np.gradient(picture)) for picture in (first, second))
     a, b = a - a.mean(), b - b.mean()
     spread = float(np.sqrt((a * a).sum() * (b * b).sum()))
     if spread == 0.0:
@@ -175,4 +184,4 @@ def _alike(one: Grey, other: Grey) -> float:
     return float((a * b).sum()) / spread
 
 
-__all__ = ["RefusedEdit", "TwinRecord", "TwinSet", "decoded", "read_twins", "take_in", "twin_picture"]
+__all__ = ["TwinRecord", "TwinSet", "decoded", "import_twins", "read_twins", "twin_picture"]

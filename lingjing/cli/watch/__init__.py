@@ -1,14 +1,14 @@
 """`lingjing run --watch`: an episode in the terminal while it is played.
 
-- `chart`     the map: ground in half blocks, trails in braille, things as glyphs
-- `screen`    map, agents and tickers put together for a terminal's size
-- `terminal`  the terminal's alternate screen, given back whatever happens
-- `displays`  one display an episode, within a share of time that drawing never exceeds
-- `viewer_process` not in the terminal: the browser's or Foxglove's view, in a process of its own
+- `displays`  one display per episode, which limits its share of the time
+- `screen`    the whole screen: map, agents and messages for the size of a terminal
+- `chart`     the map: ground in half blocks, trails in braille dots, entities as glyphs
+- `terminal`  the terminal's alternate screen, restored on every exit
+- `viewer_process` the browser's or Foxglove's view, in a separate process
 
-What is known at a boundary is `lingjing.viewer.state`. In come the kernel's `Progress` values, one a boundary; nothing
-goes back. A watcher knows what the agents were told and what the kernel judged: hidden targets appear when they are
-found, or from the start with `--watch-truth`.
+`lingjing.viewer.state` holds the state at a boundary. The input is one `Progress` value of the kernel per boundary;
+the display never changes the episode. It shows what the agents received and the kernel reported: hidden targets appear
+when they are found, or from the start with `--watch-truth`.
 """
 
 from lingjing.cli.watch.displays import EpisodeDisplays

@@ -1,8 +1,8 @@
 """The map of a watched episode in characters.
 
-A cell of the terminal is two by four braille dots, which are about square. The ground is painted below them in half
-blocks, two pixels a cell, blended from shapes four times as fine, so that a street narrower than a pixel still shows.
-Without colours there is no ground: streets and shores are then drawn as dots.
+A cell of the terminal holds two by four braille dots, which are about square. The ground below them is painted in half
+blocks, two pixels per cell. Shapes are painted four times as fine and averaged, so that a street narrower than a pixel
+is visible. Without colours there is no ground: streets and shores are drawn as dots.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from lingjing.viewer.frames import Ink
 from lingjing.viewer.state import EpisodeState, TargetStatus
 
 LAND: Ink = (30, 32, 36)
+"""RGB colour of land. The colours of this module are chosen."""
+
 _GREEN: Ink = (30, 48, 33)
 _PAVED: Ink = (40, 42, 46)
 GROUND: dict[str, Ink] = {
@@ -33,78 +35,96 @@ GROUND: dict[str, Ink] = {
     "sand": (58, 53, 40), "park": _GREEN, "grass": _GREEN, "forest": _GREEN, "pitch": _GREEN, "plaza": _PAVED,
     "sidewalk": _PAVED, "parking": _PAVED, "asphalt": _PAVED, "concrete": _PAVED,
 }  # fmt: skip
-"""Layer or surface of the plan → colour; what has none is not painted."""
+"""Colour of each layer or surface of the plan; a layer without a colour is not painted."""
 
 ASSETS: tuple[Ink, ...] = (
     (86, 180, 255), (255, 158, 94), (190, 150, 255), (94, 226, 200), (240, 214, 96), (255, 130, 190), (160, 226, 96),
     (200, 208, 220),
 )  # fmt: skip
+"""Colours of the assets, in their order; they repeat."""
+
 REGION: Ink = (70, 150, 170)
+"""Colour of the outlines of regions."""
+
 TARGET_SIGNS: dict[TargetStatus, tuple[str, Ink]] = {
     "completed": ("●", (60, 220, 120)),
     "found": ("◆", (255, 180, 50)),
     "known": ("○", (210, 215, 220)),
     "truth": ("◇", (230, 90, 110)),
 }
+"""Sign and colour of a target by its status."""
+
 ARROWS = "↑↗→↘↓↙←↖"
+"""Signs of headings, clockwise from north in steps of 45°."""
+
 FRESH_TICKS = 8
-"""A trail older than this is dimmed."""
+"""Ticks after which a part of a trail is dimmed. Chosen."""
 FINE = 4
+"""Subpixels of the ground per pixel and axis. Chosen."""
+
 _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bits of the Unicode braille patterns (U+2800) by row and column of a cell."""
+
 _MARGIN = 1.1
+"""Size of the window by the extent of its points. Chosen."""
 
 
 def asset_ink(place: int) -> Ink:
-    """The colour of the n-th asset."""
+    """Return the colour of the n-th asset."""
     return ASSETS[place % len(ASSETS)]
 
 
 @dataclass(frozen=True, slots=True)
-class ChartWindow:
-    """The part of the world that is shown in `columns` by `rows` cells; `dot_m` is the side of a braille dot."""
+class _ChartWindow:
+    """The shown part of the world."""
 
     west: float
+    """East coordinate of the left edge, metres."""
     north: float
+    """North coordinate of the upper edge, metres."""
     dot_m: float
+    """Side of a braille dot, metres."""
     columns: int
+    """Cells of a row."""
     rows: int
+    """Rows of cells."""
 
     @property
     def bounds(self) -> Extent:
-        """West, south, east, north in metres."""
+        """West, south, east and north edges, metres."""
         wide, high = self.columns * 2 * self.dot_m, self.rows * 4 * self.dot_m
         return self.west, self.north - high, self.west + wide, self.north
 
     def dot(self, point: Vector2) -> tuple[int, int]:
-        """Column and row of the dot that a point lies on; outside the window too."""
+        """Return column and row of the dot at a point, also outside the window."""
         return math.floor((point[0] - self.west) / self.dot_m), math.floor((self.north - point[1]) / self.dot_m)
 
     def holds(self, point: Vector2) -> bool:
-        """Whether a point is shown."""
+        """Return whether a point lies in the window."""
         x, y = self.dot(point)
         return 0 <= x < self.columns * 2 and 0 <= y < self.rows * 4
 
 
-def window_around(points: Sequence[Vector2], columns: int, rows: int) -> ChartWindow:
-    """The smallest window with a margin that shows all points; a hundred metres at least."""
+def window_around(points: Sequence[Vector2], columns: int, rows: int) -> _ChartWindow:
+    """Return the smallest window with a margin that shows all points, at least 100 m wide and high."""
     xs, ys = [x for x, _ in points] or [0.0], [y for _, y in points] or [0.0]
     wide, high = max(100.0, (max(xs) - min(xs)) * _MARGIN), max(100.0, (max(ys) - min(ys)) * _MARGIN)
     dot_m = max(wide / (columns * 2), high / (rows * 4))
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-    return ChartWindow(middle[0] - columns * dot_m, middle[1] + rows * 2 * dot_m, dot_m, columns, rows)
+    return _ChartWindow(middle[0] - columns * dot_m, middle[1] + rows * 2 * dot_m, dot_m, columns, rows)
 
 
 class Chart:
-    """Draws the map; ground and window are kept until the size changes or something leaves the window."""
+    """The painter of the map. Ground and window are kept until the size changes or an asset leaves the window."""
 
     def __init__(self, city: City) -> None:
         self._city = city
-        self._window: ChartWindow | None = None
+        self._window: _ChartWindow | None = None
         self._shapes: tuple[PlanShape, ...] = ()
         self._ground: list[list[Ink]] = []
 
     def lines(self, watched: EpisodeState, columns: int, rows: int, *, coloured: bool) -> list[list[Segment]]:
-        """The map as `rows` lines of `columns` cells."""
+        """Return the map as `rows` lines of `columns` cells."""
         window = self._fit(watched, columns, rows, coloured)
         canvas = _CellCanvas(window, self._ground if coloured else [])
         if not coloured:
@@ -114,7 +134,7 @@ class Chart:
         _draw(canvas, watched)
         return [list(line) for line in canvas.lines()]
 
-    def _fit(self, watched: EpisodeState, columns: int, rows: int, coloured: bool) -> ChartWindow:
+    def _fit(self, watched: EpisodeState, columns: int, rows: int, coloured: bool) -> _ChartWindow:
         window = self._window
         states = [watched.states[asset.id] for asset in watched.assets if asset.id in watched.states]
         here = [(state.position[0], state.position[1]) for state in states]
@@ -157,9 +177,9 @@ def _draw(canvas: _CellCanvas, watched: EpisodeState) -> None:
 
 
 class _CellCanvas:
-    """Cells with dots, glyphs and letters over a ground."""
+    """Cells with dots, glyphs and letters over the ground."""
 
-    def __init__(self, window: ChartWindow, ground: list[list[Ink]]) -> None:
+    def __init__(self, window: _ChartWindow, ground: list[list[Ink]]) -> None:
         self._window = window
         self._ground = ground
         self._dots: dict[tuple[int, int], int] = {}
@@ -179,7 +199,7 @@ class _CellCanvas:
             self._glyphs[x // 2, y // 4] = (sign, colour, bold)
 
     def label(self, point: Sequence[float], text: str, colour: Ink) -> None:
-        """Write beside a glyph, to its right or its left, where no other glyph or label is in the way."""
+        """Write a label to the right or left of a glyph, if no other glyph or label occupies the cells."""
         x, y = self._window.dot((point[0], point[1]))
         column, row = x // 2, y // 4
         for start in (column + 1, column - len(text)):
@@ -201,7 +221,7 @@ class _CellCanvas:
             self._inks[cell] = colour
 
     def _line(self, row: int) -> Iterator[Segment]:
-        """Neighbours of one style share a segment."""
+        """Yield the segments of a row; neighbouring cells of one style share a segment."""
         text, style = "", None
         for column in range(self._window.columns):
             sign, own = self._cell(column, row)
@@ -229,8 +249,8 @@ class _CellCanvas:
         return " ", _style(None, None)
 
 
-def _paint(shapes: Sequence[PlanShape], window: ChartWindow) -> list[list[Ink]]:
-    """The ground as two rows of pixels for each row of cells."""
+def _paint(shapes: Sequence[PlanShape], window: _ChartWindow) -> list[list[Ink]]:
+    """Return the ground as two rows of pixels for each row of cells."""
     size = (window.columns * FINE, window.rows * 2 * FINE)
     image = Image.new("RGB", size, GROUND["water"] if is_sea(shapes) else LAND)
     pen = ImageDraw.Draw(image)
@@ -256,7 +276,7 @@ def _paint(shapes: Sequence[PlanShape], window: ChartWindow) -> list[list[Ink]]:
 
 
 def _between(a: tuple[int, int], b: tuple[int, int]) -> Iterator[tuple[int, int]]:
-    """The dots of a straight line, both ends included."""
+    """Yield the dots of a straight line, both ends included."""
     steps = max(abs(b[0] - a[0]), abs(b[1] - a[1]), 1)
     for step in range(steps + 1):
         share = step / steps
@@ -273,7 +293,7 @@ def _mixed(a: Ink, b: Ink) -> Ink:
 
 @lru_cache(maxsize=4096)
 def _style(ink: Ink | None, under: Ink | None, bold: bool = False) -> Style:
-    """One object for each look, so that equal neighbours are told by identity."""
+    """Return a style; equal arguments give the same object, so that neighbours are compared by identity."""
     return Style(
         color=None if ink is None else Color.from_rgb(*ink),
         bgcolor=None if under is None else Color.from_rgb(*under),

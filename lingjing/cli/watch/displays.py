@@ -1,4 +1,4 @@
-"""`--watch`: who may watch, and one watched episode after another."""
+"""`--watch`: the check of the terminal, and one display for each episode."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from lingjing.scene.city import City
 
 SHARE = 0.04
-"""Of an episode's time that drawing may take; what does not fit is not drawn, but for the first and last boundary."""
+"""The greatest share of an episode's time for drawing. The first and the last boundary are always drawn. Chosen."""
 
-_INSTEAD = "leave --watch out: the run leaves overview.png, and `lingjing docs MISSION --trace TRACE` makes a page"
+_INSTEAD = "remove --watch: the run writes overview.png, and `lingjing docs MISSION --trace TRACE` makes a page"
 
 
 class EpisodeDisplays:
-    """Opens a display for each episode, as `play_here` asks for it.
+    """The factory of displays that `play_here` calls for each episode.
 
-    Raises `UsageError` if standard error is no terminal. One that cannot be drawn on (`TERM=dumb`) gets the line of
-    progress instead, and is told so.
+    Raises `UsageError` if standard error is no terminal. On a terminal without cursor control (`TERM=dumb`) it prints
+    a note and shows the progress line.
     """
 
     def __init__(self, mission: Mission, options: PlayOptions, *, truth: bool) -> None:
@@ -41,22 +41,22 @@ class EpisodeDisplays:
         from lingjing.plugins.host import PluginHost
 
         if not sys.stderr.isatty():
-            raise UsageError("--watch draws on the terminal, and standard error is none here", hint=_INSTEAD)
+            raise UsageError("--watch draws on the terminal, and standard error is not a terminal", hint=_INSTEAD)
         self._drawable = os.environ.get("TERM", "dumb") not in ("dumb", "unknown", "")
         if not self._drawable:
-            say("note: this terminal cannot be drawn on (TERM=dumb): progress only")
+            say("note: this terminal has no cursor control (TERM=dumb): only progress is shown")
         self._mission, self._options, self._truth = mission, options, truth
         self._cities = CityBuilder(PluginHost())
         self._seed = 0
 
     def follow(self, places: Iterable[tuple[int, Path | None]]) -> Iterator[tuple[int, Path | None]]:
-        """The same places; each is remembered when it is taken, just before its display is asked for."""
+        """Yield the same places; the seed of each is stored just before its display is requested."""
         for seed, folder in places:
             self._seed = seed
             yield seed, folder
 
-    def __call__(self, title: str) -> AbstractContextManager[Watching | LiveProgress]:
-        """The display of the episode that begins now."""
+    def __call__(self, title: str) -> AbstractContextManager[EpisodeDisplay | LiveProgress]:
+        """Return the display of the episode that starts now."""
         from lingjing.mission.instantiate import instantiate
 
         if not self._drawable:
@@ -66,13 +66,13 @@ class EpisodeDisplays:
             instantiate(self._mission, seed=self._seed, mode=options.mode, settings=options.settings),
             imported=bool(self._mission.origin.places),
         )
-        return Watching(instance, city, options.policy, truth=self._truth)
+        return EpisodeDisplay(instance, city, options.policy, truth=self._truth)
 
 
-class Watching:
-    """A context manager to be called after each boundary; the terminal is as it was afterwards.
+class EpisodeDisplay:
+    """The display of one episode: a context manager that is called after each boundary.
 
-    After an episode that ran to its end the last picture stays, above the result.
+    The terminal is restored at the end. After an episode that ended by itself the last picture stays above the result.
     """
 
     def __init__(self, instance: Instance, city: City, policy: str, *, truth: bool) -> None:
@@ -95,7 +95,7 @@ class Watching:
         return self
 
     def __call__(self, boundary: Progress) -> None:
-        """Take this boundary in, and draw it if there is time for that."""
+        """Update the state to this boundary, and draw it if the share of time allows."""
         began = time.perf_counter()
         self._watched.take(boundary.record, boundary.wall_s)
         ends = boundary.record.done or boundary.tick >= boundary.ticks

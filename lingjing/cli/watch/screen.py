@@ -1,4 +1,4 @@
-"""The whole screen of a watched episode for any size from 40 by 10 cells: heading, map, agents, messages and events."""
+"""The screen of a watched episode from 40 by 10 cells on: heading, map, agents, messages and events."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from lingjing.viewer.frames import Ink
 from lingjing.viewer.state import AgentStatus, EpisodeState, TickerLine
 
 MAP_FROM = (56, 16)
-"""Columns and rows from which on there is room for a map."""
+"""The smallest number of columns and rows of a terminal with a map. Chosen."""
 _HEADING = 3
 
 
 class Screen:
-    """A rich renderable that fills the terminal with the episode as it stands."""
+    """A rich renderable that fills the terminal with the state of the episode."""
 
     def __init__(self, watched: EpisodeState, chart: Chart, title: str, credit: str = "") -> None:
         self._watched = watched
@@ -69,7 +69,9 @@ class Screen:
         return _line(Text(count), bar, Text(rest))
 
     def _stages(self, width: int) -> Table | Text:
-        """How far each stage is; then, as far as there is room, whose map it is and what the signs of targets mean."""
+        """Return the progress of the stages and, if there is room, the map's attribution and the meaning of the target
+        signs.
+        """
         line = Text(" ", no_wrap=True)
         for name, done, of in self._watched.stage_counts():
             line.append(f"{name} {done}/{of}  ", style="bold green" if done >= of else "bold" if done else "dim")
@@ -80,33 +82,36 @@ class Screen:
         return _apart(line, signs) if line.cell_len + signs.cell_len <= width else _line(line, signs)
 
     def _agents(self, width: int, height: int) -> Group:
-        """Two lines an agent where there is room, else one; agents that do not fit are counted."""
+        """Return two lines per agent if there is room, else one; agents that do not fit are counted."""
         agents = list(self._watched.agents.values())
         each = 2 if len(agents) * 2 <= height else 1
         shown = agents if len(agents) * each <= height else agents[: height - 1]
-        rows = [line for one in shown for line in self._agent(one, each, width)]
+        rows = [line for agent in shown for line in self._agent(agent, each, width)]
         if len(shown) < len(agents):
             rows.append(Text(f"… and {len(agents) - len(shown)} more", style="dim"))
         return Group(*rows)
 
-    def _agent(self, one: AgentStatus, lines: int, width: int) -> list[Text]:
-        held = next(spec.controls for spec in self._watched.instance.agents if spec.id == one.agent)
+    def _agent(self, agent: AgentStatus, lines: int, width: int) -> list[Text]:
+        held = next(spec.controls for spec in self._watched.instance.agents if spec.id == agent.agent)
         names = [asset.id for asset in self._watched.assets]
         ink = next((asset_ink(names.index(name)) for name in held if name in names), None)
-        head = Text().append(one.agent, style=_bold(ink)).append(" ")
-        asset, _, what = one.command.partition(".")
-        narrow = head.cell_len + len(one.command) > width and len(held) == 1  # the only one need not be named
-        head.append(visible(what if narrow and asset in held else one.command))
-        status = Text("  ").append(visible(one.status), style="red" if one.refused else "dim")
+        head = Text().append(agent.agent, style=_bold(ink)).append(" ")
+        asset, _, verb = agent.command.partition(".")
+        narrow = head.cell_len + len(agent.command) > width and len(held) == 1  # a single asset need not be named
+        head.append(visible(verb if narrow and asset in held else agent.command))
+        status = Text("  ").append(visible(agent.status), style="red" if agent.refused else "dim")
         return [_line(head, status)] if lines == 1 else [_line(head), _line(status)]
 
 
 def _latest(name: str, notices: Iterable[TickerLine], height: int) -> Group:
-    """A rule with a name, then the latest lines, the newest at the bottom."""
+    """Return a rule with a name, then the latest lines, the newest at the bottom."""
     latest = list(notices)[-(height - 1) :] if height > 1 else []
     lines = (
-        _line(Text(f"{one.tick:>3} ", style="dim"), Text(visible(one.text), style="bold green" if one.good else ""))
-        for one in latest
+        _line(
+            Text(f"{notice.tick:>3} ", style="dim"),
+            Text(visible(notice.text), style="bold green" if notice.good else ""),
+        )
+        for notice in latest
     )
     return Group(Rule(f"─ {name}", align="left", style="dim"), *lines)
 
@@ -116,7 +121,7 @@ def _joined(lines: Sequence[Sequence[Segment]]) -> Segments:
 
 
 def _line(*parts: Text) -> Text:
-    """One line that is cut with an ellipsis where there is no room."""
+    """Return one line, which ends in an ellipsis if it is too long."""
     line = Text(no_wrap=True, overflow="ellipsis")
     for part in parts:
         line.append_text(part)
@@ -124,7 +129,7 @@ def _line(*parts: Text) -> Text:
 
 
 def _apart(left: Text, right: Text) -> Table:
-    """Both ends of a line; the left one gives way."""
+    """Return a line with text at both ends; the left text is shortened if there is no room."""
     table = Table.grid(expand=True)
     table.add_column(ratio=1, no_wrap=True, overflow="ellipsis")
     table.add_column(justify="right", no_wrap=True)

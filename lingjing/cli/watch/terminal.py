@@ -1,4 +1,4 @@
-"""The terminal's screen, borrowed for a while: what else writes to standard error waits until it is given back."""
+"""The alternate screen of the terminal. Other output to standard error is held back until the screen is restored."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 
 
 _LEFT_ROWS = 30
+"""The greatest height of the last picture, in rows. Chosen."""
 
 
 class AlternateScreen:
-    """A context manager: the alternate screen on the terminal of standard error, without a cursor.
+    """A context manager for the alternate screen on the terminal of standard error, without a cursor.
 
-    Inside, what policies, libraries and workers write to the terminal goes to a file, which is printed when the screen
-    is given back; that happens on every way out. `resized` is called when the terminal changes its size.
+    Inside, output of policies, libraries and workers to the terminal goes to a file. The file is printed when the
+    screen is restored, on every way out. `resized` is called when the terminal's size changes.
     """
 
     def __init__(self, resized: Callable[[], None]) -> None:
@@ -54,7 +55,7 @@ class AlternateScreen:
     ) -> None:
         if self._before is not None:
             signal.signal(signal.SIGWINCH, self._before)
-        with suppress(OSError):  # a terminal that is gone needs nothing back
+        with suppress(OSError):  # a closed terminal needs no restoring
             self._console.show_cursor(True)
             self._console.set_alt_screen(False)
             self._out.flush()
@@ -63,13 +64,16 @@ class AlternateScreen:
             os.dup2(kept, number)
             os.close(kept)
         self._aside.seek(0)
-        with suppress(OSError), io.TextIOWrapper(self._aside, encoding="utf-8", errors="backslashreplace") as said:
-            for line in said:
+        with (
+            suppress(OSError),
+            io.TextIOWrapper(self._aside, encoding="utf-8", errors="backslashreplace") as held_output,
+        ):
+            for line in held_output:
                 sys.stderr.write(visible(line))
             sys.stderr.flush()
 
     def draw(self, renderable: RenderableType) -> None:
-        """Fill the screen, as large as the terminal is now."""
+        """Fill the screen at the terminal's current size."""
         self._drawing = True
         self._console.size = os.get_terminal_size(self._screen)
         self._console.update_screen(renderable)
@@ -80,7 +84,7 @@ class AlternateScreen:
 
     @staticmethod
     def leave(renderable: RenderableType) -> None:
-        """Print a last picture where the terminal was, to stay; after the screen was given back."""
+        """Print a last picture in the normal screen. Called after the alternate screen was restored."""
         from lingjing.cli.console import console
 
         shown = console(sys.stderr)
@@ -89,21 +93,24 @@ class AlternateScreen:
     # -- parts
 
     def _listen(self) -> Callable[[int, FrameType | None], object] | int | None:
-        """Follow the terminal's size; only the main thread can."""
+        """Install the handler of size changes. Only the main thread can."""
         with suppress(ValueError):
             return signal.signal(signal.SIGWINCH, self._changed)
         return None
 
     def _changed(self, number: int, frame: FrameType | None) -> None:
-        if self._drawing:  # not into the middle of a picture
+        if self._drawing:  # a second drawing would interleave with this one
             self._late = True
         else:
             self._resized()
 
 
 def _on_terminal() -> set[int]:
-    """The descriptors that lead to the terminal, those of our streams and the standard ones; what is written to
-    descriptor 2 gets there in any case (`lingjing.play.policy_processes.output`), and so to its copies."""
+    """Return the descriptors that lead to the terminal: those of our streams and the standard ones.
+
+    Descriptor 2 and its copies are always among them: output written there reaches the terminal in any case
+    (`lingjing.play.policy_processes.output`).
+    """
     numbers = {1, 2, _standard_error()}
     with suppress(OSError, ValueError, AttributeError):  # a stream without a descriptor
         numbers.add(sys.stdout.fileno())
@@ -111,7 +118,7 @@ def _on_terminal() -> set[int]:
 
 
 def _standard_error() -> int:
-    """The descriptor that `sys.stderr` writes to."""
+    """Return the descriptor of `sys.stderr`."""
     try:
         return sys.stderr.fileno()
     except (OSError, ValueError, AttributeError):

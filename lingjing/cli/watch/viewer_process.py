@@ -1,7 +1,7 @@
-"""`--watch=browser` and `--watch=foxglove`: a process that shows the trace while it is written.
+"""`--watch=browser` and `--watch=foxglove`: a viewer process that shows the trace while it is written.
 
-It is `lingjing view --follow` on the run's own file, so the episode never waits for it and knows nothing of it. The
-kernel ends it when the run is killed.
+It runs `lingjing view --follow` on the run's file, so the episode never waits for it. The operating system ends it
+when the run is killed.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageE
 
 
 class ViewerProcess:
-    """A context manager; the viewer is there before an episode begins. Raises what the viewer says where it cannot
-    begin (no package, no port)."""
+    """A context manager that starts the viewer before an episode begins. Raises the viewer's error if it cannot start
+    (missing package, port in use).
+    """
 
     def __init__(self, trace: Path, *, foxglove: bool, truth: bool) -> None:
         command = [sys.executable, "-m", "lingjing.cli.main", "view", "--no-open", "--follow", str(trace)]
         command += ["--foxglove"] * foxglove + ["--truth"] * truth + ["--end-with", str(os.getpid())]
-        # a group of its own: Ctrl-C ends the run first, which then ends the viewer
+        # a separate process group: Ctrl-C interrupts the run, which then ends the viewer
         self._process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0
         )
@@ -37,10 +38,10 @@ class ViewerProcess:
             self._end()
             raise
         if not self.url:
-            raise _said(self._process)
+            raise _start_error(self._process)
 
     def __enter__(self) -> Self:
-        say(f"the episode, for this machine alone, is at {self.url}")
+        say(f"the episode is shown at {self.url}, for this machine only")
         open_in_browser(self.url)
         return self
 
@@ -48,9 +49,9 @@ class ViewerProcess:
         self._end()
 
     def stay(self) -> None:
-        """Until Ctrl-C, so that one can look around in what has been played."""
+        """Wait until Ctrl-C, so that the user can inspect the episode."""
         with suppress(KeyboardInterrupt):
-            say("the episode is over; its page stays until Ctrl-C")
+            say("the episode has ended; its page stays until Ctrl-C")
             self._process.wait()
 
     def _end(self) -> None:
@@ -59,14 +60,14 @@ class ViewerProcess:
         self._process.communicate()
 
 
-def _said(process: subprocess.Popen[str]) -> LingjingError:
-    """Why a viewer ended before it began."""
+def _start_error(process: subprocess.Popen[str]) -> LingjingError:
+    """Return the error of a viewer that ended before it served."""
     _, errors = process.communicate()
     lines = [line for line in errors.splitlines() if line.strip()]
-    told = next((line.removeprefix("error: ") for line in lines if line.startswith("error: ")), "")
+    message = next((line.removeprefix("error: ") for line in lines if line.startswith("error: ")), "")
     hint = next((line.removeprefix("hint: ") for line in lines if line.startswith("hint: ")), "")
     kind = UsageError if process.returncode == ExitCode.USAGE else InfrastructureError
-    return kind(told or f"the viewer ended with code {process.returncode}", hint=hint)
+    return kind(message or f"the viewer ended with code {process.returncode}", hint=hint)
 
 
 def _stream(stream: IO[str] | None) -> IO[str]:

@@ -38,7 +38,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for folders in evidence.twins:
         drawings = tuple(_pairs(folders))
         twins = read_twins(folders.twins)
-        note = f"{len(twins.taken)} pairs, {len(twins.refused)} edits refused"
+        note = f"{len(twins.taken)} pairs, {len(twins.refused)} edits rejected"
         if drawings:
             yield FigurePart(heading=f"pairs of {folders.twins.name}", drawings=drawings, notes=(note,))
 

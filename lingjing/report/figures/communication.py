@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lingjing.bench.paired_tests import paired_tests
-from lingjing.bench.played import as_listed, grouped
+from lingjing.bench.played import grouped, in_suite_order
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, best_of
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
@@ -30,7 +30,7 @@ MEASURES: tuple[tuple[str, str, RowMeasure, str, bool], ...] = (
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         drawings, lines, matched = [], list[ResultLine](), list[SuiteRow]()
-        cells = grouped(as_listed(study.plain), lambda row: (row.entrant, row.condition, row.mission))
+        cells = grouped(in_suite_order(study.plain), lambda row: (row.entrant, row.condition, row.mission))
         for (_, condition, mission), rows in cells.items():
             both = _matched(rows)
             if not both:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from lingjing.analysis.behaviour import TERCILES, ActionCounts
-from lingjing.bench.played import as_listed, grouped
+from lingjing.bench.played import grouped, in_suite_order
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
 from lingjing.report.charts import ChartSeries, line_chart
@@ -28,7 +28,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         entrants = {
             key: counted
-            for key, rows in grouped(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items()
+            for key, rows in grouped(in_suite_order(study.plain), lambda row: (row.entrant, row.condition)).items()
             if (counted := [row for row in rows if row.report.terciles])
         }
         if not entrants:
@@ -44,7 +44,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
             drawings.append(line_chart(title, TERCILES, series, unit="%", most=100.0, below="third of the actions"))
         lines = [
             line
-            for name, rows in _tiers(as_listed(study.plain)).items()
+            for name, rows in _tiers(in_suite_order(study.plain)).items()
             for line in _lines("", name, rows, [_thirds(rows, counted) for *_, counted in RATES])
         ]
         for key, rows in entrants.items():

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from lingjing.bench.failure_tables import FAMILY_NAMES
-from lingjing.bench.played import as_listed, grouped
+from lingjing.bench.played import grouped, in_suite_order
 from lingjing.bench.rows import SuiteRow
 from lingjing.report.charts import ShareBar, share_chart
 from lingjing.report.evidence import ReportEvidence
@@ -16,7 +16,8 @@ from lingjing.report.figure import FigureKind, FigurePart, called, column_words,
 def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
     for study in evidence.played():
         drawings = []
-        for (_, condition), rows in grouped(as_listed(study.plain), lambda row: (row.entrant, row.condition)).items():
+        listed = in_suite_order(study.plain)
+        for (_, condition), rows in grouped(listed, lambda row: (row.entrant, row.condition)).items():
             bars = list(_bars(rows))
             if bars:
                 drawings.append(share_chart(called(rows[0], condition), tuple(FAMILY_NAMES.values()), bars))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lingjing.bench.played import Played, as_listed, columns_of, grouped
+from lingjing.bench.played import Played, columns_of, grouped, in_suite_order
 from lingjing.bench.tables import average_of, column_head
 from lingjing.report.charts import share_grid
 from lingjing.report.evidence import ReportEvidence
@@ -19,7 +19,7 @@ def _parts(evidence: ReportEvidence) -> Iterator[FigurePart]:
         columns = columns_of(plain)
         heads = [column_head(mission, mode, columns) for mission, mode in columns]
         lines = []
-        for own in grouped(as_listed(plain), lambda row: row.entrant).values():
+        for own in grouped(in_suite_order(plain), lambda row: row.entrant).values():
             each = [
                 100 * Played.of(row for row in own if (row.mission, row.mode) == column).rate() for column in columns
             ]

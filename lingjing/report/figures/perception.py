@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from lingjing.bench.played import as_listed, grouped
+from lingjing.bench.played import grouped, in_suite_order
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, marked
 from lingjing.report.charts import BarGroup, ChartBar, bar_chart
@@ -93,7 +93,7 @@ def _panel(cells: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]], farthe
 def _backbones(study: ReportStudy) -> ResultTable:
     """Return the paper's table by backbone. Attention is defined for models with maps beside their traces."""
     lines = []
-    for rows in grouped(as_listed(study.plain), lambda row: row.entrant).values():
+    for rows in grouped(in_suite_order(study.plain), lambda row: row.entrant).values():
         attention = [row.attention_iou for row in rows if row.attention_iou is not None]
         cells = (
             ResultCell(str(len(rows)), len(rows)),
